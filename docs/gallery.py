@@ -31,7 +31,7 @@ from liaisons.errors import LiaisonsError
 from liaisons.language import Operator
 from liaisons.library import catalogue
 from liaisons.pictures import motion_page
-from liaisons.project import scenario_files
+from liaisons.project import load_module, scenario_files
 from liaisons.scenarios import execute, load
 
 _ORDER = tomllib.loads((Path(__file__).parent / "gallery.toml").read_text(encoding="utf-8"))
@@ -123,6 +123,7 @@ def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> E
         *([_frame(f"{name}.motion.html", "The first of its simulations, to be dragged and zoomed.")] if motion else []),
         *([_links("Live, to be tried out", mechanisms(scenario.path))] if mechanisms(scenario.path) else []),
         _table(rows),
+        *([_of_the_texts(name)] if _of_the_texts(name) else []),
         f"All of it took {outcome.seconds:.1f} s, from built FMUs.  `liaisons run {name}` does the same:",
         f"```{{literalinclude}} {source}\n:language: python\n```",
     ]
@@ -180,6 +181,14 @@ def _title(name: str) -> str:
 def _links(what: str, names: list[str]) -> str:
     links = ", ".join(f'<a href="live/{name}.html">{name}</a>' for name in names)
     return f"{what}: {links}."
+
+
+def _of_the_texts(name: str) -> str:
+    """What a scenario verifies of both texts."""
+    texts = load_module(Path(__file__).parent / "texts.py")
+    rows = [row for row in texts.rows() if name in row.by and not row.no]
+    links = ", ".join(f'<a href="../reference/texts.html#{row.place}">{row.citation}</a>' for row in rows)
+    return f'<p>Of <a href="../reference/texts.html">both texts</a> this verifies {links}.</p>' if rows else ""
 
 
 def _frame(page: str, caption: str) -> str:

@@ -49,6 +49,17 @@ class Row(NamedTuple):
         return [str(i) for i in range(int(first), int(last) + 1)] if last else [self.number]
 
     @property
+    def place(self) -> str:
+        """Where it stands on the page."""
+        return f"{self.text}-{self.kind}-{self.numbers[0].replace(', ', '-')}"
+
+    @property
+    def citation(self) -> str:
+        """As docstrings cite it: "K eq. 10-13", "M 8.1"."""
+        kind = {"equations": "eq. ", "figures": "Fig. "}.get(self.kind, "" if self.text == "M" else "Ex. ")
+        return f"{self.text} {kind}{self.number}"
+
+    @property
     def verdict(self) -> str:
         """One of the four kinds."""
         if self.no:
@@ -139,7 +150,7 @@ def source(check: str) -> ast.AST:
 
 
 def tolerances(check: str) -> list[float]:
-    """Tolerances that are applied: of approx, assert_allclose, within, algebra, and in comparisons; ascending.
+    """Tolerances of approx, assert_allclose, within, algebra, assert_follows, and of comparisons; ascending.
 
     Where a tolerance is a constant times a size, the constant.
     """
@@ -163,6 +174,8 @@ def _bounds(tree: ast.AST) -> Iterator[ast.expr]:
                 yield node.args[0]
             elif name in {"algebra", "quotient"}:
                 yield node.args[1] if len(node.args) > 1 else node.func
+            elif name == "assert_follows":
+                yield node.args[2]
             yield from (keyword.value for keyword in node.keywords if keyword.arg in {"rtol", "atol", "rel", "abs"})
         elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Lt | ast.LtE):
             yield node.comparators[0]
@@ -210,8 +223,7 @@ def _line(row: Row, shown: Collection[str]) -> str:
     found = [value for check in row.by for value in tolerances(check)]
     range_ = "" if not found else f"{min(found):.0e}" + (f" to {max(found):.0e}" if max(found) > min(found) else "")
     cells = (row.number.replace("-", "\N{EN DASH}"), says, lives, checks, range_)
-    place = f"{row.text}-{row.kind}-{row.numbers[0].replace(', ', '-')}"
-    return f'<tr id="{place}">' + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    return f'<tr id="{row.place}">' + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
 
 
 def _object(name: str) -> str:
@@ -227,8 +239,14 @@ def _check(check: str, shown: Collection[str]) -> str:
     if "::" in check:
         file, name = check.split("::")
         return f"{name.removeprefix('test_').replace('_', ' ')} <small>{file.replace('_', '_<wbr>')}</small>"
-    title = f"scenario <i>{check.replace('_', ' ')}</i>"
+    title = f"scenario <i>{_titles().get(check, check.replace('_', ' '))}</i>"
     return f'<a href="../gallery/{check}.html">{title}</a>' if check in shown else title
+
+
+@cache
+def _titles() -> dict[str, str]:
+    """Titles of scenarios that their names do not give."""
+    return tomllib.loads((HERE / "gallery.toml").read_text(encoding="utf-8"))["titles"]
 
 
 def _ranks() -> str:

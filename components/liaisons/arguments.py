@@ -103,6 +103,27 @@ def finite(label: str, value: object, error: Error = InvalidValueError) -> None:
         raise error(f"{label} = {shown(value)}: must be a finite number")
 
 
+def positive(label: str, value: object, error: Error = InvalidValueError) -> None:
+    """Check that it is a finite number greater than 0."""
+    finite(label, value, error)
+    if value <= 0:  # type: ignore[operator]  # a number
+        raise error(f"{label} = {shown(value)}: must be > 0")
+
+
+def time_span(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
+    """Stop time and step size, checked."""
+    if stop_time is None or step_size is None:
+        raise InvalidValueError("give stop_time and step_size, or the communication points themselves as times")
+    finite("start_time", start_time)
+    finite("stop_time", stop_time)
+    positive("step_size", step_size)
+    if stop_time <= start_time:
+        raise InvalidValueError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
+    if stop_time - step_size == stop_time or start_time + step_size == start_time:
+        raise InvalidValueError(f"step_size = {step_size!r}: smaller than the rounding of times up to {stop_time!r} s")
+    return stop_time, step_size
+
+
 def numbers(label: str, values: object, error: Error = InvalidValueError) -> NDArray[np.float64]:
     """An array of numbers."""
     import numpy as np  # slow to load: the command line's help does without

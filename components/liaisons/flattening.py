@@ -124,8 +124,8 @@ def _starts(part: SystemComponent, derived: Model) -> dict[str, float]:
             part.fmu.elements(name), values if isinstance(values, tuple) else (values,), strict=True
         )
     }
-    in_file = {v.name: part.fmu.variables[v.name].start for v in (*derived.parameters, *derived.inputs)}
-    starts: dict[str, Any] = {name: own.get(name, start) for name, start in in_file.items()}
+    names = [variable.name for variable in (*derived.parameters, *derived.inputs)]
+    starts: dict[str, Any] = {name: own.get(name, part.fmu.variables[name].start) for name in names}
     return {name: float(start) for name, start in starts.items() if start is not None}
 
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons import cache, cosim, flattening, live, ssp, sweeps
 from liaisons.arguments import merged, renamed
 from liaisons.cosim.structure.components import Solver
-from liaisons.cosim.structure.knots import knots
+from liaisons.cosim.structure.knots import Join, knots
 from liaisons.folders import process_folder
 from liaisons.library import Target, component, fmu_file
 
@@ -93,17 +93,20 @@ def tabulated(
     values: ArrayLike,
     rates: ArrayLike | None = None,
     accelerations: ArrayLike | None = None,
+    *,
+    join: Join = "quintic",
 ) -> cosim.OperatorFmu:
     """A table as the value of a coordinate: ``simulate("Pendulum", length=tabulated(t, length))``.
 
     It is a ``PlannedMotion``, one polynomial of degree five from time to time.  Rates and accelerations that are None
-    are those of the quintic spline through the others.  A time that is repeated is a jump, which becomes a
-    communication point.
+    follow from the values.  A time that is repeated is a jump, which becomes a communication point.
 
     :param times: [s], ascending, shape (n,), n >= 2.
+    :param join: ``"quintic"``: a spline with smooth acceleration, which overshoots beside steps; ``"pchip"``: cubics
+        that rise and rest as the values do, whose acceleration jumps at each time; ``"linear"``: the rate jumps.
     :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
     """
-    table, fmu = knots(times, values, rates, accelerations), fmu_file("PlannedMotion")
+    table, fmu = knots(times, values, rates, accelerations, join), fmu_file("PlannedMotion")
     if (missing := MOST_KNOTS - table.shape[1]) >= 0:
         padded = np.pad(table, ((0, 0), (0, missing)), mode="edge")
         return cosim.OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)))

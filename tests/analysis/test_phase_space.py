@@ -60,7 +60,7 @@ INDEPENDENT = [
 ]
 
 
-@pytest.mark.parametrize("component", INDEPENDENT, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", INDEPENDENT)
 def test_hamiltons_and_marles_equations_are_the_equations_of_motion(component: type[Mechanism]) -> None:
     """K eq. 81, 82, and D_0 - X_K + H(Y) = (ẋ, Y, ṗ) of M eq. 52, against the momentum form derived from ∂L/∂q."""
     equations, rng = derive(component), np.random.default_rng(3)

@@ -71,6 +71,7 @@ MISUSE = {
     "simulate Pendulum --input length=one.csv": ["--input one.csv"],
     "simulate Pendulum --input one.csv": ["one.csv", "from 0 to 1 s", "0 to 10 s", "--stop"],
     "simulate Pendulum --input one.csv --start=-1 --stop 1": ["one.csv", "from 0 to 1 s", "-1 to 1 s"],
+    "simulate Pendulum --input one.csv --join cubic --stop 1": ["'cubic'", "'pchip'"],
     "simulate Pendulum --input wrong.csv": ["no input 'lenght'", "did you mean 'length'"],
     "simulate pair.ssp --set swin.theta_0=1": ["swin.theta_0", "did you mean 'swing'"],
     "simulate pair.ssp --input swin.pivot_x=t": ["'swin'", "did you mean 'swing'"],

@@ -87,6 +87,14 @@ def test_a_formula_is_longer_than_a_name_of_a_file(simulated: Simulated) -> None
     assert simulated("Pendulum", "--input", long, "--stop", "1")["length"][-1] == pytest.approx(1.04, rel=1e-12)
 
 
+@pytest.mark.parametrize(("join", "largest"), [("quintic", 3.2), ("pchip", 3.0), ("linear", 3.0)])
+def test_a_table_is_joined_as_it_is_asked(simulated: Simulated, tmp_path: Path, join: str, largest: float) -> None:
+    (tmp_path / "steps.csv").write_text("time,length\n0,3\n1,3\n2,3\n3,2\n4,2\n5,2\n")
+    result = simulated("Pendulum", "--input", "steps.csv", "--join", join, "--stop", "5", "--set", "theta_0=0.5")
+    assert result["length"].max() == pytest.approx(largest, abs=0.005)
+    assert np.abs(result["energy_balance"]).max() < 1e-6
+
+
 @pytest.mark.parametrize("name", ["length", "length_dot"])
 @pytest.mark.parametrize("given", ["length=1+0.1*t", "length.csv"])
 def test_what_is_moved_has_no_start_value_beside(liaisons: Cli, tmp_path: Path, name: str, given: str) -> None:

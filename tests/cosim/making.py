@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import fmpy
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from liaisons import System
+from liaisons import Result, System
 
 FmuPaths = Callable[[str], Path]
 """Path of an FMU by its name; see the fixtures."""
@@ -49,6 +52,12 @@ def wired(*links: str, **parts: Path | tuple[Path, dict[str, Any]]) -> System:
     return system
 
 
+def coupling_errors(result: Result) -> NDArray[np.float64]:
+    """The error that each step of a run has added."""
+    assert result.coupling_error is not None
+    return result.coupling_error
+
+
 def exchange_only(path: Path, folder: Path) -> Path:
     """The FMU without its Co-Simulation."""
     return copied(path, folder, rb"<CoSimulation\b([^>]*/>|.*?</CoSimulation>)")
@@ -56,10 +65,32 @@ def exchange_only(path: Path, folder: Path) -> Path:
 
 def copied(path: Path, folder: Path, without: bytes) -> Path:
     """The FMU, its model description without what fits a pattern."""
-    with zipfile.ZipFile(path) as source, zipfile.ZipFile(folder / path.name, "w") as target:
-        for name in source.namelist():
-            content = source.read(name)
-            if name == "modelDescription.xml":
-                content = re.sub(without, b"", content, flags=re.DOTALL)
-            target.writestr(name, content)
-    return folder / path.name
+    return described(path, folder / path.name, lambda content: re.sub(without, b"", content, flags=re.DOTALL))
+
+
+def described(path: Path, target: Path, change: Callable[[bytes], bytes]) -> Path:
+    """The FMU with another model description."""
+    return rewritten(path, target, lambda name, data: (name, change(data) if name == "modelDescription.xml" else data))
+
+
+def rewritten(path: Path, target: Path, change: Callable[[str, bytes], tuple[str, bytes]]) -> Path:
+    """The archive with other members."""
+    contents = members(path)
+    with zipfile.ZipFile(target, "w") as new:
+        for name, data in contents.items():
+            new.writestr(*change(name, data))
+    return target
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    """Wait until something holds, a minute at most."""
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end, "it does not come"
+        time.sleep(0.02)
+
+
+def members(path: Path) -> dict[str, bytes]:
+    """The files of an archive."""
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}

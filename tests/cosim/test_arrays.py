@@ -9,6 +9,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import LONGEST, Fmu, read
@@ -131,8 +132,8 @@ def _result(*names: str) -> Result:
 
 def test_result_gives_whole_arrays() -> None:
     result = _result("c.x[1]", "c.x[2]", "c.x[3]", "c.y")
-    np.testing.assert_array_equal(result["c.x"], result.time[:, None] + [0, 10, 20])
-    np.testing.assert_array_equal(result["c.x[2]"], result.time + 10)
+    assert_array_equal(result["c.x"], result.time[:, None] + [0, 10, 20])
+    assert_array_equal(result["c.x[2]"], result.time + 10)
     assert result.entries == ("c.x", "c.y")
     assert result.units["c.x"] == "m"
     assert "c.x (3) [m], c.y [m]" in repr(result)
@@ -144,10 +145,10 @@ def test_result_gives_whole_arrays() -> None:
 
 def test_result_of_mixed_order_and_of_matrices() -> None:
     mixed = _result("x[1]", "v[1]", "x[2]", "v[2]")
-    np.testing.assert_array_equal(mixed["v"], mixed.time[:, None] + [10, 30])
+    assert_array_equal(mixed["v"], mixed.time[:, None] + [10, 30])
     matrix = _result(*(f"m[{i},{j}]" for i in (1, 2) for j in (1, 2, 3)))
     assert matrix["m"].shape == (4, 2, 3)
-    np.testing.assert_array_equal(matrix["m"][:, 1, 0], matrix["m[2,1]"])
+    assert_array_equal(matrix["m"][:, 1, 0], matrix["m[2,1]"])
 
 
 def test_incomplete_array_is_none() -> None:
@@ -160,7 +161,7 @@ def test_incomplete_array_is_none() -> None:
 def test_arrays_survive_files_and_are_drawn_as_one(tmp_path: Path) -> None:
     result = _result("x[1]", "x[2]", "y")
     result.to_csv(tmp_path / "row.csv")
-    np.testing.assert_array_equal(Result.from_csv(tmp_path / "row.csv")["x"], result["x"])
+    assert_array_equal(Result.from_csv(tmp_path / "row.csv")["x"], result["x"])
     (axes,) = result.plot(path=tmp_path / "row.png").axes
     assert len(axes.lines) == 3
     assert axes.get_legend_handles_labels()[1] == ["x (2)", "y"]

@@ -10,11 +10,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from making import FmuPaths, wired
+from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from liaisons.cosim import IncompleteError, Result, simulate
-from liaisons.errors import SimulationError
+from liaisons.cosim import Result
 
 Array = NDArray[np.float64]
 
@@ -54,8 +54,8 @@ def test_order_through_a_system(component: FmuPaths, mode: int, step: float, ord
 def test_back_ends_mix(component: FmuPaths, prefixes: tuple[str, str]) -> None:
     native, mixed = _pumped(component, 2, 0.1), _pumped(component, 2, 0.1, prefixes)
     # two solvers, each at 1e-13 over 10 s of a motion that is not chaotic
-    np.testing.assert_allclose(mixed["swing.theta"], native["swing.theta"], rtol=0, atol=1e-10)
-    np.testing.assert_allclose(mixed["swing.length_force"], native["swing.length_force"], rtol=0, atol=1e-8)
+    assert_allclose(mixed["swing.theta"], native["swing.theta"], rtol=0, atol=1e-10)
+    assert_allclose(mixed["swing.length_force"], native["swing.length_force"], rtol=0, atol=1e-8)
 
 
 def test_process_ends_well_after_a_python_fmu(component: FmuPaths) -> None:
@@ -63,37 +63,3 @@ def test_process_ends_well_after_a_python_fmu(component: FmuPaths) -> None:
     code = f"from liaisons.cosim import simulate; simulate({str(path)!r}, stop_time=1); simulate({str(path)!r})"
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (finished.returncode, finished.stderr) == (0, "")
-
-
-def test_function_of_time_and_operator_are_the_same(component: FmuPaths) -> None:
-    def length(t: float) -> tuple[float, float, float]:
-        return 1 + 0.1 * math.sin(2 * t), 0.2 * math.cos(2 * t), -0.4 * math.sin(2 * t)
-
-    connected = _pumped(component, 2, 0.1)
-    alone = simulate(
-        component("Pendulum"),
-        stop_time=10.0,
-        step_size=0.1,
-        tolerance=1e-13,
-        inputs={"length": length},
-        theta_0=0.5,
-        input_reconstruction=2,
-    )
-    # the two sines differ by a rounding or two; the solver's steps may then differ within its tolerance
-    for name in ("theta", "length", "length_ddot", "length_force", "work"):
-        np.testing.assert_allclose(alone[name], connected[f"swing.{name}"], rtol=0, atol=1e-10)
-
-
-def test_length_driven_through_zero_keeps_the_motion_until_then(component: FmuPaths) -> None:
-    with pytest.raises(IncompleteError, match=r"Pendulum: fmi2DoStep from t = 0\.7 s to t = 0\.8 s returned Discard"):
-        simulate(
-            component("Pendulum"),
-            stop_time=1.0,
-            step_size=0.1,
-            inputs={"length": lambda t: (1 - t / 0.75, -1 / 0.75, 0.0)},
-        )
-
-
-def test_domain_of_a_parameter_is_the_fmu_s_to_say(component: FmuPaths) -> None:
-    with pytest.raises(SimulationError, match=r"^Pendulum: fmi2ExitInitializationMode returned Error: mass = -1 "):
-        simulate(component("Pendulum"), mass=-1.0)

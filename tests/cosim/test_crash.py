@@ -1,7 +1,10 @@
-"""FMUs that crash do not take the process along, and are named."""
+"""FMUs of others that crash, return what is no success, or say what harms a terminal: they are named."""
 
 from __future__ import annotations
 
+import logging
+import subprocess
+import sys
 from pathlib import Path
 
 import equations as equations_module
@@ -12,6 +15,7 @@ from making import FmuPaths, packed, wired
 
 from liaisons.cosim import simulate
 from liaisons.errors import SimulationError
+from liaisons.results import IncompleteError
 
 
 @pytest.mark.parametrize(
@@ -83,3 +87,76 @@ def test_fmu_that_cannot_be_released(tmp_path: Path, monkeypatch: pytest.MonkeyP
     result = simulate(equations(tmp_path, 1, rates="f[0] = 1;"), stop_time=1.0, step_size=0.1)
     assert result["x0"][-1] == pytest.approx(1.0)
     assert any("cannot be released" in text and name in text for text in result.warnings)
+
+
+# ---- statuses: whatever is none of FMI is no success
+
+
+@pytest.mark.usefixtures("either_loop")
+@pytest.mark.parametrize("status", [-1, -2, -(2**31), 3, 6, 101, 103, 2**31 - 1])
+@pytest.mark.parametrize("isolated", [False, True])
+def test_of_a_step_alone(fmu: FmuPaths, status: int, isolated: bool) -> None:
+    with pytest.raises(IncompleteError, match=r"^Hasty: fmi2DoStep from t = 0 s to t = 0\.2 s returned") as it:
+        simulate(fmu("Hasty"), stop_time=1.0, step_size=0.2, status=status, isolated=isolated)
+    assert it.value.result.time.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("status", [-1, -2, 3, 103])
+@pytest.mark.parametrize("isolated", [False, True])
+def test_of_a_coupled_step(fmu: FmuPaths, status: int, isolated: bool) -> None:
+    bad = fmu("Hasty"), {"status": status, "isolated": isolated}
+    system = wired("mass.q -> buffer.length", mass=(fmu("Cart"), {"q_0": 1.0}), buffer=fmu("Buffer"), bad=bad)
+    with pytest.raises(IncompleteError, match=r"^bad: fmi2DoStep from t = 0 s to t = 0\.2 s returned"):
+        system.simulate(1.0, 0.2, coupling="implicit")
+
+
+@pytest.mark.usefixtures("either_loop")
+@pytest.mark.parametrize("isolated", [False, True])
+def test_of_equations_alone(tmp_path: Path, isolated: bool) -> None:
+    fmu = equations(tmp_path, 1, rates="f[0] = 1; if (t > 0.45) return 3;")
+    with pytest.raises(IncompleteError, match=r"x: fmi2GetDerivatives at t = \S+ s returned Error") as it:
+        simulate(fmu, stop_time=1.0, step_size=0.2, isolated=isolated)
+    assert it.value.result.time[-1] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+def test_of_equations_in_a_coupled_step(tmp_path: Path, isolated: bool) -> None:
+    """Their derivatives are refused from t = 0.45 s on."""
+    fmu = equations(tmp_path, 1, rates="f[0] = u; if (t > 0.45) return 3;", output="y = x[0];")
+    system = wired("a.y -> b.u", a=(fmu, {"isolated": isolated}), b=fmu)
+    system.connect(system.parts["b"]["y"], system.parts["a"]["u"])
+    with pytest.raises(SimulationError, match=r"[ab]: fmi2GetDerivatives at t = \S+ s returned Error") as it:
+        system.simulate(1.0, 0.2, coupling="implicit")
+    assert isinstance(it.value, IncompleteError)
+    assert it.value.result.time[-1] == pytest.approx(0.4)
+
+
+# ---- words: they do no harm in a terminal and fill no screen
+
+_LIAISONS = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+
+
+def test_no_control_characters_reach_the_terminal(fmu: FmuPaths) -> None:
+    """Warnings, an error of 10 MB, and names with the one-letter form of an escape sequence, which XML allows."""
+    command = [*_LIAISONS, "simulate", str(fmu("Loud")), "--stop", "1", "--step", "0.1"]
+    done = subprocess.run(command, capture_output=True, timeout=60, check=False)
+    assert done.returncode == 2
+    for text in (done.stdout.decode(), done.stderr.decode()):
+        assert all(line.isprintable() for line in text.splitlines())
+        assert 100 < len(text) < 5000
+
+
+def test_warnings_have_an_end(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(SimulationError):
+        simulate(fmu("Loud"), stop_time=1.0, step_size=1e-3)
+    warnings = [record for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(warnings) == 100
+    assert warnings[-1].message.endswith("; further warnings of it are not shown")
+
+
+def test_what_is_not_finite_is_said_once_a_variable(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    simulate(fmu("Endless"), stop_time=1.0, step_size=0.125)
+    assert [record.message for record in caplog.records] == [
+        "Endless: x is nan at t = 0.5 s, and not finite at 5 of 9 points",
+        "Endless: y is -inf at t = 0.75 s, and not finite at 1 of 9 points",
+    ]

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
-from scipy.interpolate import BPoly
+from scipy.interpolate import BPoly, PchipInterpolator
 
 from liaisons import Signal
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.running.deviations import Deviations
-from liaisons.cosim.structure.knots import knots
+from liaisons.cosim.structure.knots import curve, knots
 from liaisons.cosim.structure.sources import Drive
 from liaisons.errors import SimulationError
 
@@ -79,6 +79,31 @@ def test_knots_that_agree_to_rounding_are_one() -> None:
         column[3] += number
         assert knots(times, values, rates, accelerations).shape == (4, 5)
         column[3] -= number
+
+
+STEP = [0.0, 1.0, 2.0, 3.0, 4.5, 5.0], [3.0, 3.0, 3.0, 2.0, 2.0, 2.5]
+
+
+def test_a_table_is_joined_as_it_says() -> None:
+    t = np.linspace(0, 5, 997)
+    quintic, pchip, linear = (curve(knots(*STEP, join=join)) for join in ("quintic", "pchip", "linear"))
+    np.testing.assert_allclose(pchip(t), PchipInterpolator(*STEP)(t), atol=1e-14)  # rounding of numbers of size 3
+    np.testing.assert_allclose(pchip(t, 1), PchipInterpolator(*STEP)(t, 1), atol=1e-13)
+    np.testing.assert_allclose(linear(t), np.interp(t, *STEP), atol=1e-14)
+    assert quintic(t).max() > 3.02
+    assert pchip(t).max() <= 3 + 1e-14
+    np.testing.assert_allclose(pchip(np.linspace(0, 1, 50)), 3.0, atol=1e-14)  # it rests
+    straight = knots([0, 1, 2], [0.0, 1.0, 2.0], join="linear")
+    assert straight.shape == (4, 3)  # no kink, no communication point
+    assert knots([0, 1, 1, 2], [0.0, 1.0, 5.0, 5.0], join="pchip").shape == (4, 4)  # a jump is one
+    assert curve(knots([0, 1, 1], [0.0, 1.0, 5.0], join="linear"))(0.5) == 0.5
+
+
+def test_what_cannot_be_joined_is_refused() -> None:
+    with pytest.raises(SimulationError, match=r"join = 'pchp'; did you mean 'pchip'\?"):
+        knots(*STEP, join="pchp")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(SimulationError, match="join = 'linear' is for a table without rates"):
+        knots(*STEP, rates=[0.0] * 6, join="linear")
 
 
 def _integrals(function: Callable[[float], Sequence[float]], count: int) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from making import FmuPaths
+from making import FmuPaths, rewritten
 
 from liaisons.cosim import System, simulate
 from liaisons.cosim.description.fmu import read
@@ -21,15 +21,7 @@ Change = Callable[[Callable[[str, bytes], tuple[str, bytes]]], Path]
 @pytest.fixture
 def changed(fmu: FmuPaths, tmp_path: Path) -> Change:
     """A copy of an FMU whose members are changed."""
-
-    def make(change: Callable[[str, bytes], tuple[str, bytes]]) -> Path:
-        path = tmp_path / "Changed.fmu"
-        with zipfile.ZipFile(fmu("Cubic")) as old, zipfile.ZipFile(path, "w") as new:
-            for name in old.namelist():
-                new.writestr(*change(name, old.read(name)))
-        return path
-
-    return make
+    return lambda change: rewritten(fmu("Cubic"), tmp_path / "Changed.fmu", change)
 
 
 def test_missing_file(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import fmpy
 import numpy as np
 import pytest
 from making import packed
+from numpy.testing import assert_array_equal
 
 from liaisons.cosim import IncompleteError, System, simulate
 from liaisons.cosim.description.fmu import read
@@ -130,13 +131,13 @@ def test_derivatives(instance: CoSimulation3, row: Path) -> None:
 def test_start_values_of_arrays(row: Path, given: dict[str, object]) -> None:
     result = simulate(row, **given, u=1.0)  # type: ignore[arg-type]
     assert result["s"].shape == (5, 3)
-    np.testing.assert_array_equal(result["s"], np.outer(result.time, [4, 5, 6]))
-    np.testing.assert_array_equal(result["s[2]"], 5 * result.time)
+    assert_array_equal(result["s"], np.outer(result.time, [4, 5, 6]))
+    assert_array_equal(result["s[2]"], 5 * result.time)
 
 
 def test_structural_parameters_are_set(row: Path) -> None:
     result = simulate(row, v=[1.0, 2.0, 3.0], m=3)  # in whatever order
-    np.testing.assert_array_equal(result["w"], np.outer(result.time, [1, 2, 3]))
+    assert_array_equal(result["w"], np.outer(result.time, [1, 2, 3]))
     assert simulate(row, v=1.0)["w"].shape == (5, 2)
     assert simulate(row, m=1, deep=False)["w"].tolist() == [[-1.0]] * 5
     with pytest.raises(SimulationError, match=r"Row\.v = \[1\.0, 2\.0, 3\.0\]: 3 values, but the array has 4"):
@@ -171,12 +172,12 @@ def test_arrays_connect_whole_and_by_element(row: Path) -> None:
     one, two = system.add("one", row, u=1.0), system.add("two", row)
     system.connect(one["y"], two["u"])
     result = system.simulate(1.0, 0.25)
-    np.testing.assert_array_equal(result["two.s"], np.outer(result.time, [1, 4, 9]))
+    assert_array_equal(result["two.s"], np.outer(result.time, [1, 4, 9]))
     assert result.units["two.s[1]"] == "m"
     other = System("elements")
     one, two = other.add("one", row, u=1.0), other.add("two", row, u=[0.0, 0.0, 7.0])
     other.connect(one["y[3]"], two["u[1]"])
-    np.testing.assert_array_equal(other.simulate(1.0, 0.25)["two.y"][-1], [3, 0, 21])
+    assert_array_equal(other.simulate(1.0, 0.25)["two.y"][-1], [3, 0, 21])
     with pytest.raises(ConnectError, match=r"one\.y.*two\.u\[2\]"):
         other.connect(one["y"], two["u[2]"])
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import hostile
 import pytest
-from making import FmuPaths
+from making import FmuPaths, rewritten, wait_for
 
 from liaisons import cache
 from liaisons.cosim import System, simulate
@@ -259,16 +259,13 @@ def test_what_is_extracted(tmp_path: Path) -> None:
 
 
 def test_name_of_our_tool_is_no_letter_of_safe_conduct(fmu: FmuPaths, tmp_path: Path, temporary: Path) -> None:
-    path = tmp_path / "Half.fmu"
-    with Archive(fmu("Cubic")) as archive, archive.open("modelDescription.xml") as file:
-        description = (
-            file.read().decode().replace("<fmiModelDescription", '<fmiModelDescription generationTool="liaisons"')
-        )
-        folder = archive.extract(tmp_path / "whole")
-    (library,) = (folder / "binaries").rglob("Cubic.*")
-    half = library.read_bytes()[: library.stat().st_size * 2 // 3]
-    name = str(library.relative_to(folder)).encode()
-    hostile.zipped(path, [hostile.Member(b"modelDescription.xml", description.encode()), hostile.Member(name, half)])
+
+    def change(name: str, data: bytes) -> tuple[str, bytes]:
+        if name.startswith("binaries/"):
+            data = data[: len(data) * 2 // 3]
+        return name, data.replace(b"<fmiModelDescription", b'<fmiModelDescription generationTool="liaisons"')
+
+    path = rewritten(fmu("Cubic"), tmp_path / "Half.fmu", change)
     command = [*_LIAISONS, "simulate", str(path), "--stop", "1", "--step", "0.5"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120.0, check=False)
     assert done.returncode == 2
@@ -380,14 +377,6 @@ def hanging(fmu: FmuPaths, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> 
     return lambda first: _Hanging(fmu("Hanging"), mark, first=first)
 
 
-def _wait_for(condition: Callable[[], bool]) -> None:
-    for _ in range(600):
-        if condition():
-            return
-        time.sleep(0.1)
-    raise AssertionError("it does not come")
-
-
 def _runs(process: int) -> bool:
     try:
         os.kill(process, 0)
@@ -399,24 +388,24 @@ def _runs(process: int) -> bool:
 @pytest.mark.parametrize("first", [0, 2])
 def test_command_that_is_terminated_while_an_fmu_hangs(hanging: Start, first: int, temporary: Path) -> None:
     command = hanging(first)
-    _wait_for(command.stands)
+    wait_for(command.stands)
     assert list(temporary.iterdir()) != []
     command.process.terminate()
     _, said = command.process.communicate(timeout=60.0)
     assert command.process.returncode == 128 + signal.SIGTERM
     assert b"Traceback" not in said
-    _wait_for(lambda: not list(temporary.iterdir()))
-    _wait_for(lambda: not _runs(command.hanging_process()))
+    wait_for(lambda: not list(temporary.iterdir()))
+    wait_for(lambda: not _runs(command.hanging_process()))
 
 
 @pytest.mark.parametrize("first", [0, 2])
 def test_command_that_is_killed(hanging: Start, first: int, temporary: Path) -> None:
     command = hanging(first)
-    _wait_for(command.stands)
+    wait_for(command.stands)
     command.process.kill()
     command.process.communicate(timeout=60.0)
-    _wait_for(lambda: not list(temporary.iterdir()))
-    _wait_for(lambda: not _runs(command.hanging_process()))
+    wait_for(lambda: not list(temporary.iterdir()))
+    wait_for(lambda: not _runs(command.hanging_process()))
 
 
 @pytest.mark.usefixtures("interruptible")
@@ -425,7 +414,7 @@ def test_command_that_is_ended_in_the_middle(
     hanging: Start, number: signal.Signals, status: int, temporary: Path
 ) -> None:
     command = hanging(10**9)
-    _wait_for(lambda: any(temporary.glob("*/0/modelDescription.xml")))
+    wait_for(lambda: any(temporary.glob("*/0/modelDescription.xml")))
     time.sleep(1.0)  # somewhere in the run
     command.process.send_signal(number)
     _, said = command.process.communicate(timeout=60.0)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from equations import equations
-from making import FmuPaths, wired
+from making import FmuPaths, wait_for, wired
 
 from liaisons.cosim import IncompleteError, instances, simulate
 from liaisons.cosim.instances import isolated
@@ -188,9 +188,7 @@ def test_no_process_is_left_when_its_parent_ends(fmu: FmuPaths, tmp_path: Path, 
         text=True,
         start_new_session=True,
     )
-    end = time.monotonic() + 60
-    while not (mark.exists() and mark.read_text()) and time.monotonic() < end:
-        time.sleep(0.05)
+    wait_for(lambda: mark.exists() and mark.read_text())
     child = int(mark.read_text())
     os.killpg(parent.pid, how) if how == signal.SIGINT else parent.send_signal(how)
     if how == signal.SIGINT:
@@ -199,9 +197,7 @@ def test_no_process_is_left_when_its_parent_ends(fmu: FmuPaths, tmp_path: Path, 
     _, said = parent.communicate(timeout=60)
     if how == signal.SIGINT:
         assert "interrupted at t = 0.2 of 1 s" in said
-    while not _gone(child) and time.monotonic() < end:
-        time.sleep(0.01)
-    assert _gone(child)
+    wait_for(lambda: _gone(child))
 
 
 @pytest.mark.usefixtures("interruptible")
@@ -217,18 +213,16 @@ def test_no_process_of_its_own_is_left(fmu: FmuPaths, tmp_path: Path, how: str, 
     command = [sys.executable, "-c", script, str(fmu("Forking"))]
     task = subprocess.Popen(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     with task as parent:
-        end = time.monotonic() + 60
         if how == "kill":
-            while not (tmp_path / "hangs").exists() and time.monotonic() < end:
-                time.sleep(0.01)
+            wait_for((tmp_path / "hangs").exists)
             parent.kill()
         out, said = parent.communicate(timeout=60)
     words = {"end": "", "crash": "crashed (SIGSEGV)", "hang": "has not returned within 0.5 s", "kill": ""}[how]
     assert words in said
     assert bool(out) == (how == "end")
     forked = int(mark.read_text())
-    while not _gone(forked) and time.monotonic() < end and how == "kill":  # nobody waits for that
-        time.sleep(0.01)
+    if how == "kill":  # nobody waits for that
+        wait_for(lambda: _gone(forked))
     assert _gone(forked)
 
 

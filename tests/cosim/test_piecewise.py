@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from making import FmuPaths, exchange_only, wired
+from making import FmuPaths, coupling_errors, exchange_only, wired
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
@@ -219,8 +219,7 @@ def judged(component: FmuPaths, seed: int, way: str, step: float) -> tuple[float
     run = _single if way == "single" else _system
     result = run(component, of, step, announced, **options)
     angle = result["theta" if way == "single" else "swing.theta"]
-    assert result.coupling_error is not None
-    return float(np.max(np.abs(angle - truth(seed)[:: round(20 * step)]))), float(np.sum(result.coupling_error))
+    return float(np.max(np.abs(angle - truth(seed)[:: round(20 * step)]))), float(np.sum(coupling_errors(result)))
 
 
 def _check(component: FmuPaths, caplog: pytest.LogCaptureFixture, seeds: Sequence[int], ways: Sequence[str]) -> None:

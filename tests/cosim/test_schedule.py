@@ -38,27 +38,31 @@ def test_cycle_keeps_the_order_of_addition_between_its_source_and_its_sink() -> 
     assert schedule.order(["sink", "b", "a", "source"], feeds) == ["source", "b", "a", "sink"]
 
 
-def test_targets_that_extrapolate_are_stepped_with_the_values_at_t() -> None:
-    program = schedule.step(["a", "b", "c"], CHAIN, _always, "gauss-seidel", newest=())
-    assert program == _program("step a, get a, step b, set b, get b, step c, set c, get c")
+def _of_b(output: VariableReference, _input: VariableReference) -> bool:
+    return output[0] == "b"
 
 
-def test_targets_that_want_the_newest_values_are_set_before_their_step_and_not_again() -> None:
-    program = schedule.step(["a", "b", "c"], CHAIN, _always, "gauss-seidel", newest={"b", "c"})
-    assert program == _program("step a, get a, set b, step b, get b, set c, step c, get c")
-
-
-def test_jacobi_steps_all_before_anything_is_handed_on() -> None:
-    program = schedule.step(["a", "b", "c"], CHAIN, _always, "jacobi", newest={"b", "c"})
-    assert program == _program("step a, step b, step c, get a, set b, get b, set c, get c")
-
-
-def test_outputs_that_depend_on_inputs_are_read_after_these_are_new() -> None:
-    def depends(output: VariableReference, _input: VariableReference) -> bool:
-        return output[0] == "b"  # only b's output depends directly on its input
-
-    program = schedule.step(["a", "b"], RING, depends, "gauss-seidel", newest=())
-    assert program == _program("step a, get a, step b, set b, get b, set a, get a")
+@pytest.mark.parametrize(
+    ("names", "feeds", "depends", "coupling", "newest", "program"),
+    [
+        # targets that extrapolate are stepped with the values at t
+        ("abc", CHAIN, _always, "gauss-seidel", "", "step a, get a, step b, set b, get b, step c, set c, get c"),
+        # those that want the newest values are set before their step, and not again
+        ("abc", CHAIN, _always, "gauss-seidel", "bc", "step a, get a, set b, step b, get b, set c, step c, get c"),
+        # all are stepped before anything is handed on
+        ("abc", CHAIN, _always, "jacobi", "bc", "step a, step b, step c, get a, set b, get b, set c, get c"),
+        # outputs that depend on inputs are read after these are new
+        ("ab", RING, _of_b, "gauss-seidel", "", "step a, get a, step b, set b, get b, set a, get a"),
+        # a loop of accelerations and forces is swept once
+        ("ab", RING, _always, "gauss-seidel", "", "step a, step b, get b, set a, get a, set b, get b"),
+        # a component may feed itself
+        ("a", {("a", "u"): ("a", "y")}, _never, "gauss-seidel", "", "step a, get a, set a, get a"),
+    ],
+)
+def test_operations_of_a_step(  # noqa: PLR0917 - a table
+    names: str, feeds: Feeds, depends: schedule.Depends, coupling: schedule.Coupling, newest: str, program: str
+) -> None:
+    assert schedule.step(names, feeds, depends, coupling, newest) == _program(program)
 
 
 @pytest.mark.parametrize("depends", [_always, _never])
@@ -66,11 +70,6 @@ def test_every_component_of_a_cycle_is_consistent_at_the_end(depends: schedule.D
     program = schedule.consistent(["a", "b"], RING, depends)
     for name in ("a", "b"):
         assert program.index(("set", name)) < len(program) - 1 - program[::-1].index(("get", name))
-
-
-def test_acceleration_force_loop_is_swept_once() -> None:
-    program = schedule.step(["a", "b"], RING, _always, "gauss-seidel", newest=())
-    assert program == _program("step a, step b, get b, set a, get a, set b, get b")
 
 
 def test_zigzag_through_two_components_is_followed_to_its_end() -> None:
@@ -83,11 +82,6 @@ def test_zigzag_through_two_components_is_followed_to_its_end() -> None:
     assert schedule.consistent(["a", "b"], feeds, depends) == _program(
         "get a, set b, get b, set a, get a, set b, get b"
     )
-
-
-def test_component_may_feed_itself() -> None:
-    feeds: Feeds = {("a", "u"): ("a", "y")}
-    assert schedule.step(["a"], feeds, _never, "gauss-seidel", newest=()) == _program("step a, get a, set a, get a")
 
 
 def test_late_inputs_are_those_of_the_same_cycle_and_with_jacobi_all() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from making import FmuPaths, Trace, wired
+from numpy.testing import assert_array_equal
 
 from liaisons import Result, compare
 from liaisons.cosim import IncompleteError, Interrupted, simulate
@@ -27,7 +28,7 @@ def _cubic(t: float) -> tuple[float, float, float]:
 
 def test_defaults_are_those_of_the_file(fmu: FmuPaths, trace: Trace) -> None:
     result = simulate(fmu("Probe"))
-    np.testing.assert_array_equal(result.time, [0.0, 0.25, 0.5])
+    assert_array_equal(result.time, [0.0, 0.25, 0.5])
     assert "Probe setup tolerance=0.001 start=0 stop=0.5" in trace()
 
 
@@ -64,10 +65,10 @@ def test_whatever_has_numbers_or_strings_is_recorded(fmu: FmuPaths, tmp_path: Pa
     result = simulate(fmu("Discrete"), raised=True, word="früh")
     assert set(result.names) == expected.keys()
     for name, values in expected.items():
-        np.testing.assert_array_equal(result[name], values)
+        assert_array_equal(result[name], values)
     result.to_csv(tmp_path / "discrete.csv")
     table = np.genfromtxt(tmp_path / "discrete.csv", delimiter=",", names=True)
-    np.testing.assert_array_equal(table["count"], expected["count"])
+    assert_array_equal(table["count"], expected["count"])
     again = Result.from_csv(tmp_path / "discrete.csv")
     assert [again[name].tolist() for name in result] == [result[name].tolist() for name in result]
     assert compare(result, again).relative == 0
@@ -115,12 +116,12 @@ def test_drives_fit_the_types(fmu: FmuPaths, name: str, value: float, words: str
 def test_names_are_bare(fmu: FmuPaths, record: str | list[str]) -> None:
     result = simulate(fmu("Cubic"), stop_time=1.0, step_size=H, record=record)
     assert result.names == ("y_dot",)
-    np.testing.assert_array_equal(result["y_dot"], 3 * T**2)
+    assert_array_equal(result["y_dot"], 3 * T**2)
 
 
 def test_start_values_reach_the_fmu(fmu: FmuPaths, trace: Trace) -> None:
     result = simulate(fmu("Spring"), stop_time=1.0, step_size=H, stiffness=4.0, length=0.5)
-    np.testing.assert_array_equal(result["length_force"], np.full(5, 2.0))
+    assert_array_equal(result["length_force"], np.full(5, 2.0))
     simulate(fmu("Faulty"), stop_time=1.0, step_size=H, label="a name", flag=True)
     assert "Faulty label a name" in trace()
 
@@ -128,11 +129,11 @@ def test_start_values_reach_the_fmu(fmu: FmuPaths, trace: Trace) -> None:
 @pytest.mark.parametrize(("mode", "lag"), [(0, 1), (1, 1), (2, 0)])
 def test_function_of_a_port_gives_value_and_derivatives_as_a_source_would(fmu: FmuPaths, mode: int, lag: int) -> None:
     result = simulate(fmu("Spring"), stop_time=1.0, step_size=H, inputs={"length": _cubic}, input_reconstruction=mode)
-    np.testing.assert_array_equal(result["length"], T**3)
-    np.testing.assert_array_equal(result["length_ddot"], 6 * T)
-    np.testing.assert_array_equal(result["length_force"], 2 * T**3)
-    np.testing.assert_array_equal(result["seen"][1:], (T[1:] - lag * H) ** 3)
-    np.testing.assert_array_equal(result["seen_dot"][1:], 3 * (T[1:] - lag * H) ** 2)
+    assert_array_equal(result["length"], T**3)
+    assert_array_equal(result["length_ddot"], 6 * T)
+    assert_array_equal(result["length_force"], 2 * T**3)
+    assert_array_equal(result["seen"][1:], (T[1:] - lag * H) ** 3)
+    assert_array_equal(result["seen_dot"][1:], 3 * (T[1:] - lag * H) ** 2)
 
 
 def test_functions_of_single_inputs(fmu: FmuPaths) -> None:
@@ -143,7 +144,7 @@ def test_functions_of_single_inputs(fmu: FmuPaths) -> None:
         mass=2.0,
         inputs={"q_force": lambda t: 4.0, "q_load": lambda t: 2 * t},  # noqa: ARG005
     )
-    np.testing.assert_array_equal(result["q_ddot"], (4 - 2 * T) / 2)
+    assert_array_equal(result["q_ddot"], (4 - 2 * T) / 2)
     assert simulate(fmu("Probe"), inputs={"u": math.sin})["echo"][-1] == math.sin(0.5)
 
 
@@ -180,7 +181,7 @@ def test_function_that_fails_on_the_way_keeps_what_there_is(
 ) -> None:
     with pytest.raises(IncompleteError, match=words) as caught:
         simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": function})
-    np.testing.assert_array_equal(caught.value.result.time, [0.0, 0.25])
+    assert_array_equal(caught.value.result.time, [0.0, 0.25])
 
 
 def test_a_rate_that_contradicts_its_function_is_no_break_at_every_instant(fmu: FmuPaths) -> None:
@@ -216,4 +217,4 @@ def test_interrupt_keeps_what_there_is(fmu: FmuPaths) -> None:
     assert isinstance(caught.value, Interrupted)
     kept = caught.value.result
     assert 0.25 <= kept.time[-1] < 1.0
-    np.testing.assert_array_equal(kept["echo"], kept.time)
+    assert_array_equal(kept["echo"], kept.time)

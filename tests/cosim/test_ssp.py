@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import shutil
 import zipfile
 from ctypes import c_double
 from pathlib import Path
@@ -14,7 +15,8 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
-from making import FmuPaths
+from making import FmuPaths, members
+from numpy.testing import assert_array_equal
 from schemas import validated
 
 from liaisons import System, ssp
@@ -60,7 +62,7 @@ def test_round_trip_gives_the_same_bits(system: System, tmp_path: Path, form: Fo
         first, second = (s.simulate(2.0, H, coupling=coupling) for s in (system, again))
         units = {name.replace("the mass", renamed.get("the mass", "the mass")): u for name, u in first.units.items()}
         assert dict(second.units) == units
-        np.testing.assert_array_equal(second.values, first.values)
+        assert_array_equal(second.values, first.values)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -72,12 +74,13 @@ def test_both_ways_of_a_port_are_known_again(system: System, tmp_path: Path, for
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_experiment_is_kept(system: System, tmp_path: Path, form: Form) -> None:
-    path = tmp_path / "system.ssp"
-    system.write_ssp(path, form=form, start_time=0.1, stop_time=2.1, step_size=0.05)
-    assert ssp.read(path, System).experiment == DefaultExperiment(0.1, 2.1, 0.05)
+@pytest.mark.parametrize("times", [(0.1, 2.1, 0.05), (0.0, 10 / 3, 1 / 3)])
+def test_experiment_is_kept(system: System, tmp_path: Path, form: Form, times: tuple[float, float, float]) -> None:
+    path, (start, stop, step) = tmp_path / "system.ssp", times
+    system.write_ssp(path, form=form, start_time=start, stop_time=stop, step_size=step)
+    assert ssp.read(path, System).experiment == DefaultExperiment(*times)
     System.from_ssp(path).write_ssp(path, form=form)
-    assert ssp.read(path, System).experiment == DefaultExperiment(0.1, 2.1, 0.05)
+    assert ssp.read(path, System).experiment == DefaultExperiment(*times)
 
 
 def _experiment(system: System, path: Path, **given: Any) -> DefaultExperiment:
@@ -110,10 +113,8 @@ def test_archives_pass_the_schemas(system: System, tmp_path: Path, form: Form) -
 
 def test_portable_is_what_old_readers_take(system: System, tmp_path: Path) -> None:
     system.write_ssp(tmp_path / "system.ssp", step_size=H)
-    with zipfile.ZipFile(tmp_path / "system.ssp") as archive:
-        text = archive.read("SystemStructure.ssd").decode()
-        values = archive.read("resources/the_mass.ssv").decode()
-        names = archive.namelist()
+    written = members(tmp_path / "system.ssp")
+    text, values = written["SystemStructure.ssd"].decode(), written["resources/the_mass.ssv"].decode()
     root = ElementTree.fromstring(text)
     assert root.get("version") == "1.0"
     # prefixes are literal, connections from element to element, no connectors of the system, no mapping
@@ -124,17 +125,16 @@ def test_portable_is_what_old_readers_take(system: System, tmp_path: Path) -> No
     assert all(c.get("startElement") and c.get("endElement") for c in connections)
     (outer,) = (element for element in root if element.tag.endswith("}System"))
     assert not any(child.tag.endswith("}Connectors") for child in outer)
-    assert not any(name.endswith(".ssm") for name in names)
+    assert not any(name.endswith(".ssm") for name in written)
     # an input that nothing feeds is no connector: importers would set it to 0
     assert 'name="q_force"' not in text
 
 
 def test_full_has_what_ssp_2_offers(system: System, tmp_path: Path) -> None:
     system.write_ssp(tmp_path / "system.ssp", form="full", stop_time=3.0)
-    with zipfile.ZipFile(tmp_path / "system.ssp") as archive:
-        text = archive.read("SystemStructure.ssd").decode()
-        page = archive.read("documentation/index.html").decode()
-        assert {"resources/parameters.ssv", "resources/parameters.ssm"} <= set(archive.namelist())
+    written = members(tmp_path / "system.ssp")
+    text, page = written["SystemStructure.ssd"].decode(), written["documentation/index.html"].decode()
+    assert {"resources/parameters.ssv", "resources/parameters.ssm"} <= written.keys()
     assert 'version="2.0"' in text
     assert "ssc:Float64" in text
     assert 'startConnector="the mass_q_force" endElement="the mass" endConnector="q_force"' in text
@@ -157,8 +157,7 @@ def test_one_fmu_is_stored_once_and_two_of_one_name_apart(fmu: FmuPaths, tmp_pat
     for name, path in (("a", fmu("Cubic")), ("b", fmu("Cubic")), ("c", other)):
         made.add(name, path)
     made.write_ssp(tmp_path / "names.ssp")
-    with zipfile.ZipFile(tmp_path / "names.ssp") as archive:
-        fmus = [name for name in archive.namelist() if name.endswith(".fmu")]
+    fmus = [name for name in members(tmp_path / "names.ssp") if name.endswith(".fmu")]
     assert fmus == ["resources/Cubic.fmu", "resources/Cubic_2.fmu"]
     assert "length_force" in repr(System.from_ssp(tmp_path / "names.ssp").parts["c"].fmu.reals("output"))
 
@@ -188,9 +187,15 @@ def _baked(path: Path, folder: Path, **starts: Any) -> Path:
     system = System("baked")
     system.add("it", path, **starts)
     folder.mkdir(exist_ok=True)
-    system.write_ssp(folder / "baked.ssp")
-    with zipfile.ZipFile(folder / "baked.ssp") as archive:
-        return Path(archive.extract("resources/it.fmu", folder))
+    return _extracted(system, "it", folder)
+
+
+def _extracted(system: System, part: str, folder: Path) -> Path:
+    """The FMU of a component, as it is in a portable archive."""
+    system.write_ssp(folder / "system.ssp")
+    path = folder / f"{part}.fmu"
+    path.write_bytes(members(folder / "system.ssp")[f"resources/{part}.fmu"])
+    return path
 
 
 def test_start_values_go_into_our_fmus(pendulum: Path, tmp_path: Path) -> None:
@@ -199,12 +204,12 @@ def test_start_values_go_into_our_fmus(pendulum: Path, tmp_path: Path) -> None:
     assert read(baked).guid != read(pendulum).guid  # some importers take FMUs of one GUID for one
     found = simulate(baked, stop_time=1.0, step_size=0.1)  # no start value is set
     expected = simulate(pendulum, stop_time=1.0, step_size=0.1, **STARTS)
-    np.testing.assert_array_equal(found.values, expected.values)
+    assert_array_equal(found.values, expected.values)
     # once more, with other ones: those from before stay
     again = _baked(baked, tmp_path / "again", mass=7.0)
     found = simulate(again, stop_time=1.0, step_size=0.1)
     expected = simulate(pendulum, stop_time=1.0, step_size=0.1, **dict(STARTS, mass=7.0))
-    np.testing.assert_array_equal(found.values, expected.values)
+    assert_array_equal(found.values, expected.values)
 
 
 def test_reset_goes_back_to_the_start_values_in_the_fmu(component: FmuPaths, tmp_path: Path) -> None:
@@ -256,10 +261,7 @@ def test_before_the_first_step_zeros_leave_what_must_not_be_zero(
     plain, system = component(f"{kind}Pendulum"), System("swing")
     swing = system.add("swing", plain, length=2.0)
     system.connect(system.add("motor", component("Sinusoid"), offset=2.0)["y"], swing["length"])
-    system.write_ssp(tmp_path / "swing.ssp")
-    with zipfile.ZipFile(tmp_path / "swing.ssp") as archive:
-        written = Path(archive.extract("resources/swing.fmu", tmp_path))
-    _check_zeros(written, tmp_path / "written", ignored=True)
+    _check_zeros(_extracted(system, "swing", tmp_path), tmp_path / "written", ignored=True)
     _check_zeros(plain, tmp_path / "plain", ignored=False)
     assert "length = 0 before the first step: it stays 2" in caplog.text
 
@@ -267,9 +269,8 @@ def test_before_the_first_step_zeros_leave_what_must_not_be_zero(
 @pytest.mark.parametrize("text", ["r 1 1 3ff", "r x", "q 1 1 0 name", "r 99999 1 0 name", "i 1 1 1 name", "r 1 0 name"])
 def test_a_damaged_file_of_start_values_is_refused(text: str, component: FmuPaths, tmp_path: Path) -> None:
     broken = tmp_path / "Pendulum.fmu"
-    with zipfile.ZipFile(component("Pendulum")) as old, zipfile.ZipFile(broken, "w") as new:
-        for name in old.namelist():
-            new.writestr(name, old.read(name))
+    shutil.copy(component("Pendulum"), broken)
+    with zipfile.ZipFile(broken, "a") as new:
         new.writestr("resources/starts.txt", text)
     with pytest.raises(
         SimulationError, match=r"Pendulum: Pendulum\.fmu cannot be instantiated: .*(starts\.txt|reference)"
@@ -282,9 +283,8 @@ def test_what_takes_no_start_values_or_needs_none_is_the_file_itself(fmu: FmuPat
     made.add("other", fmu("Spring"), stiffness=3.0)
     made.add("plain", fmu("Spring"))
     made.write_ssp(tmp_path / "foreign.ssp")
-    with zipfile.ZipFile(tmp_path / "foreign.ssp") as archive:
-        assert archive.read("resources/Spring.fmu") == fmu("Spring").read_bytes()
-        assert sorted(name for name in archive.namelist() if name.endswith(".fmu")) == ["resources/Spring.fmu"]
+    fmus = {name: data for name, data in members(tmp_path / "foreign.ssp").items() if name.endswith(".fmu")}
+    assert fmus == {"resources/Spring.fmu": fmu("Spring").read_bytes()}
 
 
 def test_failed_writing_leaves_nothing(system: System, tmp_path: Path) -> None:
@@ -310,8 +310,7 @@ def test_portable_archives_are_for_masters_that_step_all_at_once(component: FmuP
         assert again.name == ("_2_pumped_swings" if form == "portable" else "2 pumped swings")
         assert again.experiment == DefaultExperiment(0.0, 2.0, 0.3)
     assert swing.approximation.interpolates  # the system is as it was
-    with zipfile.ZipFile(tmp_path / "portable.ssp") as archive:
-        assert b' stopTime="2.0"' in archive.read("SystemStructure.ssd")
+    assert b' stopTime="2.0"' in members(tmp_path / "portable.ssp")["SystemStructure.ssd"]
 
 
 def test_components_of_portable_archives_have_identifiers(component: FmuPaths, tmp_path: Path) -> None:
@@ -324,16 +323,5 @@ def test_components_of_portable_archives_have_identifiers(component: FmuPaths, t
         "an_arm_2": {"theta_0": 0.2},
         "an_arm": {"theta_0": 0.3},
     }
-    assert {link.source.place + link.target.place for link in again.connections} == {
-        ("an_arm_2", f"bob_{axis}{dot}", "an_arm", f"pivot_{axis}{dot}")
-        for axis in "xz"
-        for dot in ("", "_dot", "_ddot")
-    } | {("an_arm", f"pivot_{axis}_force", "an_arm_2", f"bob_{axis}_load") for axis in "xz"}
+    assert [*map(str, again.connections)] == [str(link).replace("an arm", "an_arm_2") for link in system.connections]
     assert list(system.parts) == ["an arm", "an_arm"]  # the system is as it was
-
-
-def test_times_that_are_no_round_numbers_stay(component: FmuPaths, tmp_path: Path) -> None:
-    system = System("thirds")
-    system.add("signal", component("Sinusoid"))
-    system.write_ssp(tmp_path / "thirds.ssp", stop_time=10 / 3, step_size=1 / 3)
-    assert System.from_ssp(tmp_path / "thirds.ssp").experiment == DefaultExperiment(0.0, 10 / 3, 1 / 3)

@@ -23,7 +23,8 @@ from hostile import (
     real,
     structure,
 )
-from making import FmuPaths
+from making import FmuPaths, described
+from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from liaisons import System
@@ -36,14 +37,14 @@ Archive = Callable[..., Path]
 def archive(fmu: FmuPaths, tmp_path: Path) -> Archive:
     """An archive with this system, all test FMUs, and further files."""
 
-    def make(system: str, version: str = "1.0", more: str = "", **files: str) -> Path:
+    def make(system: str, more: str = "", **files: str | bytes) -> Path:
         path = tmp_path / "foreign.ssp"
         with zipfile.ZipFile(path, "w") as target:
-            target.writestr("SystemStructure.ssd", structure(system, more, version=version))
+            target.writestr("SystemStructure.ssd", structure(system, more))
             for name in ("Cubic", "Spring", "Mass", "Probe", "Faulty", "Discrete"):
                 target.write(fmu(name), f"resources/{name}.fmu")
-            for name, text in files.items():
-                target.writestr(f"resources/{name}", text)
+            for name, content in files.items():
+                target.writestr(f"resources/{name}", content)
         return path
 
     return make
@@ -123,9 +124,8 @@ def test_units_are_converted(archive: Archive, caplog: pytest.LogCaptureFixture)
 def test_percent_encoded_sources_and_empty_element_names(archive: Archive, fmu: FmuPaths) -> None:
     empty = '<Connection startElement="" startConnector="s" endElement="c" endConnector="y"/>'
     parts = elements(component("c", "two%20words"), component("p", "Probe"))
-    path = archive(parts + connections(connected("c.y", "p.u"), empty))
-    with zipfile.ZipFile(path, "a") as target:
-        target.write(fmu("Cubic"), "resources/two words.fmu")
+    words = {"two words.fmu": fmu("Cubic").read_bytes()}
+    path = archive(parts + connections(connected("c.y", "p.u"), empty), **words)
     assert _joined(path) == {"c.y -> p.u"}
 
 
@@ -200,7 +200,7 @@ def test_connections_with_factor_and_offset(archive: Archive) -> None:
     links = connections(connected("c.y", "inner.in", TRANSFORMED.format(10, 3)))
     path = archive(elements(component("c", "Cubic"), inner) + links)
     t = np.linspace(0, 1, 5)
-    np.testing.assert_array_equal(_ran(path, "inner_p.u"), -2 * (10 * t**3 + 3) + 1)
+    assert_array_equal(_ran(path, "inner_p.u"), -2 * (10 * t**3 + 3) + 1)
     assert _joined(path) == {"-20 * c.y + -5 -> inner_p.u"}
 
 
@@ -214,7 +214,7 @@ def test_units_of_connections_are_converted_unless_suppressed(
 ) -> None:
     parts = elements(component("spring", "Spring", bound(real("length", 0.25))), component("faulty", "Faulty"))
     path = archive(parts + connections(connected("spring.seen", "faulty.u", **more)))
-    np.testing.assert_array_equal(_ran(path, "faulty.u")[1:], 0.25 * factor)
+    assert_array_equal(_ran(path, "faulty.u")[1:], 0.25 * factor)
 
 
 def test_the_unit_of_a_system_connector_lies_between(archive: Archive) -> None:
@@ -224,7 +224,7 @@ def test_the_unit_of_a_system_connector_lies_between(archive: Archive) -> None:
     inner = nested("inner", shown, inside, connections(connected("spring.seen", "out", TRANSFORMED.format(1, 1))))
     links = connections(connected("inner.out", "other.length"))
     path = archive(elements(inner, component("other", "Spring")) + links, more=UNITS_OF_THE_SYSTEM)
-    np.testing.assert_allclose(_ran(path, "other.length")[1:], 0.251, rtol=1e-15)
+    assert_allclose(_ran(path, "other.length")[1:], 0.251, rtol=1e-15)
 
 
 def test_either_end_may_be_called_the_start(archive: Archive) -> None:
@@ -275,22 +275,17 @@ def test_items_of_an_enumeration_go_by_name(archive: Archive, fmu: FmuPaths, tmp
     entry = '<m:MappingEntry source="status" target="a.status"><c:EnumerationMappingTransformation>{}</c:E{}>'
     rename = entry.format('<c:MapEntry source="on" target="severe"/>', "numerationMappingTransformation")
     given = bound(ENUMERATION, entries=rename + "</m:MappingEntry>")
-    path = archive(given + elements(component("a", "Typed")))
-    with zipfile.ZipFile(fmu("Faulty")) as old, zipfile.ZipFile(tmp_path / "Typed.fmu", "w") as new:
-        for name in old.namelist():
-            content = old.read(name)
-            if name == "modelDescription.xml":
-                items = b'<Item name="mild" value="2"/><Item name="severe" value="3"/>'
-                types = b'<TypeDefinitions><SimpleType name="S"><Enumeration>%b</Enumeration></SimpleType>' % items
-                content = content.replace(b"<ModelVariables>", types + b"</TypeDefinitions><ModelVariables>")
-                content = content.replace(b'<Integer start="2"/>', b'<Enumeration declaredType="S" start="2"/>')
-            new.writestr(name, content)
-    with zipfile.ZipFile(path, "a") as target:
-        target.write(tmp_path / "Typed.fmu", "resources/Typed.fmu")
+
+    def change(content: bytes) -> bytes:
+        items = b'<Item name="mild" value="2"/><Item name="severe" value="3"/>'
+        types = b'<TypeDefinitions><SimpleType name="S"><Enumeration>%b</Enumeration></SimpleType>' % items
+        content = content.replace(b"<ModelVariables>", types + b"</TypeDefinitions><ModelVariables>")
+        return content.replace(b'<Integer start="2"/>', b'<Enumeration declaredType="S" start="2"/>')
+
+    typed = {"Typed.fmu": described(fmu("Faulty"), tmp_path / "Typed.fmu", change).read_bytes()}
+    path = archive(given + elements(component("a", "Typed")), **typed)
     assert System.from_ssp(path).parts["a"].starts == {"status": 3}
-    plain = archive(elements(component("a", "Typed", bound(ENUMERATION))))
-    with zipfile.ZipFile(plain, "a") as target:
-        target.write(tmp_path / "Typed.fmu", "resources/Typed.fmu")
+    plain = archive(elements(component("a", "Typed", bound(ENUMERATION))), **typed)
     assert "a.status = 'on': it is one of mild, severe" in _message(plain)
 
 

@@ -72,16 +72,11 @@ def _check(master: str, system: System, folder: Path) -> None:
     _agree(elsewhere(master, system, folder, size=H, steps=STEPS), expected)
 
 
-@pytest.mark.parametrize("master", ["libcosimpy", "ecospy"])
+@pytest.mark.parametrize("master", MASTERS)
 @pytest.mark.parametrize("name", ["pumped", "double", "chain", "in_python"])
 def test_other_masters_take_it_as_it_is(master: str, name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """FMPy passes over parameter sets: the start values in the FMUs count."""
     _check(master, request.getfixturevalue(name), tmp_path)
-
-
-@pytest.mark.parametrize("name", ["pumped", "double", "chain", "in_python"])
-def test_fmpy_takes_it_as_it_is(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    """It passes over parameter sets: the start values in the FMUs count."""
-    _check("fmpy", request.getfixturevalue(name), tmp_path)
 
 
 @pytest.mark.parametrize("master", ["libcosimpy", "ecospy"])

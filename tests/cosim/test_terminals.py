@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from making import FmuPaths, wired
+from making import FmuPaths, described, members, rewritten, wired
+from numpy.testing import assert_allclose, assert_array_equal
 
 from liaisons import compare, simulate
 from liaisons.cosim.description.fmu import read
@@ -47,21 +47,19 @@ def _members(names: dict[str, str], motion: str = "sva", force: str = "f") -> di
 def renamed(fmu: FmuPaths, tmp_path: Path) -> Renamed:
     """An FMU whose variables have other names, with these terminals."""
 
-    def rewritten(source: str, names: dict[str, str], terminals: str, target: str | None = None) -> Path:
-        path = tmp_path / f"{target or source}.fmu"
-        with zipfile.ZipFile(fmu(source)) as old, zipfile.ZipFile(path, "w") as new:
-            for name in old.namelist():
-                content = old.read(name)
-                if name == "modelDescription.xml":
-                    for usual, other in names.items():
-                        content, count = re.subn(rf'(?<= name="){usual}(?=")'.encode(), other.encode(), content)
-                        assert count == 1
-                if name != TERMINALS:
-                    new.writestr(name, content)
-            new.writestr(TERMINALS, terminals)
+    def make(source: str, names: dict[str, str], terminals: str, target: str | None = None) -> Path:
+        def change(content: bytes) -> bytes:
+            for usual, other in names.items():
+                content, count = re.subn(rf'(?<= name="){usual}(?=")'.encode(), other.encode(), content)
+                assert count == 1
+            return content
+
+        path = described(fmu(source), tmp_path / f"{target or source}.fmu", change)
+        with zipfile.ZipFile(path, "a") as archive:
+            archive.writestr(TERMINALS, terminals)
         return path
 
-    return rewritten
+    return make
 
 
 @pytest.fixture
@@ -97,14 +95,14 @@ def test_what_it_does_is_the_same_to_the_last_bit(fmu: FmuPaths, mass: Path, spr
     other = _oscillation(mass, spring, "mass.slider -> spring.end")
     one, two = (system.simulate(stop_time=1.0, step_size=0.01) for system in (usual, other))
     for name, called in MASS.items():
-        np.testing.assert_array_equal(one[f"mass.{name}"], two[f"mass.{called}"])
-    np.testing.assert_array_equal(one.coupling_error, two.coupling_error)
+        assert_array_equal(one[f"mass.{name}"], two[f"mass.{called}"])
+    assert_array_equal(one.coupling_error, two.coupling_error)
 
 
 @pytest.mark.parametrize("name", ["end", "one"])
 def test_a_function_that_returns_three_numbers_drives_it(spring: Path, name: str) -> None:
     result = simulate(spring, inputs={name: lambda t: (t**2, 2 * t, 2.0)}, stop_time=1.0, step_size=0.25)
-    np.testing.assert_allclose([result[n][-1] for n in ("one", "two", "three", "four")], [1.0, 2.0, 2.0, 2.0])
+    assert_allclose([result[n][-1] for n in ("one", "two", "three", "four")], [1.0, 2.0, 2.0, 2.0])
 
 
 def test_results_are_compared_by_its_rates_and_drawn_by_its_names(renamed: Renamed) -> None:
@@ -159,14 +157,9 @@ def test_terminals_of_other_tools_connect_by_members(renamed: Renamed, flow: str
 
 
 def _replaced(path: Path, member: bytes, flow: str) -> Path:
-    with zipfile.ZipFile(path) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    assert members[TERMINALS].count(member) == 1
-    members[TERMINALS] = members[TERMINALS].replace(member, member.replace(b"signal", flow.encode()))
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, content)
-    return path
+    assert members(path)[TERMINALS].count(member) == 1
+    other = member.replace(b"signal", flow.encode())
+    return rewritten(path, path, lambda name, data: (name, data.replace(member, other)))
 
 
 @pytest.mark.parametrize(

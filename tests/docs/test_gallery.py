@@ -31,6 +31,7 @@ def test_a_page_says_and_shows_what_the_scenario_does(gallery: ModuleType, tmp_p
     assert "| claim | error | tolerance | verdict | because |" in text
     assert " pass |" in text
     assert '<a href="live/IsokineticOscillator.html">' in text
+    assert '<a href="../reference/texts.html#K-examples-10">K Ex. 10</a>' in text
     assert (pages / "thermostat.png").stat().st_size > 10_000
     assert b"</html>" in (shown / "thermostat.motion.html").read_bytes()
     with Image.open(shown / "thermostat.png") as image:

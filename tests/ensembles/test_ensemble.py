@@ -240,30 +240,32 @@ def test_the_generated_code_is_clean(component, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "options", "error", "message"),
+    ("changes", "error", "message"),
     [
-        ({"theta0": [1.0]}, {}, ComponentError, "did you mean 'theta_0'"),
-        ({"theta_0": []}, {}, SimulationError, "no cases"),
-        ({"theta_0": 1.0}, {}, SimulationError, "no cases"),
-        ({"theta_0": [1.0], "mass": [1.0, 2.0]}, {}, SimulationError, "theta_0 1, mass 2"),
-        ({"theta_0": [[1.0]]}, {}, SimulationError, r"shape \(1, 1\)"),
-        ({"theta_0": ["a"]}, {}, SimulationError, "theta_0"),
-        ({"theta_0": [1.0]}, {"record": ["tehta"]}, ComponentError, "did you mean 'theta'"),
-        ({"theta_0": [1.0]}, {"record": []}, ComponentError, "depends on a state"),
-        ({"theta_0": [1.0]}, {"method": "rk5"}, SimulationError, "'rk4'|'rk8'"),
-        ({"theta_0": [1.0]}, {"step_size": 0.0}, SimulationError, "step_size = 0.0: must be > 0"),
-        ({"theta_0": [1.0]}, {"step_size": 1e-300}, SimulationError, "too many steps until stop_time = 1.0"),
-        ({"theta_0": [1.0]}, {"samples": 10**12}, SimulationError, "more numbers than memory holds"),
-        ({"theta_0": [1.0]}, {"stop_time": -1.0}, SimulationError, "greater than start_time"),
-        ({"theta_0": [1.0]}, {"samples": 0}, SimulationError, "samples = 0"),
-        ({"theta_0": [1.0]}, {"operators": {"theta": Ramp}}, ComponentError, "no active coordinate 'theta'"),
-        ({"theta_0": [1.0]}, {"operators": {"length": Pendulum}}, ComponentError, "no Operator"),
-        ({"length": [1.0]}, {"operators": {"length": Ramp}}, ComponentError, "no value 'length'"),
+        ({"start_values": {"theta0": [1.0]}}, ComponentError, "did you mean 'theta_0'"),
+        ({"start_values": {"theta_0": []}}, SimulationError, "no cases"),
+        ({"start_values": {"theta_0": 1.0}}, SimulationError, "no cases"),
+        ({"start_values": {"theta_0": [1.0], "mass": [1.0, 2.0]}}, SimulationError, "theta_0 1, mass 2"),
+        ({"start_values": {"theta_0": [[1.0]]}}, SimulationError, r"shape \(1, 1\)"),
+        ({"start_values": {"theta_0": ["a"]}}, SimulationError, "theta_0"),
+        ({"record": ["tehta"]}, ComponentError, "did you mean 'theta'"),
+        ({"record": []}, ComponentError, "depends on a state"),
+        ({"method": "rk5"}, SimulationError, "'rk4'|'rk8'"),
+        ({"step_size": 0.0}, SimulationError, "step_size = 0.0: must be > 0"),
+        ({"step_size": 1e-300}, SimulationError, "smaller than the rounding of times"),
+        ({"step_size": 1e-13}, SimulationError, "too many steps until stop_time = 1.0"),
+        ({"samples": 10**12}, SimulationError, "more numbers than memory holds"),
+        ({"stop_time": -1.0}, SimulationError, "greater than start_time"),
+        ({"samples": 0}, SimulationError, "samples = 0"),
+        ({"operators": {"theta": Ramp}}, ComponentError, "no active coordinate 'theta'"),
+        ({"operators": {"length": Pendulum}}, ComponentError, "no Operator"),
+        ({"start_values": {"length": [1.0]}, "operators": {"length": Ramp}}, ComponentError, "no value 'length'"),
     ],
 )
-def test_misuse(values, options, error, message) -> None:
+def test_misuse(changes, error, message) -> None:
+    usual: dict[str, Any] = {"start_values": {"theta_0": [1.0]}, "stop_time": 1.0, "step_size": 0.1}
     with pytest.raises(error, match=message):
-        ensemble(Pendulum, values, **{"stop_time": 1.0, "step_size": 0.1, **options})
+        ensemble(Pendulum, **usual | changes)
 
 
 def test_the_estimate_takes_the_order_that_three_runs_show() -> None:

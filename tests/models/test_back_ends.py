@@ -7,20 +7,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from hand_derivations import WITHOUT_ORIENTATION, states
+from on_paper import BACKENDS, HOLD, Values, assert_follows, equations_of, run, wave
 
 from liaisons.check import max_error
 from liaisons.cosim import simulate
-from liaisons.language import Mechanism, Operator
-from liaisons.mechanics import Equations, assemble, derive
+from liaisons.language import Operator
+from liaisons.mechanics import Equations, assemble
 from liaisons.models import CATALOGUE
 
-HOLD = 0  # input_reconstruction
-
-MECHANISMS = [  # those whose coordinates may take any values; the others have tests of their own
-    c
-    for c in CATALOGUE
-    if issubclass(c, Mechanism) and not (c.orientations or c.constraints or c.non_holonomic or c.rheonomic_constraints)
-]
 OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
 
 
@@ -40,31 +35,26 @@ def expressions(equations: Equations) -> dict[str, ca.SX]:
     return found | {item.name: getattr(m, item.name) for item in m.outputs}
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
-@pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
-def test_outputs_at_the_start_are_the_derived_equations(component, backend: str, fmu, random_states, number) -> None:
-    equations = derive(component)
-    model = assemble(component)
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
+def test_outputs_at_the_start_are_the_derived_equations(component, backend: str, fmu) -> None:
+    model, found = assemble(component), expressions(equations_of(component))
     settable = [variable.name for variable in (*model.parameters, *model.inputs)]
-    for state in random_states(equations, count=3):
-        starts = {name: state[name] if name in state else state[name.removesuffix("_0")] for name in settable}
+    for state in states(component, 3):
+        starts: Values = {name: state[name] if name in state else state[name.removesuffix("_0")] for name in settable}
         result = simulate(fmu(component, backend), stop_time=1e-3, step_size=1e-3, **starts)
-        for name, expression in expressions(equations).items():
-            expected = float(number(equations, expression, state))
+        for name, expression in found.items():
+            expected = float(state(expression))
             # p → q' → everything, a few dozen roundings of terms of size 1e3 N.
             assert result[name][0] == pytest.approx(expected, rel=1e-11, abs=1e-10), name
 
 
-@pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
 def test_native_and_python_back_end_move_alike(component, fmu) -> None:
-    start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates} | {"input_reconstruction": 2}
-    inputs = {
-        s.name: lambda t, s=s: (s.start + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t), -0.4 * np.sin(2 * t))
-        for s in component.actives
-    }
+    start = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
+    inputs = {s.name: wave(s.start, 0.1, 2.0) for s in component.actives}
     native, python = (
-        simulate(fmu(component, backend), stop_time=5.0, step_size=0.05, tolerance=1e-10, inputs=inputs, **start)
-        for backend in ("native", "python")
+        run(fmu(component, backend), stop_time=5.0, step_size=0.05, inputs=inputs, **start) for backend in BACKENDS
     )
     assert native.names == python.names
     assert dict(native.units) == dict(python.units)
@@ -74,7 +64,7 @@ def test_native_and_python_back_end_move_alike(component, fmu) -> None:
         assert max_error(native[name], python[name]) <= 1e-7 * scale, name
 
 
-@pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
 def test_inputs_that_do_nothing_are_ones_that_do_hardly_anything(component, fmu) -> None:
     """While loads, or σ̇ and σ̈, are 0 shorter equations hold; with 1e-290, too small for any sum, the whole ones."""
     start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
@@ -91,11 +81,8 @@ def test_inputs_that_do_nothing_are_ones_that_do_hardly_anything(component, fmu)
             assert max_error(free[name], other[name]) <= 1e-11 * scale, name
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
-@pytest.mark.parametrize("component", OPERATORS, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("component", OPERATORS)
 def test_operator_is_its_closed_form(component, backend: str, fmu) -> None:
     result = simulate(fmu(component, backend), stop_time=2.0, step_size=0.125)
-    exact = component.exact(result.time)
-    for name, values in exact.items():
-        # Two orders of evaluation, terms of size 5000 (y'' of the step).
-        assert max_error(result[name], values) <= 1e-12, name
+    assert_follows(result, component.exact(result.time), 1e-12)  # roundings of terms of size 5000 (y'' of the step)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pytest
+from on_paper import BACKENDS, Values, assert_follows, wave
 from scipy.special import jv
 
 from liaisons.check import max_error, slope
@@ -19,7 +20,6 @@ from liaisons.mechanics import assemble
 from liaisons.models import DoublePendulum, DrivenChain, OscillatorChain, PendulumChain, Sinusoid
 
 TOLERANCE = 1e-10
-BACKENDS = ["native", "python"]
 
 
 @pytest.fixture(scope="session")
@@ -85,13 +85,8 @@ def test_pulse_in_the_free_chain_is_a_sum_of_bessel_functions() -> None:
 @pytest.mark.parametrize("omega", [0.3, 1.0, 3.0])
 def test_driven_chain_satisfies_newtons_law(omega: float) -> None:
     n, mass, stiffness, amplitude = 6, 1.3, 2.1, 0.2
-    settings: dict[str, Any] = {
-        "n": n,
-        "mass": mass,
-        "stiffness": stiffness,
-        "amplitude": amplitude,
-        "angular_frequency": omega,
-    }
+    chain: Values = {"n": n, "mass": mass, "stiffness": stiffness}
+    settings = chain | {"amplitude": amplitude, "angular_frequency": omega}
     t, h = np.linspace(0.5, 20, 40), 1e-3
 
     def u(times: np.ndarray) -> np.ndarray:
@@ -122,13 +117,8 @@ def test_pendulum_chain_obeys_newtons_law(n: int) -> None:
         k = [mass, length, gravity, *rng.normal(size=2 * n)]
         y, _ = model.start(0, list(u.values()), k)
         names = [v.name for v in model.outputs]
-        z = dict(
-            zip(
-                names,
-                model.outputs_function(0, y, list(u.values()), k, [0] * len(model.memory)).full().ravel(),
-                strict=True,
-            )
-        )
+        outputs = model.outputs_function(0, y, list(u.values()), k, [0] * len(model.memory))
+        z = dict(zip(names, outputs.full().ravel(), strict=True))
         theta, rate = np.array(k[3 : 3 + n]), np.array(k[3 + n :])
         along = np.stack([-np.sin(theta), np.cos(theta)], axis=1)  # from bob j to the one above
         across = np.stack([np.cos(theta), np.sin(theta)], axis=1)
@@ -164,11 +154,11 @@ def test_pendulum_chain_obeys_newtons_law(n: int) -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_free_chain(sized, backend: str) -> None:
     n = 8
-    parameters: dict[str, Any] = {"mass": 2.0, "stiffness": 3.0}
+    parameters: Values = {"mass": 2.0, "stiffness": 3.0}
     rng = np.random.default_rng(8)
     u_0, u_dot_0 = rng.normal(size=n), rng.normal(size=n)
     path, tolerances, errors = sized(OscillatorChain, n, backend), [1e-6, 1e-8, TOLERANCE], []
-    start: dict[str, Any] = {"u_0": u_0, "u_dot_0": u_dot_0, **parameters}
+    start: Values = {"u_0": u_0, "u_dot_0": u_dot_0, **parameters}
     results = [simulate(path, stop_time=20, step_size=2.0, tolerance=tolerance, **start) for tolerance in tolerances]
     for result in results:
         exact = OscillatorChain.exact(result.time, u_0=u_0, u_dot_0=u_dot_0, **parameters)
@@ -192,8 +182,7 @@ def test_driven_chain(sized, fmu, backend: str, omega: float) -> None:
     result = system.simulate(stop_time=20, step_size=0.1, tolerance=TOLERANCE)
     exact = DrivenChain.exact(result.time, n=n, stiffness=2.0, **drive)
     # Sixth order reconstruction of σ: H⁶ ω⁷ < 1e-5 · 1e-6; κ of some tens.
-    for name, values in exact.items():
-        assert max_error(result[f"chain.{name}"], values) <= 1e-8, name
+    assert_follows(result, exact, 1e-8, "chain.")
     power = exact["drive_force"] * 0.2 * omega * np.cos(omega * result.time)
     assert max_error(result["chain.drive_power"], power) <= 1e-8
     assert max_error(result["chain.energy_balance"], 0.0) <= 1e-8
@@ -216,15 +205,8 @@ def test_small_motions_of_the_hanging_chain(sized, backend: str) -> None:
 def test_large_motions_of_the_hanging_chain_keep_energy(sized, backend: str) -> None:
     """Chaotic: the angles are not comparable, the energy is, through a pivot that moves."""
     theta_0 = np.array([2.0, -1.0, 2.5, 0.5, 1.5])
-    move = {"pivot_x": lambda t: (0.2 * np.sin(3 * t), 0.6 * np.cos(3 * t), -1.8 * np.sin(3 * t))}
-    result = simulate(
-        sized(PendulumChain, 5, backend),
-        stop_time=5.0,
-        step_size=0.02,
-        tolerance=TOLERANCE,
-        theta_0=theta_0,
-        inputs=move,
-    )
+    settings: Values = {"stop_time": 5.0, "step_size": 0.02, "inputs": {"pivot_x": wave(0.0, 0.2, 3.0)}}
+    result = simulate(sized(PendulumChain, 5, backend), tolerance=TOLERANCE, theta_0=theta_0, **settings)
     # Energies of 150 J; errors of the solver's steps, each 1e-10 relative, add up along some thousand of them.
     assert max_error(result["energy_balance"], 0.0) <= 150 * 1e3 * TOLERANCE
     assert np.ptp(result["energy"]) > 1.0  # the pivot works
@@ -235,32 +217,24 @@ def test_large_motions_of_the_hanging_chain_keep_energy(sized, backend: str) -> 
 
 def test_two_links_are_the_double_pendulum(sized, fmu) -> None:
     """Moving pivot, a force on one angle, a load on the lower bob; all common outputs, over two seconds: κ < 100."""
-    parameters: dict[str, Any] = {"mass": 1.3, "length": 0.8}
-    double: dict[str, Any] = {f"{name}_{i}": value for name, value in parameters.items() for i in (1, 2)}
-    move = {"pivot_x": lambda t: (0.1 * np.sin(3 * t), 0.3 * np.cos(3 * t), -0.9 * np.sin(3 * t))}
-    run: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.02, "tolerance": 1e-12}
-    chain = simulate(
-        sized(PendulumChain, 2),
-        **run,
-        **parameters,
-        theta_0=[1.0, -0.4],
-        theta_dot_0=[0.5, 0.2],
-        inputs=move | {"theta_force[1]": np.sin, "bob_x_load[2]": lambda t: 0.3 * t},
-    )
-    pair = simulate(
-        fmu(DoublePendulum),
-        **run,
-        **double,
-        theta_1_0=1.0,
-        theta_2_0=-0.4,
-        theta_1_dot_0=0.5,
-        theta_2_dot_0=0.2,
-        inputs=move | {"theta_1_force": np.sin, "bob_2_x_load": lambda t: 0.3 * t},
-    )
-    for i in (1, 2):
-        for name in ("theta", "theta_dot", "theta_ddot"):
-            assert max_error(chain[f"{name}[{i}]"], pair[name.replace("theta", f"theta_{i}")]) <= 1e-9, name
-        assert max_error(chain[f"p_theta[{i}]"], pair[f"p_theta_{i}"]) <= 1e-9
-        assert max_error(chain[f"bob_z[{i}]"], pair[f"bob_{i}_z"]) <= 1e-9
-    for name in ("pivot_x_force", "pivot_x_power", "pivot_z_force", "kinetic_energy", "potential_energy", "work"):
-        assert max_error(chain[name], pair[name]) <= 1e-9, name
+    parameters: Values = {"mass": 1.3, "length": 0.8}
+    double: Values = {f"{name}_{i}": value for name, value in parameters.items() for i in (1, 2)}
+    move = {"pivot_x": wave(0.0, 0.1, 3.0)}
+    span: Values = {"stop_time": 2.0, "step_size": 0.02, "tolerance": 1e-12}
+    start: Values = {"theta_0": [1.0, -0.4], "theta_dot_0": [0.5, 0.2]}
+    loads = {"theta_force[1]": np.sin, "bob_x_load[2]": lambda t: 0.3 * t}
+    chain = simulate(sized(PendulumChain, 2), **span, **parameters, **start, inputs=move | loads)
+    start = {name.replace("theta", f"theta_{i + 1}"): value[i] for name, value in start.items() for i in (0, 1)}
+    loads = dict(zip(("theta_1_force", "bob_2_x_load"), loads.values(), strict=True))
+    pair = simulate(fmu(DoublePendulum), **span, **double, **start, inputs=move | loads)
+    same = {
+        one.format(f"[{i}]"): pair[other.format(i)]
+        for i in (1, 2)
+        for one, other in (
+            *((f"{name}{{}}", name.replace("theta", "theta_{}")) for name in ("theta", "theta_dot", "theta_ddot")),
+            ("p_theta{}", "p_theta_{}"),
+            ("bob_z{}", "bob_{}_z"),
+        )
+    }
+    shared = ("pivot_x_force", "pivot_x_power", "pivot_z_force", "kinetic_energy", "potential_energy", "work")
+    assert_follows(chain, same | {name: pair[name] for name in shared}, 1e-9)

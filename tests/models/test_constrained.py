@@ -6,19 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hand_derivations import applied
 from numpy.typing import NDArray
-from on_paper import algebra
+from on_paper import BACKENDS, State, Values, algebra, assert_follows, equations_of, run, unloaded, wave
 from scipy.integrate import solve_ivp
 
 from liaisons.check import max_error
 from liaisons.cosim import Result, simulate
-from liaisons.mechanics import derive, gauss
+from liaisons.mechanics import gauss
 from liaisons.models.cartesian_pendulum import CartesianPendulum
 from liaisons.models.pendulum import Pendulum
 
-State = dict[str, float]
-EQUATIONS = derive(CartesianPendulum)
-INTERPOLATE = 2  # input_reconstruction
+EQUATIONS = equations_of(CartesianPendulum)
 CONDITION = 1e-11  # rounding of a linear system of two equations, numbers of order 100
 
 
@@ -37,7 +36,11 @@ def consistent(seed: int, *, moving: bool) -> State:
     n["x"], n["z"] = place(angle, n["rod"], n["height"])
     along, across = np.array([np.sin(angle), -np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
     n["x_dot"], n["z_dot"] = n["rod_dot"] * along + n["rod"] * rate * across
-    return n
+    return State(CartesianPendulum, n)
+
+
+def rod_and_velocity(n: State) -> tuple[NDArray, NDArray]:
+    return np.array([n.x, 0, n.z - n.height]), np.array([n.x_dot, 0, n.z_dot])
 
 
 # ---- Newton's law and the formulas of the text -------------------------------------------------------------------
@@ -47,47 +50,39 @@ def consistent(seed: int, *, moving: bool) -> State:
 def test_bob_moves_by_newtons_law_on_a_rod_that_moves(seed: int) -> None:
     """Along and across the rod, m (l'' - l θ'²) and m (l θ'' + 2 l' θ'): the other way to describe it."""
     n = consistent(seed, moving=True)
-    d = np.array([n["x"], n["z"] - n["height"]])
-    along = d / n["rod"]
-    across = np.array([-along[1], along[0]])
-    v = np.array([n["x_dot"], n["z_dot"]])
-    turn = v @ across / n["rod"]
-    force = np.array([n[f"{q}_force"] - n[f"{q}_load"] for q in "xyz"]) - [0, 0, n["mass"] * n["gravity"]]
-    in_plane = force[[0, 2]]
-    rod_force = n["mass"] * (n["rod_ddot"] - n["rod"] * turn**2) - in_plane @ along
-    a = (in_plane + rod_force * along) / n["mass"]
-    assert EQUATIONS.evaluate("accelerations", **n) == algebra([a[0], 0, a[1]], CONDITION)
-    assert EQUATIONS.evaluate("operator_forces", **n) == algebra([rod_force], CONDITION)
+    d, v = rod_and_velocity(n)
+    along = d / n.rod
+    turn = np.cross(along, v)[1] / n.rod
+    in_plane = (applied(n, *"xyz") - [0, 0, n.mass * n.gravity]) * [1, 0, 1]
+    rod_force = n.mass * (n.rod_ddot - n.rod * turn**2) - in_plane @ along
+    assert n("accelerations") == algebra((in_plane + rod_force * along) / n.mass, CONDITION)
+    assert n("operator_forces") == algebra(rod_force, CONDITION)
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_multipliers_are_those_of_example_1_and_gausss_those_of_example_9(seed: int, number) -> None:
+def test_multipliers_are_those_of_example_1_and_gausss_those_of_example_9(seed: int) -> None:
     """λ_1 = -m (g (l - z) + v²)/2l², λ_2 = 0, with the rod as long as the pivot is high."""
-    still = {f"{q}_{end}": 0.0 for q in "xyz" for end in ("force", "load")}
-    n = consistent(seed, moving=False) | still
-    n["z"] += n["rod"] - n["height"]
-    n["height"] = n["rod"]
-    m = EQUATIONS.mechanism
-    bracket = n["mass"] * (n["gravity"] * (n["rod"] - n["z"]) + n["x_dot"] ** 2 + n["z_dot"] ** 2) / n["rod"] ** 2
-    assert number(EQUATIONS, m.lambda_1, n) == algebra(-bracket / 2, CONDITION)
-    assert number(EQUATIONS, m.lambda_2, n) == algebra(0, CONDITION)
+    n = consistent(seed, moving=False) | unloaded(CartesianPendulum)
+    n.update(z=n.z + n.rod - n.height, height=n.rod)
+    bracket = n.mass * (n.gravity * (n.rod - n.z) + n.x_dot**2 + n.z_dot**2) / n.rod**2
+    assert n("lambda_1") == algebra(-bracket / 2, CONDITION)
+    assert n("lambda_2") == algebra(0, CONDITION)
     accelerations, mu = gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
     # Kneller's g_1 is |d| times the second derivative of |d|: its multiplier is that of the rod over l.
-    assert number(EQUATIONS, mu[1], n) / n["rod"] == algebra(bracket, CONDITION)
-    explicit = [-n["x"] * bracket, 0, -n["mass"] * n["gravity"] + (n["rod"] - n["z"]) * bracket]
-    assert number(EQUATIONS, accelerations, n) == algebra(np.array(explicit) / n["mass"], CONDITION)
+    assert n(mu[1]) / n.rod == algebra(bracket, CONDITION)
+    explicit = [-n.x * bracket, 0, -n.mass * n.gravity + (n.rod - n.z) * bracket]
+    assert n(accelerations) == algebra(np.array(explicit) / n.mass, CONDITION)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_ka6_the_printed_mu_1_is_half_of_what_its_own_constraint_asks_for(seed: int) -> None:
     """K Ex. 9 with g_1 = x x'' + y y'' + (z - l) z'' + v²: the printed μ_1 leaves g_1 ≠ 0."""
     n = consistent(seed, moving=False)
-    l, m, g = n["rod"], n["mass"], n["gravity"]  # noqa: E741
-    d, v = np.array([n["x"], 0, n["z"] - n["height"]]), np.array([n["x_dot"], 0, n["z_dot"]])
-    bracket = m * (-g * d[2] + v @ v) / l**2
+    d, v = rod_and_velocity(n)
+    bracket = n.mass * (-n.gravity * d[2] + v @ v) / n.rod**2
 
     def g_1(mu_1: float) -> float:
-        return float(d @ (np.array([0, 0, -g]) - mu_1 / m * d) + v @ v)
+        return float(d @ (np.array([0, 0, -n.gravity]) - mu_1 / n.mass * d) + v @ v)
 
     assert g_1(bracket) == algebra(0, CONDITION)
     assert abs(g_1(bracket / 2)) > 0.1  # as printed
@@ -97,10 +92,9 @@ def test_ka6_the_printed_mu_1_is_half_of_what_its_own_constraint_asks_for(seed: 
 def test_kc2_equation_9_as_printed_would_not_follow_a_rod_that_moves(seed: int) -> None:
     """K eq. 9 lacks 2 Σ r'·∂_t∂_r σ + ∂_t² σ: with σ = |d|² - l² it says d·r'' + r'² = 0 instead of l l'' + l'²."""
     n = consistent(seed, moving=True)
-    d, v = np.array([n["x"], 0, n["z"] - n["height"]]), np.array([n["x_dot"], 0, n["z_dot"]])
-    half_second_derivative = d @ EQUATIONS.evaluate("accelerations", **n) + v @ v
-    needed = n["rod"] * n["rod_ddot"] + n["rod_dot"] ** 2
-    assert half_second_derivative == algebra(needed, CONDITION)
+    d, v = rod_and_velocity(n)
+    needed = n.rod * n.rod_ddot + n.rod_dot**2
+    assert d @ n("accelerations") + v @ v == algebra(needed, CONDITION)
     assert abs(needed) > 1e-3  # what is printed as 0
 
 
@@ -148,21 +142,18 @@ def test_kc1_as_printed_with_l_squared_the_residual_oscillates() -> None:
 # ---- FMUs: two descriptions, one motion --------------------------------------------------------------------------
 
 
-def run(file: Any, **arguments: Any) -> Result:
-    given: dict[str, Any] = {"stop_time": 20.0, "step_size": 0.05, "tolerance": 1e-12}
-    return simulate(file, **(given | arguments))
+USUAL: Values = {"step_size": 0.05, "tolerance": 1e-12}
+STATES = {"x": "bob_x", "z": "bob_z", "x_dot": "bob_x_dot", "z_dot": "bob_z_dot"}
 
 
-def cartesian_start(theta: float, theta_dot: float) -> State:
+def cartesian_start(theta: float, theta_dot: float = 0.0) -> Values:
     x, z = place(theta, 1.0, 1.0)
     return {"x_0": x, "z_0": z, "x_dot_0": np.cos(theta) * theta_dot, "z_dot_0": np.sin(theta) * theta_dot}
 
 
 def assert_same_motion(cartesian: Result, angle: Result) -> None:
-    pairs = {"x": "bob_x", "z": "bob_z", "x_dot": "bob_x_dot", "z_dot": "bob_z_dot"}
     # Asked for: 1e-9.  Solver tolerance 1e-12, κ = 100 over 20 s.
-    for name, other in pairs.items():
-        assert max_error(cartesian[name], angle[other]) <= 1e-9, name
+    assert_follows(cartesian, {name: angle[other] for name, other in STATES.items()}, 1e-9)
     others = {name: name for name in ("kinetic_energy", "potential_energy", "work")} | {"rod_force": "length_force"}
     for name, other in others.items():
         scale = max(1.0, float(np.max(np.abs(angle[other]))))
@@ -170,34 +161,30 @@ def assert_same_motion(cartesian: Result, angle: Result) -> None:
     assert max_error(cartesian["energy_balance"], 0.0) <= 1e-9
 
 
-STARTS = {"libration": (2.5, 0.0), "rotation": (0.0, 7.5)}
+both_backends = pytest.mark.parametrize("backend", BACKENDS)
 
 
-@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
-@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("start", [(2.5, 0.0), (0.0, 7.5)], ids=["libration", "rotation"])
+@both_backends
 def test_cartesian_and_angle_pendulum_agree(fmu, start: tuple[float, float], backend: str) -> None:
-    cartesian = run(fmu(CartesianPendulum, backend), **cartesian_start(*start))
-    angle = run(fmu(Pendulum), theta_0=start[0], theta_dot_0=start[1], pivot_z=1.0)
-    assert_same_motion(cartesian, angle)
-    exact = CartesianPendulum.exact(cartesian.time, theta_0=start[0], theta_dot_0=start[1])
-    for name, values in exact.items():
-        assert max_error(cartesian[name], values) <= 1e-9, name  # as above
+    angles: Values = dict(zip(("theta_0", "theta_dot_0"), start, strict=True))
+    cartesian = run(fmu(CartesianPendulum, backend), **USUAL, **cartesian_start(*start))
+    assert_same_motion(cartesian, run(fmu(Pendulum), **USUAL, **angles, pivot_z=1.0))
+    assert_follows(cartesian, CartesianPendulum.exact(cartesian.time, **angles), 1e-9)  # as above
     assert max_error(cartesian["lambda_2"], 0.0) == 0.0
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
+@both_backends
 def test_they_agree_while_an_operator_moves_the_rod(fmu, backend: str) -> None:
-    def sigma(t: float) -> tuple[float, float, float]:
-        return 1 + 0.2 * np.sin(3 * t) ** 2, 0.6 * np.sin(6 * t), 3.6 * np.cos(6 * t)
-
-    moving: Any = {"input_reconstruction": INTERPOLATE, "step_size": 0.02}
-    cartesian = run(fmu(CartesianPendulum, backend), **cartesian_start(1.0, 0.0), inputs={"rod": sigma}, **moving)
-    angle = run(fmu(Pendulum), theta_0=1.0, pivot_z=1.0, inputs={"length": sigma}, **moving)
+    sigma = wave(1.1, -0.1, 6.0, np.pi / 2)  # 1 + 0.2 sin² 3t
+    settings: Values = USUAL | {"step_size": 0.02}
+    cartesian = run(fmu(CartesianPendulum, backend), **settings, **cartesian_start(1.0), inputs={"rod": sigma})
+    angle = run(fmu(Pendulum), **settings, theta_0=1.0, pivot_z=1.0, inputs={"length": sigma})
     assert_same_motion(cartesian, angle)
     assert max_error(cartesian["rod_residual"], 0.0) <= 1e-15  # a rounding: projected
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
+@both_backends
 def test_a_jump_of_the_rods_rate_is_an_impulse_along_it(fmu, backend: str) -> None:
     """What p_θ does by itself in the angle has to come from the projection here: the rod's rate jumps, θ' does not."""
 
@@ -205,21 +192,19 @@ def test_a_jump_of_the_rods_rate_is_an_impulse_along_it(fmu, backend: str) -> No
         pulled = -0.4 if 1.0 <= t < 1.5 else 0.0
         return 1 - 0.4 * min(max(t - 1.0, 0.0), 0.5), pulled, 0.0
 
-    times: Any = {"times": np.arange(0, 10.25, 0.25), "stop_time": None, "step_size": None}
-    cartesian = run(fmu(CartesianPendulum, backend), **cartesian_start(1.0, 0.0), inputs={"rod": sigma}, **times)
-    angle = run(fmu(Pendulum), theta_0=1.0, pivot_z=1.0, inputs={"length": sigma}, **times)
+    times: Values = {"times": np.arange(0, 10.25, 0.25), "tolerance": 1e-12}
+    cartesian = simulate(fmu(CartesianPendulum, backend), **cartesian_start(1.0), inputs={"rod": sigma}, **times)
+    angle = simulate(fmu(Pendulum), theta_0=1.0, pivot_z=1.0, inputs={"length": sigma}, **times)
     # At a jump the outputs show the state before the impulse, which only the next step books here.
     smooth = np.flatnonzero(~np.isin(cartesian.time, (1.0, 1.5)))
-    for name, other in {"x": "bob_x", "z": "bob_z", "x_dot": "bob_x_dot", "z_dot": "bob_z_dot"}.items():
+    for name, other in (STATES | {"work": "work"}).items():
         assert max_error(cartesian[name][smooth], angle[other][smooth]) <= 1e-9, name
-    assert max_error(cartesian["work"][smooth], angle["work"][smooth]) <= 1e-9
     assert np.ptp(angle["energy"]) > 0.1  # the pull did something
 
 
 def test_constraints_are_kept_for_1e5_seconds(fmu) -> None:
     """Large swings.  The energy drifts with the solver's tolerance; the constraints do not."""
-    result = run(fmu(CartesianPendulum), **cartesian_start(1.5, 0.0), stop_time=1e5, step_size=10.0, tolerance=1e-8)
-    for name in ("rod_residual", "plane_residual"):
-        assert max_error(result[name], 0.0) <= 1e-15, name  # asked for: 1e-10
+    result = run(fmu(CartesianPendulum), **cartesian_start(1.5), stop_time=1e5, step_size=10.0, tolerance=1e-8)
+    assert_follows(result, {"rod_residual": 0.0, "plane_residual": 0.0}, 1e-15)  # asked for: 1e-10
     speed = result["x"] * result["x_dot"] + (result["z"] - 1) * result["z_dot"]
     assert max_error(speed, 0.0) <= 1e-14  # the derivative of the constraint: roundings of speeds of order 5

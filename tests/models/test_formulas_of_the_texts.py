@@ -9,51 +9,34 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from on_paper import algebra
+from on_paper import State, algebra, random_states, unloaded
 
 from liaisons.errors import ComponentError, ValidityError
 from liaisons.language import ActiveCoordinate, Coordinate, Mechanism, Parameter, unchecked
-from liaisons.mechanics import derive
 from liaisons.models import CircularHoop, Oscillator, Pendulum, Swing
 
 # ---- Kneller Ex. 3, 6, 8: the pendulum ---------------------------------------------------------------------------
 
 
-def pendulum_at_rest_in_space(random_states) -> list[dict[str, float]]:
-    still = {f"{s}{end}": 0.0 for s in ("length", "pivot_x", "pivot_z") for end in ("_dot", "_ddot")}
-    unloaded = dict.fromkeys(("theta_force", "theta_load", "bob_x_load", "bob_z_load"), 0.0)
-    return random_states(derive(Pendulum), **still, **unloaded)
+STILL = {f"{s}{end}": 0.0 for s in ("length", "pivot_x", "pivot_z") for end in ("_dot", "_ddot")}
 
 
-def test_pendulum_of_kneller_is_the_one_with_fixed_pivot_and_length(random_states) -> None:
-    """K Ex. 3 and 6: θ'' + η θ' + Ω² sin θ = 0; Ex. 8: p_θ = m l² θ', p_θ' = -m g l sin θ - η p_θ."""
-    equations = derive(Pendulum)
-    for n in pendulum_at_rest_in_space(random_states):
-        omega_squared = n["gravity"] / n["length"]
-        expected = -n["friction"] * n["theta_dot"] - omega_squared * np.sin(n["theta"])
-        p = n["mass"] * n["length"] ** 2 * n["theta_dot"]
-        weight = n["mass"] * n["gravity"] * n["length"] * np.sin(n["theta"])
-        assert equations.evaluate("accelerations", **n) == algebra(expected)
-        assert equations.evaluate("momenta", **n) == algebra(p)
-        assert equations.evaluate("momentum_rates", **n) == algebra(-weight - n["friction"] * p)
+def test_pendulum_of_kneller_is_the_one_with_fixed_pivot_and_length() -> None:
+    """K Ex. 3 and 6: θ'' + η θ' + Ω² sin θ = 0; Ex. 8: p_θ = m l² θ', p_θ' = -m g l sin θ - η p_θ.
 
-
-def test_ka7_with_the_printed_sign_friction_would_feed_the_pendulum(random_states) -> None:
-    """K Ex. 6 prints m l² θ'' = -m g l sin θ - Q with Q = -m l² η θ': then dE/dt = +2 η T, against eq. 67."""
-    equations = derive(Pendulum)
-    for n in pendulum_at_rest_in_space(random_states):
-        inertia = n["mass"] * n["length"] ** 2
-        weight = n["mass"] * n["gravity"] * n["length"] * np.sin(n["theta"])
-        friction = -inertia * n["friction"] * n["theta_dot"]
-        loss = 2 * n["friction"] * equations.evaluate("kinetic_energy", **n)[0]
-
-        def energy_rate(theta_ddot: float, *, inertia=inertia, weight=weight, rate=n["theta_dot"]) -> float:
-            return rate * (inertia * theta_ddot + weight)
-
-        derived = equations.evaluate("accelerations", **n)[0]
-        printed = (-weight - friction) / inertia
-        assert energy_rate(derived) == pytest.approx(-loss, rel=1e-11)  # K eq. 67; cancellation of the weight's power
-        assert energy_rate(printed) == pytest.approx(+loss, rel=1e-11)
+    KA7: Ex. 6 prints m l² θ'' = -m g l sin θ - Q with Q = -m l² η θ': then dE/dt = +2 η T, against eq. 67.
+    """
+    for n in random_states(Pendulum, **STILL, **unloaded(Pendulum)):
+        inertia, weight = n.mass * n.length**2, n.mass * n.gravity * n.length * np.sin(n.theta)
+        p, theta_ddot = inertia * n.theta_dot, n("accelerations")
+        assert theta_ddot == algebra(-n.friction * n.theta_dot - n.gravity / n.length * np.sin(n.theta))
+        assert n("momenta") == algebra(p)
+        assert n("momentum_rates") == algebra(-weight - n.friction * p)
+        loss = 2 * n.friction * n("kinetic_energy")
+        printed = (-weight + n.friction * p) / inertia
+        # K eq. 67; cancellation of the weight's power
+        assert n.theta_dot * (inertia * theta_ddot + weight) == pytest.approx(-loss, rel=1e-11)
+        assert n.theta_dot * (inertia * printed + weight) == pytest.approx(+loss, rel=1e-11)
 
 
 # ---- Kneller 5.1: the oscillator ---------------------------------------------------------------------------------
@@ -62,14 +45,6 @@ def test_ka7_with_the_printed_sign_friction_would_feed_the_pendulum(random_state
 def complex_amplitude(omega: NDArray, omega_0: float, gamma: float) -> NDArray:
     """K eq. 120 for |F_0|/m = 1."""
     return 1 / (omega_0**2 - omega**2 + 1j * gamma * omega)
-
-
-def test_oscillator_is_equation_114(random_states) -> None:
-    equations = derive(Oscillator)
-    for n in random_states(equations):
-        force = -n["stiffness"] * (n["x"] - n["support"]) - n["mass"] * n["damping"] * n["x_dot"]
-        expected = (force + n["x_force"] - n["x_load"]) / n["mass"]
-        assert equations.evaluate("accelerations", **n) == algebra(expected)
 
 
 @pytest.mark.parametrize("gamma", [0.1, 0.5, 1.0, 1.4])
@@ -107,79 +82,48 @@ def test_ka4_phase_is_continuous_through_resonance_where_the_printed_one_jumps(g
 # ---- Marle 8.1: the swing ----------------------------------------------------------------------------------------
 
 
-def swing_coefficients(n: dict[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
+def swing_coefficients(n: State) -> tuple[float, NDArray, NDArray]:
     """I, J_α and g_αβ of M eq. 55 in the rope's frame, from the velocities of the two masses by hand."""
-    m_1, m_2, b, rope, lean = (n[name] for name in ("mass_seat", "mass_torso", "torso_length", "rope", "lean"))
+    m_1, m_2, b, rope, lean = n.mass_seat, n.mass_torso, n.torso_length, n.rope, n.lean
     inertia = m_1 * rope**2 + m_2 * (rope**2 + b**2 + 2 * rope * b * np.cos(lean))
     J = m_2 * b * np.array([-np.sin(lean), b + rope * np.cos(lean)])
     g = np.array([[m_1 + m_2, -m_2 * b * np.sin(lean)], [-m_2 * b * np.sin(lean), m_2 * b**2]])
     return inertia, J, g
 
 
-def centre_of_mass(n: dict[str, float]) -> complex:
-    """Static moment m_1 r_1 + m_2 r_2 in the plane, x + i z."""
-    seat = -1j * n["rope"] * np.exp(1j * n["theta"])
-    torso = seat - 1j * n["torso_length"] * np.exp(1j * (n["theta"] + n["lean"]))
-    return n["mass_seat"] * seat + n["mass_torso"] * torso
-
-
-def test_swing_has_the_lagrangian_of_equation_56_with_the_half_restored(random_states, number) -> None:
-    equations = derive(Swing)
-    m = equations.mechanism
-    for n in random_states(equations):
+def test_swing_has_the_lagrangian_of_equation_56_with_the_half_restored() -> None:
+    for n in random_states(Swing):
         inertia, J, g = swing_coefficients(n)
-        v = np.array([n["rope_dot"], n["lean_dot"]])
-        D, theta_com = number(equations, m.D, n), number(equations, m.theta_com, n)
-        L = inertia * n["theta_dot"] ** 2 / 2 + J @ v * n["theta_dot"] + v @ g @ v / 2 + D * np.cos(theta_com)
-        assert number(equations, equations.lagrangian, n) == algebra(L)
-        assert number(equations, ca.vertcat(m.inertia, m.J_rope, m.J_lean), n) == algebra([inertia, *J])
-        assert equations.evaluate("momenta", **n) == algebra(inertia * n["theta_dot"] + J @ v)
+        v = np.array([n.rope_dot, n.lean_dot])
+        L = inertia * n.theta_dot**2 / 2 + J @ v * n.theta_dot + v @ g @ v / 2 + n("D") * np.cos(n("theta_com"))
+        assert n("lagrangian") == algebra(L)
+        assert [n(name) for name in ("inertia", "J_rope", "J_lean")] == algebra([inertia, *J])
+        assert n("momenta") == algebra(inertia * n.theta_dot + J @ v)
         # M eq. 50 for one free coordinate: Θ = g - J Jᵀ/I
-        np.testing.assert_allclose(equations.evaluate("effective_mass", **n), g - np.outer(J, J) / inertia, atol=1e-11)
+        np.testing.assert_allclose(n("effective_mass"), g - np.outer(J, J) / inertia, atol=1e-11)
 
 
-def test_swing_angular_momentum_changes_by_the_weight_alone(random_states, number) -> None:
+def test_swing_angular_momentum_changes_by_the_weight_alone() -> None:
     """M eq. 26 with eq. 54: p_θ' = -D sin θ_com, whatever the operator does."""
-    equations = derive(Swing)
-    m = equations.mechanism
-    unloaded = {name: 0.0 for name in equations.symbols if name.endswith(("_load", "theta_force"))}
-    for n in random_states(equations, **unloaded):
-        D, theta_com = number(equations, m.D, n), number(equations, m.theta_com, n)
-        assert equations.evaluate("momentum_rates", **n) == pytest.approx(-D * np.sin(theta_com), rel=1e-12, abs=1e-10)
+    for n in random_states(Swing, **unloaded(Swing)):
+        assert n("momentum_rates") == pytest.approx(-n("D") * np.sin(n("theta_com")), rel=1e-12, abs=1e-10)
 
 
-def test_swing_has_no_X_K(random_states) -> None:  # noqa: N802
-    """M 8.4, first lines: Θ, and with it K_Y of eq. 51, depends on the posture alone."""
-    equations = derive(Swing)
-    for n in random_states(equations):
-        here, elsewhere = (
-            equations.evaluate("effective_mass", **(n | {"theta": n["theta"] + turn})) for turn in (0, 1)
-        )
-        np.testing.assert_allclose(elsewhere, here, rtol=0, atol=1e-11)  # roundings of 100 kg.m2
-
-
-def test_ma2_weight_needs_the_total_mass(random_states, number) -> None:
+def test_ma2_weight_needs_the_total_mass_and_theta_com_points_at_its_centre() -> None:
     """M prints D = gravity × distance of the centre of mass; it is the total mass times that."""
-    equations = derive(Swing)
-    for n in random_states(equations):
-        moment, total = centre_of_mass(n), n["mass_seat"] + n["mass_torso"]
-        D = number(equations, equations.mechanism.D, n)
-        printed = n["gravity"] * abs(moment) / total
-        assert algebra(n["gravity"] * abs(moment)) == D
+    for n in random_states(Swing):
+        seat = -1j * n.rope * np.exp(1j * n.theta)
+        torso = seat - 1j * n.torso_length * np.exp(1j * (n.theta + n.lean))
+        moment, total = n.mass_seat * seat + n.mass_torso * torso, n.mass_seat + n.mass_torso
+        D, theta_com, potential = n("D"), n("theta_com"), n("potential_energy")
+        printed = n.gravity * abs(moment) / total
+        assert algebra(n.gravity * abs(moment)) == D
         # M eq. 54: P = -D cos θ is the potential energy of the two masses; with the printed D it is not.
-        potential = equations.evaluate("potential_energy", **n)[0]
-        theta_com = number(equations, equations.mechanism.theta_com, n)
         assert -D * np.cos(theta_com) == algebra(potential)
         assert -printed * np.cos(theta_com) == algebra(potential / total)
-
-
-def test_theta_com_points_at_the_centre_of_mass(random_states, number) -> None:
-    equations = derive(Swing)
-    for n in random_states(equations):
-        moment, theta_com = centre_of_mass(n), number(equations, equations.mechanism.theta_com, n)
         # e^{iθ} leaves the number of turns open; a rounding of it
         assert abs(np.exp(1j * theta_com) - 1j * moment / abs(moment)) <= 1e-14
-        assert abs(theta_com - n["theta"]) < np.pi  # not wrapped
+        assert abs(theta_com - n.theta) < np.pi  # not wrapped
 
 
 class PrintedSwing(Swing):
@@ -193,18 +137,15 @@ class PrintedSwing(Swing):
         return ca.substitute(self.kinetic_energy(), self.free.q_dot, ca.SX.zeros(1))
 
 
-def test_ma1_without_the_half_the_motion_stays_right_but_the_operator_pays_twice(random_states) -> None:
-    right, printed = derive(Swing), derive(PrintedSwing)
-    for n in random_states(right):
-        forces, printed_forces = (equations.evaluate("operator_forces", **n) for equations in (right, printed))
-        np.testing.assert_allclose(
-            printed.evaluate("accelerations", **n), right.evaluate("accelerations", **n), rtol=1e-12, atol=1e-12
-        )
+def test_ma1_without_the_half_the_motion_stays_right_but_the_operator_pays_twice() -> None:
+    for n in random_states(Swing):
+        printed = State(PrintedSwing, n)
+        np.testing.assert_allclose(printed("accelerations"), n("accelerations"), rtol=1e-12, atol=1e-12)
         # d/dt of the surplus ½ g(v, v): its own Lagrange expression, g v' + Γ(v, v) at θ' = 0, at θ = anything
-        assert np.max(np.abs(printed_forces - forces)) > 1e-2 * np.max(np.abs(forces))
-        _, _, g = swing_coefficients(n)
-        surplus = printed.evaluate("effective_mass", **n) - right.evaluate("effective_mass", **n)
-        np.testing.assert_allclose(surplus, g, atol=1e-11)  # Θ counts g_αβ twice; roundings of 100 kg
+        forces = n("operator_forces")
+        assert np.max(np.abs(printed("operator_forces") - forces)) > 1e-2 * np.max(np.abs(forces))
+        surplus = printed("effective_mass") - n("effective_mass")
+        np.testing.assert_allclose(surplus, swing_coefficients(n)[2], atol=1e-11)  # Θ counts g_αβ twice; 100 kg
 
 
 # ---- Marle 8.4: the hoop -----------------------------------------------------------------------------------------

@@ -4,34 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from on_paper import State, equations_of
 
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.fmu import build
-from liaisons.mechanics import Equations, assemble, derive
+from liaisons.mechanics import assemble
 from liaisons.models import four_bars
 
 TWO = four_bars(2)
 WEIGHT, INERTIA = 9.81 * 3.5, 3.0  # G and J of two windows
 
 
-@pytest.fixture(scope="module")
-def equations() -> Equations:
-    return derive(TWO)
-
-
-def parallel(theta: float, rate: float) -> dict[str, float]:
-    return {f"theta_{i}": theta for i in range(3)} | {f"theta_{i}_dot": rate for i in range(3)}
+def parallel(theta: float, **body: float) -> State:
+    angles = {f"theta_{i}": theta for i in range(3)} | {f"theta_{i}_dot": -5.0 for i in range(3)}
+    return State(TWO, angles | body)
 
 
 @pytest.mark.parametrize("theta", [1.2, -0.3, 0.01, np.pi - 1e-3])
-def test_rods_turn_as_one_near_singular_configurations(equations: Equations, theta: float) -> None:
+def test_rods_turn_as_one_near_singular_configurations(theta: float) -> None:
     """J θ'' = -G cos θ."""
-    found = equations.evaluate("accelerations", **parallel(theta, -5.0))
+    found = parallel(theta)("accelerations")
     sine = abs(np.sin(theta))
     # The constraints divide their rounding, 1e-15 times squares of rates of 25, by sin θ; of what they demand,
     # accelerations of order 10, the share (S/σ²)² is lost, S = 1e-9 at most and σ = sin θ.
@@ -40,10 +36,9 @@ def test_rods_turn_as_one_near_singular_configurations(equations: Equations, the
 
 
 @pytest.mark.parametrize("theta", [0.0, np.pi])
-def test_in_line_the_rods_are_free_and_every_number_is_finite(equations: Equations, theta: float) -> None:
+def test_in_line_the_rods_are_free_and_every_number_is_finite(theta: float) -> None:
     """All gradients of the constraints vanish: A θ'' = -weights, half of each lying rod at either end of it."""
-    state = parallel(theta, -5.0)
-    found, A = (equations.evaluate(quantity, **state) for quantity in ("accelerations", "mass_matrix"))
+    found, A = (parallel(theta)(quantity) for quantity in ("accelerations", "mass_matrix"))
     weights = 9.81 * np.array([1.0, 1.5, 1.0]) * np.cos(theta)
     # sin π is 1e-16, its square 1e-22 far below what is regarded as lost: the forces of the rods are below 1e-6.
     np.testing.assert_allclose(A @ found, -weights, rtol=0, atol=1e-6)
@@ -69,15 +64,12 @@ def test_motion_passes_twenty_singular_configurations(tmp_path_factory, toleranc
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.1, -0.01])
-def test_force_of_a_rod_has_a_pole(equations: Equations, theta: float) -> None:
+def test_force_of_a_rod_has_a_pole(theta: float) -> None:
     """The multiplier of the derived equations for any mass and length."""
     body = {"mass": 1.3, "length": 0.8, "gravity": 9.0}
-    values = body | parallel(theta, -5.0)
-    expressions = [equations.in_motion(equations.multipliers)]
-    force = ca.Function("force", list(equations.symbols.values()), expressions)
-    found = force(*(values.get(name, 0.0) for name in equations.symbols))
+    force = parallel(theta, **body)(equations_of(TWO).multipliers)
     # Rounding over sin² θ, 1e-15 · 25 · 1e4, and what is lost, (1e-9 / 1e-4)².
-    assert float(found[0]) == pytest.approx(float(TWO.pull(theta, **body)) / np.sin(theta), rel=1e-9)
+    assert force[0] == pytest.approx(float(TWO.pull(theta, **body)) / np.sin(theta), rel=1e-9)
 
 
 def test_closed_form_obeys_the_equation_of_one_pendulum() -> None:

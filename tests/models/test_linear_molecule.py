@@ -3,74 +3,36 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from on_paper import algebra
+from hand_derivations import ATOMS, displacements, molecule_matrices
+from on_paper import Values, algebra, defaults, random_states, run, taylor, unloaded
 
 from liaisons.check import max_error
-from liaisons.cosim import simulate
-from liaisons.mechanics import derive
 from liaisons.models.linear_molecule import LinearMolecule
 
-State = dict[str, float]
-ATOMS = (1, 2, 3)
-CO2 = {item.name: item.start for item in LinearMolecule.parameters}
 RECORD = [form.format(i) for i in ATOMS for form in ("x_{}_dot", "p_x_{}", "omega_{}", "mode_{}")]
 # not at rest, not symmetric
-START: State = {"x_1_0": -0.02, "x_2_0": 0.13, "x_3_0": 0.21, "x_1_dot_0": 0.01, "x_3_dot_0": -0.02}
-
-
-def matrices(n: State) -> tuple[NDArray, NDArray]:
-    """M and K of K eq. 155 and 154."""
-    M = np.diag([n["mass_outer"], n["mass_inner"], n["mass_outer"]])
-    return M, n["stiffness"] * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
-
-
-def displacements(n: State) -> NDArray:
-    """u = X - X⁰ with X⁰ = (0, L, 2L)."""
-    return np.array([n[f"x_{i}"] - (i - 1) * n["spacing"] for i in ATOMS])
+START: Values = {"x_1_0": -0.02, "x_2_0": 0.13, "x_3_0": 0.21, "x_1_dot_0": 0.01, "x_3_dot_0": -0.02}
 
 
 # ---- Newton's law and the formulas of the text -------------------------------------------------------------------
 
 
-def test_atoms_move_by_newtons_law(random_states) -> None:
-    """M u'' + K u = F (K eq. 137), the spacing only shifting the positions."""
-    equations = derive(LinearMolecule)
-    for n in random_states(equations):
-        M, K = matrices(n)
-        applied = np.array([n[f"x_{i}_force"] - n[f"x_{i}_load"] for i in ATOMS])
-        u = displacements(n)
-        assert equations.evaluate("accelerations", **n) == algebra(np.linalg.solve(M, applied - K @ u))
-        assert equations.evaluate("potential_energy", **n) == algebra(u @ K @ u / 2)  # K eq. 153
-
-
-def outputs(random_states, *names: str) -> list[tuple[State, NDArray]]:
-    """Random states and the values of some outputs there."""
-    equations = derive(LinearMolecule)
-    symbols = equations.symbols
-    m = equations.mechanism
-    function = ca.Function("f", list(symbols.values()), [ca.vertcat(*(getattr(m, name) for name in names))])
-    states = random_states(equations)
-    return [(n, np.asarray(function(*(n[name] for name in symbols)))[:, 0]) for n in states]
-
-
-def test_ka16_the_eigenvalues_are_the_squares_of_the_normal_frequencies(random_states) -> None:
-    for n, omega in outputs(random_states, "omega_1", "omega_2", "omega_3"):
-        M, K = matrices(n)
+def test_ka16_the_eigenvalues_are_the_squares_of_the_normal_frequencies() -> None:
+    for n in random_states(LinearMolecule):
+        omega = np.array([n(f"omega_{i}") for i in ATOMS])
+        M, K = molecule_matrices(n)
         root = np.sqrt(M)
         eigenvalues = np.linalg.eigvalsh(np.linalg.solve(root, K) @ np.linalg.inv(root))  # of K eq. 156
         assert eigenvalues == algebra(omega**2)
         assert np.max(np.abs(eigenvalues - omega)) > 1e-2  # K's words, "les valeurs propres … sont les fréquences"
 
 
-def test_modes_are_those_of_equation_158(random_states) -> None:
-    for n, q in outputs(random_states, "mode_1", "mode_2", "mode_3"):
-        M, K = matrices(n)
+def test_modes_are_those_of_equation_158() -> None:
+    for n in random_states(LinearMolecule):
+        M, K = molecule_matrices(n)
         modes = LinearMolecule.modes(mass_outer=n["mass_outer"], mass_inner=n["mass_inner"])
         alpha = n["mass_outer"] / n["mass_inner"]
         third = [1 / np.sqrt(4 * alpha**2 + 2), -np.sqrt(2) * alpha / np.sqrt(2 * alpha**2 + 1)]
@@ -78,11 +40,11 @@ def test_modes_are_those_of_equation_158(random_states) -> None:
         assert modes == algebra(printed)
         squares = n["stiffness"] * np.array([0, 1 / n["mass_outer"], 1 / n["mass_outer"] + 2 / n["mass_inner"]])
         assert K @ modes == algebra(M @ modes * squares)  # K u_k = Ω_k² M u_k
-        assert modes @ q == algebra(displacements(n))  # u = Σ q_k u_k
+        assert modes @ [n(f"mode_{i}") for i in ATOMS] == algebra(displacements(n))  # u = Σ q_k u_k
 
 
 def test_kb12_the_vectors_of_equation_158_are_not_normalised_as_equation_151_says() -> None:
-    M, _ = matrices(CO2)
+    M, _ = molecule_matrices(defaults(LinearMolecule))
     modes = LinearMolecule.modes()
     assert np.linalg.norm(modes, axis=0) == algebra([1, 1, 1])
     weights = np.diag(modes.T @ M @ modes)  # would be 1 with K eq. 151
@@ -95,16 +57,14 @@ def test_kb12_the_vectors_of_equation_158_are_not_normalised_as_equation_151_say
     assert D.T @ np.sqrt(M) @ u == algebra(np.sqrt(weights) * q)
 
 
-def test_kb2_total_momentum_needs_each_atoms_own_mass(random_states) -> None:
+def test_kb2_total_momentum_needs_each_atoms_own_mass() -> None:
     """K eq. 46 prints Σ m r_α': with one mass for all it is no constant."""
-    equations = derive(LinearMolecule)
-    unloaded = {name: 0.0 for name in equations.symbols if name.endswith(("_force", "_load"))}
-    for n in random_states(equations, **unloaded):
-        rates = equations.evaluate("accelerations", **n)
-        masses = np.diag(matrices(n)[0])
+    for n in random_states(LinearMolecule, **unloaded(LinearMolecule)):
+        rates = n("accelerations")
+        masses = np.diag(molecule_matrices(n)[0])
         terms = np.abs(masses * rates).sum()
         assert abs(masses @ rates) <= 1e-14 * terms  # a few roundings
-        assert abs(n["mass_outer"] * rates.sum()) > 1e-3 * terms
+        assert abs(n.mass_outer * rates.sum()) > 1e-3 * terms
 
 
 # ---- closed form -------------------------------------------------------------------------------------------------
@@ -113,9 +73,9 @@ def test_kb2_total_momentum_needs_each_atoms_own_mass(random_states) -> None:
 @pytest.mark.parametrize(
     "other", [{}, {"mass_outer": 1.0, "mass_inner": 0.01}, {"mass_inner": 500.0, "stiffness": 30.0}]
 )
-def test_closed_form_is_exact_to_rounding(other: State, taylor) -> None:
+def test_closed_form_is_exact_to_rounding(other: Values) -> None:
     times = np.linspace(0, 20, 11)
-    n = {name: Decimal(value) for name, value in (CO2 | other).items()}
+    n = {name: Decimal(value) for name, value in (defaults(LinearMolecule) | other).items()}
     outer, inner = n["stiffness"] / n["mass_outer"], n["stiffness"] / n["mass_inner"]
     # displacements u and their rates
     rates = [{(3,): 1}, {(4,): 1}, {(5,): 1}]
@@ -136,11 +96,10 @@ def test_closed_form_is_exact_to_rounding(other: State, taylor) -> None:
 
 
 def test_fmu_keeps_momentum_and_the_energy_of_each_mode(fmu) -> None:
-    start: Any = START
-    result = simulate(fmu(LinearMolecule), stop_time=200.0, step_size=0.5, tolerance=1e-10, record=RECORD, **start)
+    result = run(fmu(LinearMolecule), stop_time=200.0, step_size=0.5, record=RECORD, **START)
     momentum = np.sum([result[f"p_x_{i}"] for i in ATOMS], axis=0)
     assert max_error(momentum, momentum[0]) <= 1e-13  # the springs' forces cancel in each step: roundings
-    M, _ = matrices(CO2)
+    M, _ = molecule_matrices(defaults(LinearMolecule))
     modes = LinearMolecule.modes()
     rates = np.linalg.solve(modes, [result[f"x_{i}_dot"] for i in ATOMS])
     weights = np.diag(modes.T @ M @ modes)

@@ -8,12 +8,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from hand_derivations import applied
+from on_paper import State, Values, assert_follows, equations_of, random_states, run, unloaded, wave
 
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.errors import ComponentError, SimulationError, ValidityError
 from liaisons.language import ActiveCoordinate
-from liaisons.mechanics import derive
 from liaisons.models import Pendulum, Swing
 from liaisons.models.general_swing import GeneralSwing
 from liaisons.models.shaped_swing import marle_swing
@@ -23,7 +24,7 @@ SHAPE = {
     "rope": ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0),
     "lean": ActiveCoordinate("rad", "angle of the torso", start=1.5),
 }
-MASSES = {"mass_seat": SEAT, "mass_torso": TORSO, "torso_length": B, "gravity": GRAVITY}
+MASSES: Values = {"mass_seat": SEAT, "mass_torso": TORSO, "torso_length": B, "gravity": GRAVITY}
 
 
 # ---- the child on the swing, in the frame of its centre of mass (erratum MC1) ------------------------------------
@@ -56,7 +57,8 @@ def couplings_of_the_rope(rope: Any, lean: Any) -> tuple[Any, Any]:
 
 
 def metric_of_the_rope(rope: Any, lean: Any) -> list[list[Any]]:  # noqa: ARG001
-    return [[SEAT + TORSO, -TORSO * B * ca.sin(lean)], [-TORSO * B * ca.sin(lean), TORSO * B**2]]
+    mixed = -TORSO * B * ca.sin(lean)
+    return [[SEAT + TORSO, mixed], [mixed, TORSO * B**2]]
 
 
 def couplings(rope: Any, lean: Any) -> list[Any]:
@@ -90,73 +92,54 @@ def rates_of_theta_com(n: dict[str, float]) -> tuple[float, float, np.ndarray]:
     return float(value), float(gradient @ [n["rope_dot"], n["lean_dot"]]), gradient
 
 
-def in_both(component: type[GeneralSwing], n: dict[str, float]) -> dict[str, float]:
+def in_both(component: type[GeneralSwing], n: State) -> State:
     """A state of Swing, without what it has beyond a general swing, in the angle of the centre of mass."""
     shift, rate, _ = rates_of_theta_com(n)
-    names = component().symbols.keys() | {"theta_force", "theta_load"}
-    return {name: n[name] for name in names} | {"theta": n["theta"] + shift, "theta_dot": n["theta_dot"] + rate}
+    same = {name: n[name] for name in equations_of(component).symbols}
+    return State(component, same | {"theta": n.theta + shift, "theta_dot": n.theta_dot + rate})
 
 
-@pytest.fixture
-def swing_states(random_states) -> Callable[..., list[dict[str, float]]]:
+def swing_states(count: int = 20, **fixed: float) -> list[State]:
     """Random states of Swing without loads on its points."""
-    equations = derive(Swing)
-    loads = {name: 0.0 for name in equations.symbols if name.startswith(("seat_", "torso_")) and "load" in name}
-    return lambda count=20, **fixed: random_states(equations, count, **(MASSES | loads | fixed))
+    loads = {name: 0.0 for name in unloaded(Swing) if name.startswith(("seat_", "torso_"))}
+    return random_states(Swing, count, **(MASSES | loads | fixed))
 
 
-def test_four_functions_reproduce_the_swing(swing_states) -> None:
-    swing, child = derive(Swing), derive(Child)
+def test_four_functions_reproduce_the_swing() -> None:
     for n in swing_states():
-        same = in_both(Child, n)
-        for quantity in ("momenta", "momentum_rates", "mass_matrix", "energy"):
-            expected = swing.evaluate(quantity, **n)
-            # Two coordinate systems: sums of ten terms of a few hundred, some roundings each.
-            np.testing.assert_allclose(child.evaluate(quantity, **same), expected, rtol=1e-11, atol=1e-10)
+        child = in_both(Child, n)
+        # Two coordinate systems: sums of ten terms of a few hundred, some roundings each; Θ is g - J Jᵀ/I in either.
+        for quantity in ("momenta", "momentum_rates", "mass_matrix", "energy", "effective_mass"):
+            np.testing.assert_allclose(child(quantity), n(quantity), rtol=1e-11, atol=1e-10)
         # A couple on θ works on the shape, too, where θ is that of the rope: its power is couple · (θ_com' - δ').
-        couple = (n["theta_force"] - n["theta_load"]) * rates_of_theta_com(n)[2]
-        expected = swing.evaluate("operator_forces", **n) - couple
+        couple = applied(n, "theta") * rates_of_theta_com(n)[2]
         np.testing.assert_allclose(
-            child.evaluate("operator_forces", **same), expected, rtol=1e-11, atol=1e-9
+            child("operator_forces"), n("operator_forces") - couple, rtol=1e-11, atol=1e-9
         )  # as above
-        # Θ is g - J Jᵀ/I in either frame.
-        np.testing.assert_allclose(
-            child.evaluate("effective_mass", **same), swing.evaluate("effective_mass", **n), rtol=1e-11, atol=1e-10
-        )
 
 
-def rope_couplings(rope: Any, lean: Any) -> list[Any]:
-    return list(couplings_of_the_rope(rope, lean))
-
-
-def test_mc1_in_the_frame_of_the_rope_equation_54_does_not_hold(swing_states) -> None:
+def test_mc1_in_the_frame_of_the_rope_equation_54_does_not_hold() -> None:
     """P = -D cos θ with θ the angle of the rope: the weight pulls wrongly unless the torso lies on the rope."""
-    wrong = derive(marle_swing(inertia, rope_couplings, metric_of_the_rope, weight, shape=SHAPE))
-    swing = derive(Swing)
-    names = wrong.symbols.keys()
+    wrong = marle_swing(inertia, couplings_of_the_rope, metric_of_the_rope, weight, shape=SHAPE)
+
+    def in_the_frame_of_the_rope(n: State) -> State:
+        return State(wrong, {name: n[name] for name in equations_of(wrong).symbols})
+
     for n in swing_states(5):
-        same = {name: n[name] for name in names}
-        assert wrong.evaluate("momenta", **same) == pytest.approx(swing.evaluate("momenta", **n), rel=1e-12)  # algebra
-        error = wrong.evaluate("momentum_rates", **same)[0] - swing.evaluate("momentum_rates", **n)[0]
-        assert abs(error) > 0.1  # N.m, of some hundred
+        same = in_the_frame_of_the_rope(n)
+        assert same("momenta") == pytest.approx(n("momenta"), rel=1e-12)  # algebra
+        assert abs(same("momentum_rates") - n("momentum_rates")) > 0.1  # N.m, of some hundred
     for n in swing_states(5, lean=0.0):
-        expected = swing.evaluate("momentum_rates", **n)
-        assert wrong.evaluate("momentum_rates", **{name: n[name] for name in names}) == pytest.approx(expected, 1e-12)
+        assert in_the_frame_of_the_rope(n)("momentum_rates") == pytest.approx(n("momentum_rates"), 1e-12)
 
 
 def test_swing_and_its_four_functions_move_alike(fmu) -> None:
     """Pumping with rope and torso; what connects the two angles is δ of the shape."""
-    inputs = {
-        "rope": lambda t: (2 + 0.1 * np.sin(4 * t), 0.4 * np.cos(4 * t), -1.6 * np.sin(4 * t)),
-        "lean": lambda t: (1.5 + 0.4 * np.cos(4 * t), -1.6 * np.sin(4 * t), -6.4 * np.cos(4 * t)),
-    }
-    start = {"rope": 2.0, "lean": 1.9, "rope_dot": 0.4, "lean_dot": 0.0}
-    shift, rate, _ = rates_of_theta_com(start)
-    run: dict[str, Any] = {"stop_time": 10.0, "step_size": 0.02, "tolerance": 1e-10, "inputs": inputs}
-    run |= {"input_reconstruction": 2}
-    masses: dict[str, Any] = dict(MASSES)
-    swing = simulate(fmu(Swing), theta_0=0.5, theta_dot_0=0.2, **run, **masses)
-    child = simulate(fmu(Child), theta_0=0.5 + shift, theta_dot_0=0.2 + rate, **run)
+    inputs = {"rope": wave(2.0, 0.1, 4.0), "lean": wave(1.5, 0.4, 4.0, np.pi / 2)}
+    shift, rate, _ = rates_of_theta_com({"rope": 2.0, "lean": 1.9, "rope_dot": 0.4, "lean_dot": 0.0})
+    settings: Values = {"stop_time": 10.0, "step_size": 0.02, "inputs": inputs}
+    swing = run(fmu(Swing), theta_0=0.5, theta_dot_0=0.2, **settings, **MASSES)
+    child = run(fmu(Child), theta_0=0.5 + shift, theta_dot_0=0.2 + rate, **settings)
     assert max_error(child["theta"], swing["theta_com"]) <= 1e-8  # κ of ten over two swings, ten tolerances
     for name in ("p_theta", "inertia", "D", "energy", "work"):
         assert max_error(child[name], swing[name]) <= 1e-8 * np.max(np.abs(swing[name])), name
@@ -174,17 +157,14 @@ Crouching = marle_swing(
 )
 
 
-def test_point_mass_is_the_pendulum(random_states) -> None:
-    pendulum, crouching = derive(Pendulum), derive(Crouching)
-    fixed = {"mass": 60.0, "gravity": GRAVITY, "friction": 0.0}
+def test_point_mass_is_the_pendulum() -> None:
+    fixed = {"mass": 60.0, "gravity": GRAVITY, "friction": 0.0, "bob_x_load": 0.0, "bob_z_load": 0.0}
     fixed |= {f"pivot_{axis}{order}": 0.0 for axis in "xz" for order in ("", "_dot", "_ddot")}
-    for n in random_states(pendulum, **fixed, bob_x_load=0.0, bob_z_load=0.0):
-        same = {name: n[name] for name in n if name in crouching.symbols}
+    for n in random_states(Pendulum, **fixed):
+        same = State(Crouching, {name: n[name] for name in n if name in equations_of(Crouching).symbols})
         for quantity in ("momenta", "accelerations"):
-            expected = pendulum.evaluate(quantity, **n)
-            assert crouching.evaluate(quantity, **same) == pytest.approx(expected, rel=1e-12)  # algebra
-        rod = pendulum.evaluate("operator_forces", **n)[0]
-        assert crouching.evaluate("operator_forces", **same)[0] == pytest.approx(rod, rel=1e-11)  # algebra
+            assert same(quantity) == pytest.approx(n(quantity), rel=1e-12)  # algebra
+        assert same("operator_forces") == pytest.approx(n("operator_forces")[0], rel=1e-11)  # algebra
 
 
 def test_shape_coordinates_are_the_arguments_of_the_moment_of_inertia() -> None:
@@ -194,16 +174,11 @@ def test_shape_coordinates_are_the_arguments_of_the_moment_of_inertia() -> None:
 
 
 def test_posture_that_is_kept_swings_like_the_compound_pendulum(fmu) -> None:
-    start: dict[str, Any] = {"theta_0": 1.2, "theta_dot_0": 0.5}
-    shapes: list[tuple[type[GeneralSwing], dict[str, Any]]] = [
-        (Child, {"rope": 1.8, "lean": 2.0}),
-        (Crouching, {"length": 1.7}),
-    ]
-    for component, shape in shapes:
-        result = simulate(fmu(component), stop_time=50.0, step_size=0.5, tolerance=1e-10, **start, **shape)
-        exact = component.exact(result.time, **start, **shape)
-        for name, values in exact.items():
-            assert max_error(result[name], values) <= 1e-7, name  # κ of a hundred over 50 s
+    start: Values = {"theta_0": 1.2, "theta_dot_0": 0.5}
+    shapes: dict[type[GeneralSwing], Values] = {Child: {"rope": 1.8, "lean": 2.0}, Crouching: {"length": 1.7}}
+    for component, shape in shapes.items():
+        result = run(fmu(component), stop_time=50.0, step_size=0.5, **start, **shape)
+        assert_follows(result, component.exact(result.time, **start, **shape), 1e-7)  # κ of a hundred over 50 s
 
 
 # ---- bad input ---------------------------------------------------------------------------------------------------

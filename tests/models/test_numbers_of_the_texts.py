@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from on_paper import algebra
+from on_paper import State, algebra, equations_of, random_states
 from scipy.spatial.transform import Rotation
 
 from liaisons import analysis
@@ -52,48 +52,42 @@ def slopes(q: NDArray, l: NDArray) -> NDArray:  # noqa: E741
     return np.array([np.imag(places(q + e, l)) / 1e-30 for e in step]).T
 
 
-def two_rods(random_states) -> list[tuple[dict[str, float], NDArray, NDArray, NDArray]]:
+def two_rods() -> list[tuple[State, NDArray, NDArray, NDArray]]:
     """States with the pivot at rest at the origin: the numbers, ∂r/∂q, masses of the components, q'."""
-    equations = derive(DoublePendulum)
-    still = {name: 0.0 for name in equations.symbols if name.startswith("pivot")}
+    still = {name: 0.0 for name in equations_of(DoublePendulum).symbols if name.startswith("pivot")}
     found = []
-    for n in random_states(equations, **still):
+    for n in random_states(DoublePendulum, **still):
         J = slopes(np.array([n["theta_1"], n["theta_2"]]), np.array([n["length_1"], n["length_2"]]))
         masses = np.repeat([n["mass_1"], n["mass_2"]], 2)
         found.append((n, J, masses, np.array([n["theta_1_dot"], n["theta_2_dot"]])))
     return found
 
 
-def test_metric_tensor_is_the_masses_between_slopes_of_the_places(random_states) -> None:
+def test_metric_tensor_is_the_masses_between_slopes_of_the_places() -> None:
     """K eq. 10-13: δr = ∂r/∂q δq, T = ½ Σ m r'² = ½ Σ a_kl q_k' q_l', a_kl = Σ m ∂r/∂q_k · ∂r/∂q_l."""
-    equations = derive(DoublePendulum)
-    for n, J, masses, rates in two_rods(random_states):
+    for n, J, masses, rates in two_rods():
         a = J.T @ np.diag(masses) @ J
-        assert equations.evaluate("mass_matrix", **n) == algebra(a)
-        assert equations.evaluate("kinetic_energy", **n) == algebra(rates @ a @ rates / 2)
+        assert n("mass_matrix") == algebra(a)
+        assert n("kinetic_energy") == algebra(rates @ a @ rates / 2)
         assert masses @ (J @ rates) ** 2 / 2 == algebra(rates @ a @ rates / 2)
 
 
-def test_generalised_forces_are_the_forces_on_the_slopes_of_the_places(random_states) -> None:
+def test_generalised_forces_are_the_forces_on_the_slopes_of_the_places() -> None:
     """K eq. 14-17: Q_k = Σ F·∂r/∂q_k; of weights -∂U/∂q_k; of loads on the bobs, by the FMU's own ports."""
-    equations = derive(DoublePendulum)
+    equations = equations_of(DoublePendulum)
     own = [f"theta_{k}_{kind}" for k in (1, 2) for kind in ("force", "load")]
     ports = ["bob_1_x_load", "bob_1_z_load", "bob_2_x_load", "bob_2_z_load"]
-    for n, J, masses, _ in two_rods(random_states):
+    for n, J, masses, _ in two_rods():
         weights = -n["gravity"] * masses * [0, 1, 0, 1]
-        slope_of_U = values(
-            [ca.gradient(equations.potential_energy, equations.mechanism.free.q)],
-            ca.vertcat(*equations.symbols.values()),
-            np.array([n[name] for name in equations.symbols]),
-        )[0][:, 0]
+        slope_of_U = n(ca.gradient(equations.potential_energy, equations.mechanism.free.q))
         assert J.T @ weights == algebra(-slope_of_U)
         applied = weights - [n[name] for name in ports]
         rates = {f"theta_{k}_dot": 0.0 for k in (1, 2)} | dict.fromkeys(own, 0.0)
         # At rest p' = ∂L/∂q + Q = Q (K eq. 15).
-        assert equations.evaluate("momentum_rates", **n | rates) == algebra(J.T @ applied)
+        assert (n | rates)("momentum_rates") == algebra(J.T @ applied)
 
 
-def test_generalised_friction_is_minus_eta_times_the_slope_of_the_kinetic_energy(random_states) -> None:
+def test_generalised_friction_is_minus_eta_times_the_slope_of_the_kinetic_energy() -> None:
     """K eq. 64-66: Q = -η Σ m r'·∂r/∂q = -η ∂T/∂q' for friction -m η r' on each bob."""
 
     class Rubbed(DoublePendulum):
@@ -101,12 +95,11 @@ def test_generalised_friction_is_minus_eta_times_the_slope_of_the_kinetic_energy
 
         friction = Friction("of the air")
 
-    rubbed, free = derive(Rubbed), derive(DoublePendulum)
-    for n, J, masses, rates in two_rods(random_states):
+    for n, J, masses, rates in two_rods():
         by_points = -0.3 * J.T @ (masses * (J @ rates))
-        found = rubbed.evaluate("momentum_rates", **n, friction=0.3) - free.evaluate("momentum_rates", **n)
+        found = State(Rubbed, n | {"friction": 0.3})("momentum_rates") - n("momentum_rates")
         assert found == algebra(by_points)
-        assert found == algebra(-0.3 * free.evaluate("momenta", **n))
+        assert found == algebra(-0.3 * n("momenta"))
 
 
 # ---- K 2.3: fields that are neither uniform nor static -----------------------------------------------------------
@@ -142,8 +135,8 @@ def test_weight_keeps_the_angular_momentum_about_the_vertical_alone() -> None:
 # ---- K 3.2, M 4: Legendre's transformation -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("component", [Pendulum, Swing, CircularHoop, PlanarCat], ids=lambda c: c.__name__)
-def test_slopes_of_h_at_given_momenta_are_those_of_l_at_given_rates(component: type[Mechanism], random_states) -> None:
+@pytest.mark.parametrize("component", [Pendulum, Swing, CircularHoop, PlanarCat])
+def test_slopes_of_h_at_given_momenta_are_those_of_l_at_given_rates(component: type[Mechanism]) -> None:
     """K eq. 79-83, 85, 89 and M eq. 30-33: ∂H/∂x = -∂L/∂x, ∂H/∂p = x', ∂H/∂t = -∂L/∂t = dH/dt; t enters by s and s'."""
     equations = derive(component)
     m, h = equations.mechanism, analysis.hamiltonian(equations).expression
@@ -162,7 +155,7 @@ def test_slopes_of_h_at_given_momenta_are_those_of_l_at_given_rates(component: t
         "K eq. 85": (rest, by_metric),
     }
     momenta = {str(symbol) for symbol in ca.vertsplit(p)}  # which follow from the rates
-    for n in random_states(equations, 5):
+    for n in random_states(component, 5):
         state = {
             name: n[name] for name in equations.symbols if not (name.endswith(("_force", "_load")) or name in momenta)
         }
@@ -175,16 +168,15 @@ def test_slopes_of_h_at_given_momenta_are_those_of_l_at_given_rates(component: t
 # ---- K 5: normal coordinates, and the limit of a string ----------------------------------------------------------
 
 
-def test_lagrangian_is_a_sum_over_normal_coordinates(random_states) -> None:
+def test_lagrangian_is_a_sum_over_normal_coordinates() -> None:
     """K eq. 133-146, 149-151: with q = D̃ᵀ M^½ u the Lagrangian is Σ (½ q_k'² - ½ Ω_k² q_k²)."""
-    equations = derive(LinearMolecule)
-    for n in random_states(equations):
+    for n in random_states(LinearMolecule):
         root = np.diag(np.sqrt([n["mass_outer"], n["mass_inner"], n["mass_outer"]]))
         K = n["stiffness"] * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
         squares, D = np.linalg.eigh(np.linalg.inv(root) @ K @ np.linalg.inv(root))
         u = np.array([n[f"x_{i}"] - (i - 1) * n["spacing"] for i in (1, 2, 3)])
         q, q_dot = D.T @ root @ u, D.T @ root @ [n[f"x_{i}_dot"] for i in (1, 2, 3)]
-        L = equations.evaluate("kinetic_energy", **n) - equations.evaluate("potential_energy", **n)
+        L = n("kinetic_energy") - n("potential_energy")
         assert algebra(np.sum(q_dot**2 - squares * q**2) / 2) == L
         assert np.linalg.inv(root) @ D @ q == algebra(u)
 
@@ -229,7 +221,7 @@ def test_action_of_a_motion_changes_by_the_momenta_at_its_ends() -> None:
 
 
 @pytest.mark.parametrize("term", ["frozen", "energy", "lift"])
-@pytest.mark.parametrize("component", [Pendulum, Swing, PlanarCat], ids=lambda c: c.__name__)
+@pytest.mark.parametrize("component", [Pendulum, Swing, PlanarCat])
 def test_each_term_of_the_dynamic_field_keeps_the_poisson_tensor(component: type[Mechanism], term: str) -> None:
     """M eq. 48, 49: the Jacobian matrix F of the field in (x, p) is Hamiltonian, Ω F symmetric."""
     quantity = getattr(analysis.dynamic_field(component), term)

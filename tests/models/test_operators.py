@@ -9,6 +9,7 @@ import casadi as ca
 import fmpy
 import numpy as np
 import pytest
+from on_paper import BACKENDS
 
 from liaisons import simulate
 from liaisons.cosim import System
@@ -51,16 +52,16 @@ def triple(component: type[Operator], times: np.ndarray, values: dict[str, Any])
     return dict(zip((output.name for output in model.outputs), np.array(rows).T, strict=True))
 
 
-@pytest.mark.parametrize("component", OPERATORS, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", OPERATORS)
 def test_triple_is_the_closed_form(component) -> None:
     values = VALUES[component]
     exact = component.exact(TIMES, **values)
+    # Two orders of evaluation of a polynomial or sine: roundings of terms of size 5000 (y'' of the step).
     for name, column in triple(component, TIMES, values).items():
-        # Two orders of evaluation of a polynomial or sine: roundings of terms of size 5000 (y'' of the step).
         np.testing.assert_allclose(column, exact[name], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("component", OPERATORS, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", OPERATORS)
 def test_derivatives_belong_to_the_value(component) -> None:
     values, model = VALUES[component], assemble(component)
     instants = np.asarray(model.events(_column(model, values))).ravel()
@@ -104,7 +105,7 @@ ANNOUNCED: dict[type[Operator], tuple[dict[str, Any], list[float]]] = {
 }
 
 
-@pytest.mark.parametrize("component", ANNOUNCED, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", ANNOUNCED)
 @pytest.mark.parametrize("kind", ["native 2", "native 3", "python 2", "exchange 2", "exchange 3"])
 def test_next_event_time_is_the_first_instant_that_is_not_smooth(fmu, component: type[Operator], kind: str) -> None:
     values, jumps = ANNOUNCED[component]
@@ -156,7 +157,7 @@ def test_ramp_takes_the_rate_after_the_jump_at_the_jump() -> None:
     assert (at_jump["y"][0], at_jump["y_dot"][0], at_jump["y_ddot"][0]) == (1.0, -0.3, 0.0)
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_a_communication_point_that_misses_the_jump_by_rounding_is_taken_for_it(fmu, backend: str) -> None:
     assert 3 * 0.3 < 0.9
     system = System("late")
@@ -200,15 +201,11 @@ def test_a_mechanism_follows_knots_on_communication_points_to_the_last_digits(fm
     ],
 )
 def test_knots_behind_one_that_goes_back_are_not_there(instants: list[float], values: list[float]) -> None:
+    span: dict[str, Any] = {"stop_time": 4.0, "step_size": 0.25}
+    padded = [({"instant": instants[:n], "value": values[:n]}) for n in (4, 2)]
     run, two = (
-        simulate(
-            "PlannedMotion",
-            instant=instants[:n] + [0.0] * (100 - n),
-            value=values[:n] + [0.0] * (100 - n),
-            stop_time=4.0,
-            step_size=0.25,
-        )
-        for n in (4, 2)
+        simulate("PlannedMotion", **{name: np.pad(x, (0, 100 - len(x))) for name, x in knots.items()}, **span)
+        for knots in padded
     )
     np.testing.assert_array_equal(run["y"], two["y"])
     np.testing.assert_allclose(run["y"][run.time == 0.5], 0.5, rtol=1e-12)  # at rest at both ends: half of the way

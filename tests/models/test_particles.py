@@ -5,122 +5,81 @@ Tolerances of trajectories: as in test_trajectories, ten times the solver's tole
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from decimal import Decimal
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from hand_derivations import applied, lorentz_force
 from numpy.typing import NDArray
-from on_paper import algebra, vector
+from on_paper import (
+    State,
+    Values,
+    algebra,
+    defaults,
+    mechanism,
+    random_states,
+    run,
+    taylor,
+    unloaded,
+    vector,
+)
 
 from liaisons.check import max_error
-from liaisons.cosim import simulate
-from liaisons.language import Mechanism
-from liaisons.mechanics import derive
 from liaisons.models.charged_particle import ChargedParticle
 from liaisons.models.free_particle import FreeParticle
 from liaisons.models.kepler_orbit import KeplerOrbit
 from liaisons.models.solutions.stumpff import stumpff
 
-State = dict[str, float]
-PARTICLES = [FreeParticle, ChargedParticle, KeplerOrbit]
+# ---- the formulas of the texts -----------------------------------------------------------------------------------
 
 
-# ---- Newton's law ------------------------------------------------------------------------------------------------
+def test_charged_particle_has_the_lagrangian_and_the_momenta_of_kneller() -> None:
+    for n in random_states(ChargedParticle):
+        r, v, B, E = (vector(n, form) for form in ("{}", "{}_dot", "B_{}", "E_{}"))
+        A = np.cross(B, r) / 2  # K eq. 26
+        L = n.mass / 2 * v @ v - n.charge * (-E @ r - v @ A)  # K eq. 24
+        assert n("lagrangian") == algebra(L)
+        assert n("momenta") == algebra(n.mass * v + n.charge * A)  # K Ex. 7
+        assert [n(f"kinetic_momentum_{axis}") for axis in "xyz"] == algebra(n.mass * v)
+        assert n("energy") == algebra(n("momenta") @ v - L)  # the magnetic field is not in it
 
 
-def force_on_free_particle(n: State) -> NDArray:
-    return np.array([0.0, 0.0, -n["mass"] * n["gravity"]]) - n["mass"] * n["friction"] * vector(n, "{}_dot")
+CHARGE = mechanism(ChargedParticle)
+GUIDING_CENTRE = ca.vertcat(CHARGE.guiding_centre_x, CHARGE.guiding_centre_y, CHARGE.guiding_centre_z)
 
 
-def lorentz_force(n: State) -> NDArray:
-    """K eq. 21."""
-    return n["charge"] * (vector(n, "E_{}") + np.cross(vector(n, "{}_dot"), vector(n, "B_{}")))
-
-
-def gravitation(n: State) -> NDArray:
-    r = vector(n, "{}", "xy")
-    return -n["mass"] * n["mu"] * r / np.hypot(*r) ** 3
-
-
-FORCES: dict[type[Mechanism], Callable[[State], NDArray]] = {
-    FreeParticle: force_on_free_particle,
-    ChargedParticle: lorentz_force,
-    KeplerOrbit: gravitation,
-}
-
-
-@pytest.mark.parametrize("component", PARTICLES, ids=lambda component: component.__name__)
-def test_motion_is_newtons(component, random_states) -> None:
-    equations = derive(component)
-    axes = "".join(q.name for q in component.coordinates)
-    for n in random_states(equations):
-        applied = vector(n, "{}_force", axes) - vector(n, "{}_load", axes)
-        expected = (FORCES[component](n) + applied) / n["mass"]
-        assert equations.evaluate("accelerations", **n) == algebra(expected)
-
-
-def vector_potential(n: State) -> NDArray:
-    """K eq. 26."""
-    return np.cross(vector(n, "B_{}"), vector(n, "{}")) / 2
-
-
-def test_charged_particle_has_the_lagrangian_and_the_momenta_of_kneller(random_states, number) -> None:
-    equations = derive(ChargedParticle)
-    m = equations.mechanism
-    for n in random_states(equations):
-        v, A = vector(n, "{}_dot"), vector_potential(n)
-        phi = -vector(n, "E_{}") @ vector(n, "{}")
-        L = n["mass"] / 2 * v @ v - n["charge"] * (phi - v @ A)  # K eq. 24
-        assert number(equations, equations.lagrangian, n) == algebra(L)
-        assert equations.evaluate("momenta", **n) == algebra(n["mass"] * v + n["charge"] * A)  # K Ex. 7
-        kinetic = ca.vertcat(m.kinetic_momentum_x, m.kinetic_momentum_y, m.kinetic_momentum_z)
-        assert number(equations, kinetic, n) == algebra(n["mass"] * v)
-        H = equations.evaluate("momenta", **n) @ v - L
-        assert equations.evaluate("energy", **n) == algebra(H)  # the magnetic field is not in it
-
-
-def guiding_centre(m: Any) -> ca.SX:
-    return ca.vertcat(m.guiding_centre_x, m.guiding_centre_y, m.guiding_centre_z)
-
-
-def test_guiding_centre_drifts_with_e_cross_b_whatever_the_charge(random_states, number) -> None:
-    equations = derive(ChargedParticle)
-    m = equations.mechanism
-    for n in random_states(equations, **{f"{axis}_{kind}": 0.0 for axis in "xyz" for kind in ("force", "load")}):
+def test_guiding_centre_drifts_with_e_cross_b_whatever_the_charge() -> None:
+    for n in random_states(ChargedParticle, **unloaded(ChargedParticle)):
         B, E, v = vector(n, "B_{}"), vector(n, "E_{}"), vector(n, "{}_dot")
-        arm = number(equations, guiding_centre(m) - m._r, n)
+        arm = n(GUIDING_CENTRE - CHARGE._r)
         drift = ChargedParticle.drift(**{f"{F}_{axis}": n[f"{F}_{axis}"] for F in "BE" for axis in "xyz"})
         # Seen from the drift: across B, at v_⊥/Ω from the particle, in the direction in which the magnetic force pulls.
         seen = v - drift
         across = seen - B * (seen @ B) / (B @ B)
-        radius = n["mass"] * np.linalg.norm(across) / (abs(n["charge"]) * np.linalg.norm(B))
-        pull = n["charge"] * np.cross(seen, B)
+        radius = n.mass * np.linalg.norm(across) / (abs(n.charge) * np.linalg.norm(B))
+        pull = n.charge * np.cross(seen, B)
         assert arm == algebra(radius * pull / np.linalg.norm(pull))
-        rate = number(equations, m.dot(guiding_centre(m)), n)
+        rate = n(CHARGE.dot(GUIDING_CENTRE))
         assert rate - B * (rate @ B) / (B @ B) == algebra(drift)
         assert drift == algebra(np.cross(E, B) / (B @ B))
 
 
-def test_guiding_centre_without_a_field_is_the_particle(random_states, number) -> None:
-    equations = derive(ChargedParticle)
-    for n in random_states(equations, count=3, B_x=0.0, B_y=0.0, B_z=0.0):
-        np.testing.assert_array_equal(number(equations, guiding_centre(equations.mechanism), n), vector(n, "{}"))
+def test_guiding_centre_without_a_field_is_the_particle() -> None:
+    for n in random_states(ChargedParticle, 3, B_x=0.0, B_y=0.0, B_z=0.0):
+        np.testing.assert_array_equal(n(GUIDING_CENTRE), vector(n))
 
 
-def test_eccentricity_vector_is_that_of_laplace_and_runge(random_states, number) -> None:
+def test_eccentricity_vector_is_that_of_laplace_and_runge() -> None:
     """((v² - μ/r) r - (r·v) v)/μ by hand, and constant along the motion, as is the angular momentum."""
-    equations = derive(KeplerOrbit)
-    m = equations.mechanism
+    m = mechanism(KeplerOrbit)
     e = ca.vertcat(m.eccentricity_x, m.eccentricity_y)
-    for n in random_states(equations, x_force=0.0, y_force=0.0, x_load=0.0, y_load=0.0):
-        r, v, mu = vector(n, "{}", "xy"), vector(n, "{}_dot", "xy"), n["mu"]
-        by_hand = ((v @ v - mu / np.hypot(*r)) * r - (r @ v) * v) / mu
-        assert number(equations, e, n) == algebra(by_hand)
-        assert number(equations, m.angular_momentum, n) == algebra(n["mass"] * (r[0] * v[1] - r[1] * v[0]))
-        rates = number(equations, m.dot(ca.vertcat(e, m.angular_momentum)), n)
+    for n in random_states(KeplerOrbit, **unloaded(KeplerOrbit)):
+        r, v = vector(n, axes="xy"), vector(n, "{}_dot", "xy")
+        assert n(e) == algebra(((v @ v - n.mu / np.hypot(*r)) * r - (r @ v) * v) / n.mu)
+        assert n("angular_momentum") == algebra(n.mass * np.linalg.det([r, v]))
+        rates = n(m.dot(ca.vertcat(e, m.angular_momentum)))
         size = (v @ v + 1) * np.hypot(*v) / np.hypot(*r) ** 2  # of the terms that cancel
         np.testing.assert_allclose(rates, 0, rtol=0, atol=1e-13 * max(1.0, size))
 
@@ -135,13 +94,12 @@ class PrintedFreeFall(FreeParticle):
         return -super().potential_energy()
 
 
-def test_ka8_with_the_printed_potential_things_fall_upwards(random_states) -> None:
-    right, printed = derive(FreeParticle), derive(PrintedFreeFall)
-    still = {f"{q}{end}": 0.0 for q in "xyz" for end in ("_dot", "_force", "_load")}
-    for n in random_states(right, **still):
-        fall = np.array([0.0, 0.0, -n["gravity"]])  # z'' = -g, K's own next line
-        assert right.evaluate("accelerations", **n) == algebra(fall)
-        assert printed.evaluate("accelerations", **n) == algebra(-fall)
+def test_ka8_with_the_printed_potential_things_fall_upwards() -> None:
+    still = unloaded(FreeParticle) | {f"{q}_dot": 0.0 for q in "xyz"}
+    for n in random_states(FreeParticle, **still):
+        fall = np.array([0.0, 0.0, -n.gravity])  # z'' = -g, K's own next line
+        assert n("accelerations") == algebra(fall)
+        assert State(PrintedFreeFall, n)("accelerations") == algebra(-fall)
 
 
 class PrintedKepler(KeplerOrbit):
@@ -151,29 +109,24 @@ class PrintedKepler(KeplerOrbit):
         return -super().potential_energy()
 
 
-def test_ka9_the_printed_potential_repels_and_has_no_bound_orbit(random_states) -> None:
-    right, printed = derive(KeplerOrbit), derive(PrintedKepler)
-    free = dict.fromkeys(("x_force", "y_force", "x_load", "y_load"), 0.0)
-    for n in random_states(right, **free):
-        r = vector(n, "{}", "xy")
-        assert right.evaluate("accelerations", **n) @ r < 0 < printed.evaluate("accelerations", **n) @ r
-        assert printed.evaluate("energy", **n) > 0  # whatever the start: it escapes, and there is no period
+def test_ka9_the_printed_potential_repels_and_has_no_bound_orbit() -> None:
+    for n in random_states(KeplerOrbit, **unloaded(KeplerOrbit)):
+        r, printed = vector(n, axes="xy"), State(PrintedKepler, n)
+        assert n("accelerations") @ r < 0 < printed("accelerations") @ r
+        assert printed("energy") > 0  # whatever the start: it escapes, and there is no period
 
 
-def test_ka11_virial_needs_positions_where_velocities_are_printed(random_states, number) -> None:
+def test_ka11_virial_needs_positions_where_velocities_are_printed() -> None:
     """K 2.7: 2T = d/dt(p·r) - r·p', and by K eq. 73 with h = -1: 2T + V = d/dt(p·r)."""
-    equations = derive(KeplerOrbit)
-    m = equations.mechanism
+    m = mechanism(KeplerOrbit)
     r, v = m.free.q, m.free.q_dot
     p = m.mass * v
-    for n in random_states(equations, x_force=0.0, y_force=0.0, x_load=0.0, y_load=0.0):
-        twice_T = 2 * equations.evaluate("kinetic_energy", **n)[0]
-        V = equations.evaluate("potential_energy", **n)[0]
-        force_term, product_rate, printed_rate = number(
-            equations, ca.vertcat(ca.dot(r, m.dot(p)), m.dot(ca.dot(p, r)), m.dot(ca.dot(p, v))), n
-        )
+    rates = ca.vertcat(ca.dot(r, m.dot(p)), m.dot(ca.dot(p, r)), m.dot(ca.dot(p, v)))
+    for n in random_states(KeplerOrbit, **unloaded(KeplerOrbit)):
+        twice_T = 2 * n("kinetic_energy")
+        force_term, product_rate, printed_rate = n(rates)
         assert product_rate - force_term == algebra(twice_T)
-        assert twice_T + V == algebra(product_rate)
+        assert twice_T + n("potential_energy") == algebra(product_rate)
         assert abs(printed_rate - force_term - twice_T) > 1e-3 * twice_T
 
 
@@ -185,17 +138,15 @@ class PrintedLandau(ChargedParticle):
         return self.kinetic_energy() - self.potential_energy() + printed
 
 
-def test_ka12_without_its_dots_equation_27_has_no_magnetic_field_in_it(random_states, number) -> None:
-    right, printed = derive(ChargedParticle), derive(PrintedLandau)
-    for n in random_states(right, B_x=0.0, B_y=0.0):
-        area_rate = n["x"] * n["y_dot"] - n["y"] * n["x_dot"]
-        without = number(right, right.kinetic_energy - right.potential_energy, n)
-        L = without + n["charge"] * n["B_z"] / 2 * area_rate
-        assert number(right, right.lagrangian, n) == algebra(L)
-        electric = n["charge"] * vector(n, "E_{}") + vector(n, "{}_force") - vector(n, "{}_load")
-        assert printed.evaluate("accelerations", **n) == algebra(electric / n["mass"])
-        magnetic = lorentz_force(n) - n["charge"] * vector(n, "E_{}")
-        assert np.linalg.norm(magnetic) > 1e-3
+def test_ka12_without_its_dots_equation_27_has_no_magnetic_field_in_it() -> None:
+    for n in random_states(ChargedParticle, B_x=0.0, B_y=0.0):
+        area_rate = n.x * n.y_dot - n.y * n.x_dot
+        L = n("kinetic_energy") - n("potential_energy") + n.charge * n.B_z / 2 * area_rate
+        assert n("lagrangian") == algebra(L)
+        electric = n.charge * vector(n, "E_{}")
+        printed = State(PrintedLandau, n)("accelerations")
+        assert printed == algebra((electric + applied(n, *"xyz")) / n.mass)
+        assert np.linalg.norm(lorentz_force(n) - electric) > 1e-3
 
 
 def curl(A: ca.SX, r: ca.SX) -> ca.SX:
@@ -254,7 +205,7 @@ def test_stumpffs_functions_are_sines_and_their_series() -> None:
 
 
 @pytest.mark.parametrize("friction", [0.0, 1e-9, 0.5, 20.0])
-def test_free_particle_is_exact_to_rounding(friction: float, taylor) -> None:
+def test_free_particle_is_exact_to_rounding(friction: float) -> None:
     times = np.linspace(0, 5, 11)
     reference = taylor(
         times, [2, -3], [{(1,): 1}, {(): -Decimal(FreeParticle.gravity.start), (1,): -Decimal(friction)}]
@@ -267,7 +218,7 @@ def test_free_particle_is_exact_to_rounding(friction: float, taylor) -> None:
     np.testing.assert_allclose(exact["x"], weightless[0], rtol=1e-14, atol=1e-14)
 
 
-FIELDS: list[State] = [
+FIELDS: list[dict[str, float]] = [
     {"B_x": 0.3, "B_y": -0.8, "B_z": 0.5, "E_x": 0.2, "E_y": 0.1, "E_z": -0.4, "charge": -1.3, "mass": 0.7},
     {"B_z": 0.0, "E_x": 0.3, "E_z": -0.2},
     {"B_z": 1e-9, "E_x": 0.3},
@@ -277,13 +228,13 @@ FIELDS: list[State] = [
 
 
 @pytest.mark.parametrize("fields", FIELDS)
-def test_charged_particle_is_exact_to_rounding_in_any_fields(fields: State, taylor) -> None:
+def test_charged_particle_is_exact_to_rounding_in_any_fields(fields: dict[str, float]) -> None:
     times = np.linspace(0, 12, 13)
-    n = {item.name: item.start for item in ChargedParticle.parameters} | fields
+    n = defaults(ChargedParticle) | fields
     ratio = Decimal(n["charge"]) / Decimal(n["mass"])
     E, B = ([ratio * Decimal(n[f"{F}_{axis}"]) for axis in "xyz"] for F in "EB")
     # r' = v; v_x' = E_x + v_y B_z - v_z B_y, and so on round
-    rates: list[dict[tuple[int, ...], Any]] = [{(3 + i,): 1} for i in range(3)]
+    rates: list[Any] = [{(3 + i,): 1} for i in range(3)]
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         rates.append({(): E[i], (3 + j,): B[k], (3 + k,): -B[j]})
     start = {"x_0": 1.0, "y_0": -2.0, "z_0": 0.5, "x_dot_0": 0.3, "y_dot_0": 0.7, "z_dot_0": -1.1}
@@ -298,7 +249,7 @@ def test_charged_particle_is_exact_to_rounding_in_any_fields(fields: State, tayl
 
 
 @pytest.mark.parametrize("fields", [FIELDS[0], FIELDS[3]])
-def test_guiding_centre_is_the_centre_of_the_turns(fields: State) -> None:
+def test_guiding_centre_is_the_centre_of_the_turns(fields: dict[str, float]) -> None:
     """It is where the particle is on the average of a turn about now, when nothing pulls along B."""
     B, E = (np.array([fields.get(f"{F}_{axis}", 0.0) for axis in "xyz"]) for F in "BE")
     E -= B * (B @ E) / (B @ B)
@@ -311,7 +262,7 @@ def test_guiding_centre_is_the_centre_of_the_turns(fields: State) -> None:
         np.testing.assert_allclose(mean, [at[f"guiding_centre_{axis}"] for axis in "xyz"], rtol=0, atol=1e-13)
 
 
-ORBITS: dict[str, State] = {
+ORBITS: dict[str, Values] = {
     "circle": {},
     "ellipse": {"x_0": 0.3, "y_0": -1.1, "x_dot_0": 0.7, "y_dot_0": 0.2, "mu": 1.3},
     "e = 0.8": {"y_dot_0": np.sqrt(0.2)},
@@ -322,8 +273,8 @@ ORBITS: dict[str, State] = {
 }
 
 
-@pytest.mark.parametrize("start", ORBITS.values(), ids=ORBITS.keys())
-def test_kepler_orbit_is_exact_to_rounding(start: State, taylor) -> None:
+@pytest.mark.parametrize("start", ORBITS.values(), ids=ORBITS)
+def test_kepler_orbit_is_exact_to_rounding(start: dict[str, float]) -> None:
     times = np.linspace(0, 4, 17)
     x, y, u, v = (
         start.get(name, default) for name, default in (("x_0", 1.0), ("y_0", 0.0), ("x_dot_0", 0.0), ("y_dot_0", 1.0))
@@ -382,16 +333,11 @@ def test_kepler_orbit_far_out_on_a_hyperbola() -> None:
 # ---- FMUs --------------------------------------------------------------------------------------------------------
 
 
-TRAPS: dict[str, State] = {
-    "Fig. 3": {"x_dot_0": 1.0, "z_dot_0": 0.1},
-    "oblique fields": {"x_dot_0": 1.0, "x_0": 2.0} | FIELDS[0],
-    "no magnetic field": {"x_dot_0": 1.0, "B_z": 0.0, "E_y": 0.5},
-}
-
-
-@pytest.mark.parametrize("start", [TRAPS["oblique fields"], {"B_z": 2.0, "E_x": 0.4, "E_y": -0.3, "z_dot_0": 0.0}])
+@pytest.mark.parametrize(
+    "start", [{"x_dot_0": 1.0, "x_0": 2.0} | FIELDS[0], {"B_z": 2.0, "E_x": 0.4, "E_y": -0.3, "z_dot_0": 0.0}]
+)
 def test_charged_particle_goes_round_the_guiding_centre_at_one_distance(fmu, start: Any) -> None:
-    result = simulate(fmu(ChargedParticle), stop_time=50.0, step_size=0.05, tolerance=1e-10, **start)
+    result = run(fmu(ChargedParticle), stop_time=50.0, step_size=0.05, **start)
     r, centre = (np.array([result[form.format(axis)] for axis in "xyz"]) for form in ("{}", "guiding_centre_{}"))
     distance = np.linalg.norm(r - centre, axis=0)
     assert max_error(distance, distance[0]) <= 1e-8  # 50 s at 1e-10, ten times
@@ -402,7 +348,7 @@ def test_charged_particle_keeps_what_the_fields_let_it_keep(fmu) -> None:
     """Without E: speed, velocity along B, guiding centre across B; canonical L·B in the symmetric gauge."""
     fields: Any = {"B_x": 0.3, "B_y": -0.8, "B_z": 0.5}
     start: Any = {"x_0": 1.0, "y_0": 0.4, "x_dot_0": 0.5, "y_dot_0": -0.2, "z_dot_0": 0.9}
-    result = simulate(fmu(ChargedParticle), stop_time=500.0, step_size=0.5, tolerance=1e-10, **start, **fields)
+    result = run(fmu(ChargedParticle), stop_time=500.0, step_size=0.5, **start, **fields)
     r, p, mv, centre = (
         np.array([result[form.format(axis)] for axis in "xyz"])
         for form in ("{}", "p_{}", "kinetic_momentum_{}", "guiding_centre_{}")
@@ -425,7 +371,7 @@ def test_charged_particle_keeps_what_the_fields_let_it_keep(fmu) -> None:
 @pytest.mark.parametrize("name", ["circle", "ellipse", "e = 0.8", "parabola", "hyperbola, inwards", "backwards"])
 def test_kepler_orbit(fmu, name: str) -> None:
     start: Any = ORBITS[name]
-    result = simulate(fmu(KeplerOrbit), stop_time=20.0, step_size=0.1, tolerance=1e-10, **start)
+    result = run(fmu(KeplerOrbit), **start)
     exact = KeplerOrbit.exact(result.time, **start)
     # κ(t): what a disturbance of the start becomes, from the closed form itself.
     relative = 1e-7
@@ -444,7 +390,7 @@ def test_kc8_third_law_holds_for_orbits_of_any_shape(fmu, a: float, e: float) ->
     """After 2π √(a³/μ) the planet is back; K eq. 60 compares orbits of one shape only."""
     start: Any = {"x_0": a * (1 - e), "y_dot_0": np.sqrt((1 + e) / (1 - e) / a)}
     period = 2 * np.pi * a**1.5
-    result = simulate(fmu(KeplerOrbit), stop_time=period, step_size=period / 20, tolerance=1e-11, **start)
+    result = run(fmu(KeplerOrbit), stop_time=period, step_size=period / 20, tolerance=1e-11, **start)
     assert KeplerOrbit.period(**start) == pytest.approx(period, rel=1e-14)  # a few roundings
     speed = start["y_dot_0"]
     for name in ("x", "y"):

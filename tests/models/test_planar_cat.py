@@ -5,90 +5,24 @@ A plane vector (x, z) is the complex number x + i z.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
+from hand_derivations import Bodies
 from numpy.typing import ArrayLike, NDArray
+from on_paper import INTERPOLATE, Values, defaults, derivative, equations_of
 from scipy.integrate import dblquad, quad
 
 from liaisons import analysis
 from liaisons.check import max_error
 from liaisons.cosim import Result, System
-from liaisons.mechanics import derive
 from liaisons.models.fourier_series import FourierSeries
 from liaisons.models.planar_cat import PlanarCat
-
-State = dict[str, float]
-Values = dict[str, Any]
-
-# ---- Newton and Euler by hand ------------------------------------------------------------------------------------
-
-
-def cross(a: NDArray, b: NDArray) -> NDArray:
-    """Moment a × b of each pair, from x towards z positive."""
-    return np.imag(np.conj(a) * b)
-
-
-class Bodies:
-    """The three bodies in a state: masses, inertias, and their motion about the common centre of mass."""
-
-    def __init__(self, n: State) -> None:
-        self.mass = np.array([n["mass_0"], n["mass_1"], n["mass_2"]])
-        self.inertia = np.array([n["inertia_0"], n["inertia_1"], n["inertia_2"]])
-        self.angle, self.spin, self.angular_acceleration = (
-            np.array([0.0, n[f"psi_1{order}"], n[f"psi_2{order}"]]) + n[f"phi{order}"]
-            for order in ("", "_dot", "_ddot")
-        )
-        h, c_1, c_2 = n["hinge"], n["arm_1"], n["arm_2"]
-        rods = np.array([[0, 0, 0], [h, c_1, 0], [-h, 0, -c_2]]) * np.exp(1j * self.angle)
-        self.arms = rods.diagonal()  # from each hinge to the limb's centre of mass
-        self.position = self.about_the_centre(rods.sum(1))
-        self.velocity = self.about_the_centre(rods @ (1j * self.spin))
-        self.acceleration = self.about_the_centre(rods @ (1j * self.angular_acceleration - self.spin**2))
-
-    def about_the_centre(self, vectors: NDArray) -> NDArray:
-        return vectors - self.mass @ vectors / self.mass.sum()
-
-    def angular_momentum(self) -> float:
-        return float(self.mass @ cross(self.position, self.velocity) + self.inertia @ self.spin)
-
-    def moment(self) -> float:
-        """Rate of the angular momentum."""
-        return float(self.mass @ cross(self.position, self.acceleration) + self.inertia @ self.angular_acceleration)
-
-    def hinge_torques(self) -> NDArray:
-        """Balance of each limb about its hinge; weight and drives of the centre of mass pull on all parts alike."""
-        return (self.inertia * self.angular_acceleration + self.mass * cross(self.arms, self.acceleration))[1:]
-
-
-def test_motion_and_hinge_torques_are_those_of_newton_and_euler(random_states, number) -> None:
-    equations = derive(PlanarCat)
-    for n in random_states(equations):
-        total = n["mass_0"] + n["mass_1"] + n["mass_2"]
-        forces = {q: n[f"{q}_force"] - n[f"{q}_load"] for q in ("com_x", "com_z", "phi")}
-        without, one_more = (Bodies(n | {"phi_ddot": phi_ddot}).moment() for phi_ddot in (0.0, 1.0))
-        phi_ddot = (forces["phi"] - without) / (one_more - without)
-        cat = Bodies(n | {"phi_ddot": phi_ddot})
-        by_hand = {
-            "accelerations": [forces["com_x"] / total, forces["com_z"] / total - n["gravity"], phi_ddot],
-            "momenta": [total * n["com_x_dot"], total * n["com_z_dot"], cat.angular_momentum()],
-            "operator_forces": cat.hinge_torques(),
-        }
-        for quantity, expected in by_hand.items():
-            # Two orders of evaluation of sums of ten terms; random states make the terms ten times the result.
-            assert equations.evaluate(quantity, **n) == pytest.approx(expected, rel=1e-12, abs=1e-11), quantity
-        energy = (cat.mass @ np.abs(cat.velocity) ** 2 + cat.inertia @ cat.spin**2) / 2
-        energy += total * (n["com_x_dot"] ** 2 + n["com_z_dot"] ** 2) / 2 + total * n["gravity"] * n["com_z"]
-        assert equations.evaluate("energy", **n) == pytest.approx(energy, rel=1e-12)  # as above
-        angular_momentum = number(equations, equations.mechanism.angular_momentum, n)
-        assert angular_momentum == pytest.approx(cat.angular_momentum(), rel=1e-12, abs=1e-12)  # as above
 
 
 def test_phi_is_cyclic_and_x_k_vanishes() -> None:
     """φ appears nowhere: p_φ is constant (K 2.4), Θ and with it K_Y depend on the shape alone (M 8.4, first lines)."""
-    equations = derive(PlanarCat)
+    equations = equations_of(PlanarCat)
     for expression in (equations.lagrangian, equations.effective_mass, equations.momentum_rates):
         assert not ca.depends_on(expression, equations.mechanism.phi)
     forces = ca.vertcat(equations.drives, equations.loads)
@@ -104,22 +38,31 @@ CONNECTION, CURVATURE = analysis.kinetic_connection(PlanarCat), analysis.curvatu
 CENTRE, SIZE = (0.9, -0.5), (0.8, 0.6)  # a loop of shapes: an ellipse
 
 
-def connection_by_hand(psi: ArrayLike, parameters: Values) -> NDArray:
-    """J_α/I: the angular momenta that a unit rate of each angle makes."""
+def angular_momenta(psi: ArrayLike, parameters: Values) -> list[float]:
+    """I and J_α: what a unit rate of each angle makes."""
     still = {f"{q}{order}": 0.0 for q in ("phi", "psi_1", "psi_2") for order in ("", "_dot", "_ddot")}
-    shape = {p.name: p.start for p in PlanarCat.parameters} | parameters | still
+    shape = defaults(PlanarCat) | parameters | still
     shape |= dict(zip(("psi_1", "psi_2"), np.asarray(psi), strict=True))
     rates = ("phi_dot", "psi_1_dot", "psi_2_dot")
-    I, *J = (Bodies(shape | {rate: 1.0}).angular_momentum() for rate in rates)  # noqa: E741
-    return np.array(J) / I
+    return [Bodies(shape | {rate: 1.0}).angular_momentum() for rate in rates]
+
+
+def connection_by_hand(psi: ArrayLike, parameters: Values) -> NDArray:
+    """J_α/I."""
+    inertia, *couplings = angular_momenta(psi, parameters)
+    return np.array(couplings) / inertia
+
+
+def on_the_loop(s: float, centre=CENTRE, size=SIZE) -> NDArray:
+    return np.array(centre) + np.array(size) * [np.cos(s), np.sin(s)]
 
 
 def line_integral(centre=CENTRE, size=SIZE, parameters: Values = CAT) -> float:
     """Turn of the trunk in one counter-clockwise round of the ellipse: -∮ A_1 dψ_1 + A_2 dψ_2."""
 
     def integrand(s: float) -> float:
-        psi = np.array(centre) + np.array(size) * [np.cos(s), np.sin(s)]
-        return float(-connection_by_hand(psi, parameters) @ (np.array(size) * [-np.sin(s), np.cos(s)]))
+        psi, along = on_the_loop(s, centre, size), np.array(size) * [-np.sin(s), np.cos(s)]
+        return float(-connection_by_hand(psi, parameters) @ along)
 
     return quad(integrand, 0, 2 * np.pi, epsabs=1e-12)[0]
 
@@ -127,7 +70,6 @@ def line_integral(centre=CENTRE, size=SIZE, parameters: Values = CAT) -> float:
 @pytest.mark.parametrize("parameters", [{}, CAT])
 def test_connection_is_the_one_by_hand_and_curvature_its_curl(parameters: Values) -> None:
     random = np.random.default_rng(3)
-    h = 1e-3
     for psi in random.uniform(-3, 3, (20, 2)):
         expected = connection_by_hand(psi, parameters)
         shape = dict(zip(("psi_1", "psi_2"), psi.tolist(), strict=True)) | parameters
@@ -135,15 +77,12 @@ def test_connection_is_the_one_by_hand_and_curvature_its_curl(parameters: Values
         assert -CONNECTION.evaluate(**shape)[2] == pytest.approx(expected, rel=1e-12, abs=1e-14)
         turn_rate = PlanarCat.turn_rate(*psi, 0.7, -1.3, **parameters)
         assert turn_rate == pytest.approx(-expected @ [0.7, -1.3], rel=1e-12, abs=1e-14)
-        shifts = np.array([[h, 0], [0, h]])
-        (along_1, along_2) = (
-            (8 * (plus - minus) - (far_plus - far_minus)) / (12 * h)
-            for plus, minus, far_plus, far_minus in (
-                [connection_by_hand(psi + factor * shift, parameters) for factor in (1, -1, 2, -2)] for shift in shifts
-            )
+        along_1, along_2 = (
+            derivative(lambda x, at=psi, axis=axis: connection_by_hand(at + x * axis, parameters), 0.0)
+            for axis in np.eye(2)
         )
         curl = along_1[1] - along_2[0]
-        # Fourth order, h⁴ A⁽⁵⁾/30, and roundings of A/h.
+        # Order 10 with h = 0.02, and roundings of A/h.
         assert -CURVATURE.evaluate(**shape)[2] == pytest.approx(curl, abs=1e-10)
 
 
@@ -162,6 +101,9 @@ def test_line_integral_of_the_connection_is_the_area_integral_of_its_curvature()
 # ---- the FMU -----------------------------------------------------------------------------------------------------
 
 
+LEAP: Values = {"com_x_dot_0": 0.7, "com_z_dot_0": 2.0}
+
+
 def falling(
     fmu, *, frequency: float, stop_time: float, centre=CENTRE, size=SIZE, phases=(0.0, 1.0), spin=0.0, parameters=CAT
 ) -> Result:
@@ -171,20 +113,11 @@ def falling(
     """
     rates = np.array([0.0, size[1] * phases[1] * frequency])
     shape = centre[0] + size[0], centre[1] + size[1] * phases[0]
-    phi_dot_0 = spin - float(connection_by_hand(shape, parameters) @ rates)
+    start = {"phi_dot_0": spin - float(connection_by_hand(shape, parameters) @ rates)} | LEAP
     system = System("falling cat")
-    cat = system.add(
-        "cat",
-        fmu(PlanarCat),
-        phi_dot_0=phi_dot_0,
-        com_x_dot_0=0.7,
-        com_z_dot_0=2.0,
-        input_reconstruction=2,
-        **parameters,
-    )
-    loops = ({"offset": centre[0], "cos_1": size[0]}, {"offset": centre[1]})
-    loops[1].update(cos_1=size[1] * phases[0], sin_1=size[1] * phases[1])
-    for i, loop in enumerate(loops, 1):
+    cat = system.add("cat", fmu(PlanarCat), input_reconstruction=INTERPOLATE, **start, **parameters)
+    for i, (cosine, sine) in enumerate(((1.0, 0.0), phases), 1):
+        loop = {"offset": centre[i - 1], "cos_1": size[i - 1] * cosine, "sin_1": size[i - 1] * sine}
         operator = system.add(f"operator_{i}", fmu(FourierSeries), angular_frequency=frequency, **loop)
         system.connect(operator["y"], cat[f"psi_{i}"])
     return system.simulate(stop_time=stop_time, step_size=2 * np.pi / abs(frequency) / 100, tolerance=1e-10)
@@ -219,11 +152,7 @@ def test_angular_momentum_adds_its_own_turn(fmu) -> None:
     p_phi = result["cat.p_phi"][0]
 
     def rate(t: float) -> float:
-        s = frequency * t
-        psi = np.array(CENTRE) + np.array(SIZE) * [np.cos(s), np.sin(s)]
-        zero = dict.fromkeys(("phi", "psi_1_dot", "psi_2_dot", "phi_ddot", "psi_1_ddot", "psi_2_ddot"), 0.0)
-        shape = {p.name: p.start for p in PlanarCat.parameters} | CAT | zero | {"psi_1": psi[0], "psi_2": psi[1]}
-        return p_phi / Bodies(shape | {"phi_dot": 1.0}).angular_momentum()
+        return p_phi / angular_momenta(on_the_loop(frequency * t), CAT)[0]
 
     own, _ = quad(rate, 0, 2 * np.pi / frequency, epsabs=1e-12)
     assert abs(own) > 0.1
@@ -233,7 +162,7 @@ def test_angular_momentum_adds_its_own_turn(fmu) -> None:
 def test_moving_limbs_leave_the_parabola_and_the_angular_momentum(fmu) -> None:
     """M eq. 59, and p_φ = L from positions and velocities of the bodies."""
     result = falling(fmu, frequency=7.0, stop_time=5.0, spin=0.3)
-    exact = PlanarCat.exact(result.time, com_x_dot_0=0.7, com_z_dot_0=2.0)
+    exact = PlanarCat.exact(result.time, **LEAP)
     for name in ("com_x", "com_x_dot", "com_z", "com_z_dot"):
         assert max_error(result[f"cat.{name}"], exact[name]) <= 1e-12 * 130, name  # roundings of 113 m
     assert max_error(result["cat.angular_momentum"], result["cat.p_phi"][0]) <= 1e-14  # a few roundings of 0.06

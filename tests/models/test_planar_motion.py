@@ -5,96 +5,52 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
-from on_paper import algebra
+from hand_derivations import states
+from on_paper import State, Values, algebra, assert_follows, run, taylor, unloaded
 
 from liaisons.check import max_error
-from liaisons.cosim import Result, simulate
-from liaisons.mechanics import derive
 from liaisons.models.planar_oscillator import PlanarOscillator
 from liaisons.models.polar_oscillator import PolarOscillator
-
-State = dict[str, float]
-
-
-@pytest.fixture
-def polar_states(random_states) -> list[State]:
-    """Random states with r > 0."""
-    return [n | {"r": abs(n["r"]) + 0.1} for n in random_states(derive(PolarOscillator))]
-
 
 # ---- Newton's law and the formulas of the text -------------------------------------------------------------------
 
 
-def test_planar_oscillator_moves_by_newtons_law(random_states) -> None:
-    equations = derive(PlanarOscillator)
-    for n in random_states(equations):
-        force = np.array([-n["stiffness"] * n[q] + n[f"{q}_force"] - n[f"{q}_load"] for q in "xy"])
-        assert equations.evaluate("accelerations", **n) == algebra(force / n["mass"])
-
-
-def test_polar_oscillator_moves_by_newtons_law(polar_states) -> None:
-    """In the complex plane: (r e^iφ)'' e^-iφ = r'' - r φ'² + i (r φ'' + 2 r' φ')."""
-    equations = derive(PolarOscillator)
-    for n in polar_states:
-        radial = -n["stiffness"] * n["r"] + n["r_force"] - n["r_load"]
-        across = (n["phi_force"] - n["phi_load"]) / n["r"]  # the couple as a force
-        r_ddot = radial / n["mass"] + n["r"] * n["phi_dot"] ** 2
-        phi_ddot = (across / n["mass"] - 2 * n["r_dot"] * n["phi_dot"]) / n["r"]
-        assert equations.evaluate("accelerations", **n) == algebra([r_ddot, phi_ddot])
-        moment = n["mass"] * n["r"] ** 2 * n["phi_dot"]
-        assert equations.evaluate("momenta", **n) == algebra([n["mass"] * n["r_dot"], moment])  # K eq. 42
-
-
-def test_both_have_the_same_energies_and_angular_momentum(polar_states, number) -> None:
+def test_both_have_the_same_energies_and_angular_momentum() -> None:
     """K eq. 35 is eq. 41 under x = r cos φ, y = r sin φ (eq. 39, 40)."""
-    polar, planar = derive(PolarOscillator), derive(PlanarOscillator)
-    for n in polar_states:
-        position = n["r"] * np.exp(1j * n["phi"])
-        velocity = (n["r_dot"] + 1j * n["r"] * n["phi_dot"]) * np.exp(1j * n["phi"])
-        same = {name: n[name] for name in ("mass", "stiffness")}
-        there = dict.fromkeys(planar.symbols, 0.0) | same
-        there |= {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
+    for n in states(PolarOscillator):
+        turn = np.exp(1j * n.phi)
+        position, velocity = n.r * turn, (n.r_dot + 1j * n.r * n.phi_dot) * turn
+        place = {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
+        there = State(PlanarOscillator, {"mass": n.mass, "stiffness": n.stiffness} | place)
         for quantity in ("kinetic_energy", "potential_energy"):
-            assert polar.evaluate(quantity, **n) == algebra(planar.evaluate(quantity, **there))
-        moment = number(planar, planar.mechanism.angular_momentum, there)
-        assert polar.evaluate("momenta", **n)[1] == algebra(moment)
+            assert n(quantity) == algebra(there(quantity))
+        assert n("momenta")[1] == algebra(there("angular_momentum"))
 
 
-def test_phi_is_cyclic() -> None:
-    equations = derive(PolarOscillator)
-    assert not ca.depends_on(equations.lagrangian, equations.mechanism.phi)
-
-
-def test_ka1_the_printed_radial_equation_lacks_the_centrifugal_term(polar_states) -> None:
-    equations = derive(PolarOscillator)
-    for n in polar_states:
-        free = n | dict.fromkeys(("r_force", "r_load", "phi_force", "phi_load"), 0.0)
-        printed = -n["stiffness"] / n["mass"] * n["r"]  # K eq. 43
-        p_phi = n["mass"] * n["r"] ** 2 * n["phi_dot"]
-        centrifugal = p_phi**2 / (n["mass"] ** 2 * n["r"] ** 3)
-        assert equations.evaluate("accelerations", **free)[0] == algebra(printed + centrifugal)
+def test_ka1_the_printed_radial_equation_lacks_the_centrifugal_term() -> None:
+    for n in states(PolarOscillator, **unloaded(PolarOscillator)):
+        printed = -n.stiffness / n.mass * n.r  # K eq. 43
+        p_phi = n.mass * n.r**2 * n.phi_dot
+        centrifugal = p_phi**2 / (n.mass**2 * n.r**3)
+        assert n("accelerations")[0] == algebra(printed + centrifugal)
         assert centrifugal > 1e-6  # it is the whole difference, and it is there
-        radial = free | {"phi_dot": 0.0}
-        assert equations.evaluate("accelerations", **radial)[0] == algebra(printed)  # right for p_φ = 0 only
+        radial = n | {"phi_dot": 0.0}
+        assert radial("accelerations")[0] == algebra(printed)  # right for p_φ = 0 only
 
 
-def test_ka10_the_printed_hamiltonian_subtracts_the_lagrangian_once_too_often(polar_states, number) -> None:
+def test_ka10_the_printed_hamiltonian_subtracts_the_lagrangian_once_too_often() -> None:
     """K eq. 29 with the braces where they are printed: L is subtracted f = 2 times."""
-    equations = derive(PolarOscillator)
-    for n in polar_states:
-        L = number(equations, equations.lagrangian, n)
-        products = equations.evaluate("momenta", **n) * [n["r_dot"], n["phi_dot"]]
-        E = equations.evaluate("energy", **n)[0]
+    for n in states(PolarOscillator):
+        L, E, products = n("lagrangian"), n("energy"), n("momenta") * [n.r_dot, n.phi_dot]
         assert products.sum() - L == algebra(E)
         assert (products - L).sum() == algebra(E - L)
 
 
 # ---- closed forms ------------------------------------------------------------------------------------------------
 
-STARTS: dict[str, State] = {
+STARTS: dict[str, Values] = {
     "ellipse": {"r_0": 1.0, "phi_dot_0": 0.5},
     "circle": {"r_0": 2.0, "phi_dot_0": 1.0},
     "oblique": {"r_0": 0.7, "phi_0": 2.0, "r_dot_0": -0.9, "phi_dot_0": 0.8, "stiffness": 2.5, "mass": 0.6},
@@ -103,8 +59,8 @@ STARTS: dict[str, State] = {
 }
 
 
-@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
-def test_polar_closed_form_is_exact_to_rounding(start: State, taylor) -> None:
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+def test_polar_closed_form_is_exact_to_rounding(start: Values) -> None:
     times = np.linspace(0, 12, 25)
     n = {"phi_0": 0.0, "r_dot_0": 0.0, "mass": 1.0, "stiffness": 1.0} | start
     r, phi, r_dot, phi_dot = (Decimal(n[name]) for name in ("r_0", "phi_0", "r_dot_0", "phi_dot_0"))
@@ -148,45 +104,38 @@ def test_planar_closed_form_is_an_ellipse_with_its_invariants() -> None:
 # ---- FMUs --------------------------------------------------------------------------------------------------------
 
 
-def cartesian(start: State) -> State:
+def cartesian(start: Values) -> Values:
     """The start of a PlanarOscillator that is that of a PolarOscillator."""
     n = {"phi_0": 0.0, "r_dot_0": 0.0} | start
     direction = np.exp(1j * n["phi_0"])
     position, velocity = n["r_0"] * direction, (n["r_dot_0"] + 1j * n["r_0"] * n["phi_dot_0"]) * direction
     same = {name: value for name, value in start.items() if name in ("mass", "stiffness")}
-    return same | {
-        "x_0": position.real,
-        "y_0": position.imag,
-        "x_dot_0": velocity.real,
-        "y_dot_0": velocity.imag,
-    }
+    return same | {"x_0": position.real, "y_0": position.imag, "x_dot_0": velocity.real, "y_dot_0": velocity.imag}
 
 
-def run(file: Any, start: Any, tolerance: float = 1e-10) -> Result:
-    return simulate(file, stop_time=50.0, step_size=0.1, tolerance=tolerance, **start)
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+def test_fmus_follow_their_closed_forms(fmu, start: Values) -> None:
+    flat = cartesian(start)
+    planar, polar = (
+        run(fmu(PlanarOscillator), stop_time=50.0, **flat),
+        run(fmu(PolarOscillator), stop_time=50.0, **start),
+    )
+    assert_follows(planar, PlanarOscillator.exact(planar.time, **flat), 1e-8)  # κ of a few, a hundred tolerances
+    # The same, with (r_max/r_min)² ≤ 10 more: φ_dot = J/r².
+    assert_follows(polar, PolarOscillator.exact(polar.time, **start), 1e-7)
 
 
-@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
-def test_fmus_follow_their_closed_forms(fmu, start: State) -> None:
-    planar, polar = run(fmu(PlanarOscillator), cartesian(start)), run(fmu(PolarOscillator), start)
-    for name, values in PlanarOscillator.exact(planar.time, **cartesian(start)).items():
-        assert max_error(planar[name], values) <= 1e-8, name  # κ of a few, a hundred tolerances
-    for name, values in PolarOscillator.exact(polar.time, **start).items():
-        # The same, with (r_max/r_min)² ≤ 10 more: φ_dot = J/r².
-        assert max_error(polar[name], values) <= 1e-7, name
-
-
-@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
-def test_p_phi_is_constant_to_the_last_digit(fmu, start: State) -> None:
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+def test_p_phi_is_constant_to_the_last_digit(fmu, start: Values) -> None:
     """A cyclic coordinate has the momentum rate 0, not a small one: integration adds nothing."""
-    polar = run(fmu(PolarOscillator), start, 1e-6)
+    polar = run(fmu(PolarOscillator), stop_time=50.0, tolerance=1e-6, **start)
     np.testing.assert_array_equal(polar["p_phi"], polar["p_phi"][0])
 
 
 def test_near_the_origin_the_polar_form_still_follows(fmu) -> None:
     """r_min = 1e-3: φ turns by π within a millisecond, once a half period."""
     start: Any = {"phi_dot_0": 1e-3}
-    polar = simulate(fmu(PolarOscillator), stop_time=20.0, step_size=0.1, tolerance=1e-12, **start)
+    polar = run(fmu(PolarOscillator), tolerance=1e-12, **start)
     exact = PolarOscillator.exact(polar.time, **start)
     assert max_error(polar["r"], exact["r"]) <= 1e-12 * 1e6  # tolerance × (r_max/r_min)²
     assert max_error(polar["p_phi"], 1e-3) == 0

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from on_paper import BACKENDS
 
 from liaisons.cosim import simulate
 from liaisons.errors import ComponentError, SimulationError, ValidityError
@@ -35,8 +36,6 @@ from liaisons.models import (
     four_bars,
 )
 
-BACKENDS = ["native", "python"]
-
 
 def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
     """By name of a settable variable with a domain: a value outside of it, and what is said of it."""
@@ -50,7 +49,7 @@ def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("component", CATALOGUE, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", CATALOGUE)
 def test_fmu_names_what_lies_outside_of_its_domain(component, fmu, backend: str) -> None:
     for name, (value, words) in outside(component).items():
         with pytest.raises(SimulationError, match=f"{name} = {value:g} at t = 0: it {words}"):
@@ -64,7 +63,7 @@ FORMS = [  # a closed form of each component, called with what it cannot do with
 ]
 
 
-@pytest.mark.parametrize(("component", "form", "more"), FORMS, ids=lambda value: getattr(value, "__name__", ""))
+@pytest.mark.parametrize(("component", "form", "more"), FORMS)
 def test_closed_form_names_what_lies_outside_of_its_domain(component, form: str, more: dict[str, float]) -> None:
     for name, (value, words) in outside(component).items():
         with pytest.raises(ValidityError, match=f"{component.__name__}.*{name} = {value} {words}"):
@@ -106,7 +105,7 @@ SINGULAR: dict[type[Component], list[tuple[dict[str, float], str]]] = {
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("component", SINGULAR, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("component", SINGULAR)
 def test_fmu_names_the_start_that_contradicts_itself_or_is_singular(component, fmu, backend: str) -> None:
     for start, words in SINGULAR[component]:
         with pytest.raises(SimulationError, match=words):

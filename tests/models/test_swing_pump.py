@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from on_paper import BACKENDS
 
 from liaisons.cosim import System, simulate
 from liaisons.errors import ComponentError
@@ -14,7 +15,7 @@ from liaisons.models import Pendulum, SwingPump
 RATE, LOW, HIGH = 30.0, 0.95, 1.05
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_step_response_of_three_filters(fmu, backend: str) -> None:
     """From crouched to standing: x_3 = e^-τ (1 + τ + τ²/2), τ = rate t, and its derivatives."""
     result = simulate(fmu(SwingPump, backend), stop_time=1.0, step_size=0.01, tolerance=1e-10, theta=1.0, theta_dot=1.0)

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
+from hand_derivations import QUATERNION, Curve, ellipse, fourier, rotation, tensor
 from numpy.typing import NDArray
-from on_paper import derivative
+from on_paper import TURN, State, breathing_pendulum, cross, derivative, dot, smooth_step
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq, fminbound
 from scipy.spatial.transform import Rotation
 
 from liaisons.errors import ValidityError
-from liaisons.mechanics import derive
 from liaisons.models import (
     CircularHoop,
     DrivenChain,
@@ -28,7 +29,7 @@ from liaisons.models import (
     Swing,
 )
 
-TURN, GRAVITY = 2 * np.pi, 9.81
+GRAVITY = 9.81
 
 
 def integrated(rates: Callable, times: NDArray, start: list[float], tolerance: float = 1e-12) -> NDArray:
@@ -71,7 +72,7 @@ def test_crouch_schedule_meets_the_lowest_and_the_turning_points() -> None:
         Pendulum.crouch_schedule(30, theta_0=0.4, **lengths)
 
 
-def test_pumped_is_the_taylor_series(breathing_pendulum) -> None:
+def test_pumped_is_the_taylor_series() -> None:
     times = np.linspace(0, 10, 21)
     theta, p = breathing_pendulum(times)
     found = Pendulum.pumped(times, theta_0=1.0, gravity=9.8125, amplitude=0.1, angular_frequency=2.0)
@@ -160,7 +161,7 @@ def test_lift_is_the_integral_of_the_connection(to: float) -> None:
 
     def connection(psi: float) -> float:
         seat, torso = l + 0j, l + b * np.exp(1j * psi)  # θ turns both, ψ the torso about the seat
-        J = m_2 * np.imag(np.conj(torso) * 1j * b * np.exp(1j * psi))
+        J = m_2 * cross(torso, 1j * b * np.exp(1j * psi))
         return J / (m_1 * abs(seat) ** 2 + m_2 * abs(torso) ** 2)
 
     found = Swing.lift(to, lean=0.4, mass_seat=m_1, mass_torso=m_2, rope=l, torso_length=b)
@@ -168,7 +169,6 @@ def test_lift_is_the_integral_of_the_connection(to: float) -> None:
 
 
 def test_leaning_moves_by_the_derived_equations() -> None:
-    equations = derive(Swing)
     body, lean = {"mass_seat": 15.0, "torso_length": 0.6, "rope": 1.7}, {"amplitude": 0.7, "angular_frequency": 2.5}
     start = {"theta_0": 0.3, "theta_dot_0": -0.2, "lean": 2.0, **body, **lean}
     assert Swing.leaning(0.0, **start)["theta"] == 0.3
@@ -180,9 +180,9 @@ def test_leaning_moves_by_the_derived_equations() -> None:
     for t in (0.3, 2.0):
         phase = 2.5 * t
         posture = {"lean": 2.0 + 0.7 * np.sin(phase), "lean_dot": 0.7 * 2.5 * np.cos(phase)}
-        state = body | posture | dict(zip(("theta", "p_theta"), motion(t), strict=True))
-        rate = float(equations.evaluate("velocities", **state)[0])
-        expected = [rate, float(equations.evaluate("momentum_rates", **state, theta_dot=rate)[0])]
+        state = State(Swing, body | posture | dict(zip(("theta", "p_theta"), motion(t), strict=True)))
+        rate = state("velocities")
+        expected = [rate, (state | {"theta_dot": rate})("momentum_rates")]
         np.testing.assert_allclose(derivative(motion, t), expected, rtol=1e-8)  # h¹⁰, and 1e-13 of p over h
     near, further = (motion(t)[0] for t in (1e-4, 2e-4))
     assert (4 * near - further - 3 * 0.3) / 2e-4 == pytest.approx(-0.2, abs=1e-6)  # the start rate, second order
@@ -191,15 +191,14 @@ def test_leaning_moves_by_the_derived_equations() -> None:
 # ---- satellite and cats --------------------------------------------------------------------------------------------
 
 ODD = {"J_xy": 1.0, "J_xz": -0.5, "J_yz": 0.3}
-TENSOR = np.array([[10.0, 1.0, -0.5], [1.0, 12.0, 0.3], [-0.5, 0.3, 8.0]])
 
 
 def test_slew_torque_is_that_of_the_derived_equations() -> None:
     push = np.array([3.0, -2.0, 0.5])
-    state = ODD | {"q_w": 1.0, "J_wheel": 0.3} | {f"wheel_{k}_ddot": float(push[k - 1]) for k in (1, 2, 3)}
+    state = State(Satellite, ODD | {"q_w": 1.0, "J_wheel": 0.3} | {f"wheel_{k}_ddot": push[k - 1] for k in (1, 2, 3)})
     found = Satellite.slew_torque(*push, J_wheel=0.3, **ODD)
-    expected = derive(Satellite).evaluate("operator_forces", **state)
-    np.testing.assert_allclose([found[f"wheel_{k}_force"] for k in (1, 2, 3)], expected, rtol=1e-12)  # algebra
+    forces = [found[f"wheel_{k}_force"] for k in (1, 2, 3)]
+    np.testing.assert_allclose(forces, state("operator_forces"), rtol=1e-12)  # algebra
 
 
 def test_satellite_steered_by_one_wheel_after_another_makes_a_product_of_turns() -> None:
@@ -209,14 +208,15 @@ def test_satellite_steered_by_one_wheel_after_another_makes_a_product_of_turns()
         return np.sin(np.pi * t / 5) ** 2 * np.array([40.0 * (t < 5), -30.0 * (t >= 5), 0.0])
 
     first = Rotation.from_rotvec([0.3, -0.2, 0.9])
-    start = dict(zip(("q_w_0", "q_x_0", "q_y_0", "q_z_0"), first.as_quat(scalar_first=True), strict=True))
+    start = dict(zip((f"{q}_0" for q in QUATERNION), first.as_quat(scalar_first=True), strict=True))
     found = Satellite.steered([10.0], wheels=wheels, **ODD, **start)
-    turns = (Rotation.from_rotvec(-0.1 * 2.5 * size * np.linalg.inv(TENSOR)[:, k]) for k, size in ((0, 40), (1, -30)))
+    turns = (
+        Rotation.from_rotvec(-0.1 * 2.5 * size * np.linalg.inv(tensor(ODD))[:, k]) for k, size in ((0, 40), (1, -30))
+    )
     expected = first
     for turn in turns:
         expected = expected * turn
-    attitude = Rotation.from_quat(np.array(list(found.values()))[:, 0], scalar_first=True)
-    assert (attitude.inv() * expected).magnitude() <= 1e-10  # 1e-13 a step
+    assert (rotation(found).inv() * expected).magnitude() <= 1e-10  # 1e-13 a step
 
 
 def test_bend_for_is_the_inverse_of_turn() -> None:
@@ -240,55 +240,42 @@ def test_bisector_lies_between_the_axes() -> None:
 # ---- hoops ---------------------------------------------------------------------------------------------------------
 
 
-def circle(u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """OP and two derivatives by u, as complex numbers."""
-    out = 1.3 * np.exp(1j * u)
-    return 0.4 + out, 1j * out, -out
-
-
-def ellipse(u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    radius = 2 * np.cos(u) + 1.2j * np.sin(u)
-    return 0.3 - 0.2j + radius, -2 * np.sin(u) + 1.2j * np.cos(u), -radius
-
-
-def bent(u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    out = 1.2 * np.exp(1j * u)
-    r, dr, ddr = 1 + 0.25 * np.cos(u) + 0.15 * np.sin(2 * u), 0.3 * np.cos(2 * u) - 0.25 * np.sin(u), 0.0
-    ddr = -0.6 * np.sin(2 * u) - 0.25 * np.cos(u)
-    return r * out, (dr + 1j * r) * out, (ddr + 2j * dr - r) * out
-
-
-HOOPS = {
-    circle: CircularHoop.slow_turn(radius=1.3, offset=0.4),
-    ellipse: EllipticHoop.slow_turn(semi_axis_a=2.0, semi_axis_b=1.2, centre_x=0.3, centre_y=-0.2),
-    bent: FourierHoop.slow_turn(radius=1.2, cos_1=0.25, sin_2=0.15),
+TURNS = {
+    "circle": (
+        ellipse({"semi_axis_a": 1.3, "semi_axis_b": 1.3, "centre_x": 0.4, "centre_y": 0}),
+        CircularHoop.slow_turn(radius=1.3, offset=0.4),
+    ),
+    "ellipse": (
+        ellipse(oval := {"semi_axis_a": 2.0, "semi_axis_b": 1.2, "centre_x": 0.3, "centre_y": -0.2}),
+        EllipticHoop.slow_turn(**oval),
+    ),
+    "bent": (fourier(bent := {"radius": 1.2, "cos_1": 0.25, "sin_2": 0.15}), FourierHoop.slow_turn(**bent)),
 }
 
 
-def shifts(curve: Callable, u: NDArray, duration: float, *, abrupt: bool) -> NDArray:
+def shifts(curve: Curve, u: NDArray, duration: float, *, abrupt: bool) -> NDArray:
     """Of beads at unit speed in one turn of the hoop, by Newton's law along the tangent in the turning frame."""
-    step = np.polynomial.Polynomial([0, 0, 0, 0, 35, -84, 70, -20])
-    rate, acceleration = TURN / duration * step.deriv(1), TURN / duration**2 * step.deriv(2)
+    smooth = smooth_step(TURN, 0.0, duration)
 
     def motion(t: float, y: NDArray) -> NDArray:
         u, u_dot, _ = y.reshape(3, -1)
-        beta_dot, beta_ddot = (TURN / duration, 0) if abrupt else (rate(t / duration), acceleration(t / duration))
+        beta_dot, beta_ddot = (TURN / duration, 0.0) if abrupt else smooth(t)[1:]
         position, first, second = curve(u)
         without = second * u_dot**2 + 2j * beta_dot * first * u_dot + (1j * beta_ddot - beta_dot**2) * position
-        return np.concatenate([u_dot, -np.real(np.conj(first) * without) / np.abs(first) ** 2, np.abs(first) * u_dot])
+        return np.concatenate([u_dot, -dot(first, without) / np.abs(first) ** 2, np.abs(first) * u_dot])
 
     position, first, _ = curve(u)
-    across = np.imag(np.conj(position) * first) / np.abs(first)
+    across = cross(position, first) / np.abs(first)
     along = 1 - abrupt * TURN / duration * across  # p_ξ is kept when the rate jumps
     start = np.concatenate([u, along / np.abs(first), 0 * u])
     return solve_ivp(motion, (0, duration), start, "DOP853", rtol=1e-9, atol=1e-10).y[2 * u.size :, -1] - duration
 
 
-@pytest.mark.parametrize("curve", HOOPS, ids=lambda curve: curve.__name__)
-def test_slow_turn_shifts_the_bead_by_area_over_length_and_the_remainder(curve: Callable) -> None:
-    turn, fine = HOOPS[curve], TURN * np.arange(4096) / 4096
+@pytest.mark.parametrize(("curve", "turn"), TURNS.values(), ids=TURNS)
+def test_slow_turn_shifts_the_bead_by_area_over_length_and_the_remainder(curve: Curve, turn: Any) -> None:
+    fine = TURN * np.arange(4096) / 4096
     position, first, _ = curve(fine)
-    length, area = TURN * np.mean(np.abs(first)), np.pi * np.mean(np.imag(np.conj(position) * first))
+    length, area = TURN * np.mean(np.abs(first)), np.pi * np.mean(cross(position, first))
     assert turn.length == pytest.approx(length, rel=1e-13)  # the trapezoidal rule of analytic functions
     assert turn.shift == pytest.approx(-4 * np.pi * area / length, rel=1e-13)
     np.testing.assert_allclose(turn.r_squared(fine), np.abs(position) ** 2, rtol=1e-13)
@@ -306,15 +293,15 @@ def test_slow_turn_shifts_the_bead_by_area_over_length_and_the_remainder(curve: 
 
 
 def test_dynamic_field_is_odd_even_and_all_of_the_derived_equations() -> None:
-    equations, hoop = derive(CircularHoop), {"mass": 1.4, "radius": 1.3, "offset": 0.4}
+    hoop = {"mass": 1.4, "radius": 1.3, "offset": 0.4}
     xi, p, Y = 0.7, 1.1, 1.6
     here, back, fast = (CircularHoop.dynamic_field(xi, p, Y * factor, **hoop) for factor in (1, -1, 3))
     for name, (odd, even) in {"D_0": (0, 1), "H(Y)": (-1, 0), "-X_K": (0, 9)}.items():
         np.testing.assert_allclose(back[name], (odd or 1) * here[name])
         np.testing.assert_allclose(fast[name], (even or 3) * here[name])
     a = 1.3 + 0.4 * np.cos(0.7 / 1.3)
-    state = hoop | {"xi": xi, "p_xi": p, "xi_dot": p / 1.4 - a * Y, "beta_dot": Y}
-    derived = [float(equations.evaluate(name, **state)[0]) for name in ("velocities", "momentum_rates")]
+    state = State(CircularHoop, hoop | {"xi": xi, "p_xi": p, "xi_dot": p / 1.4 - a * Y, "beta_dot": Y})
+    derived = [state(name) for name in ("velocities", "momentum_rates")]
     np.testing.assert_allclose(sum(here.values()), derived, rtol=1e-12)  # algebra
 
 
@@ -333,13 +320,12 @@ def test_hoop_on_a_free_shaft_keeps_angular_momentum_and_energy_and_obeys_newton
     at_start = CircularHoop.on_a_free_shaft(0.0, **hoop, **start)
     for t in (0.3, 2.0, 5.0):
         velocity, beta_dot = derivative(bead, t), derivative(motion, t)[1]
-        moment = 1.4 * np.imag(np.conj(bead(t)) * velocity) + 0.5 * beta_dot
+        moment = 1.4 * cross(bead(t), velocity) + 0.5 * beta_dot
         energy = 0.7 * abs(velocity) ** 2 + 0.25 * beta_dot**2
         assert moment == pytest.approx(at_start["p_beta"], rel=1e-9)  # differences: h¹⁰, and 1e-13/h
         assert energy == pytest.approx(at_start["energy"], rel=1e-9)
         xi, beta = motion(t)
-        tangent = 1j * np.exp(1j * (beta + xi / 1.3))
-        push = np.real(np.conj(tangent) * derivative(lambda s: derivative(bead, s), t))
+        push = dot(1j * np.exp(1j * (beta + xi / 1.3)), derivative(lambda s: derivative(bead, s), t))
         assert push == pytest.approx(0.0, abs=1e-7)  # differences of differences
         assert at_start["p_xi"] == pytest.approx(1.4 * (1.5 + (1.3 + 0.4 * np.cos(0.5 / 1.3)) * -0.4))
 

@@ -2,76 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from on_paper import algebra
+from numpy.typing import ArrayLike, NDArray
+from on_paper import BACKENDS, Values, algebra, assert_follows, equations_of, random_states, run, unloaded, vector
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import root_scalar
 
 from liaisons.check import max_error
-from liaisons.cosim import Result, simulate
-from liaisons.mechanics import derive, gauss
+from liaisons.mechanics import gauss
 from liaisons.models.isokinetic_oscillator import IsokineticOscillator
 from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
 from liaisons.models.oscillator import Oscillator
 
-State = dict[str, float]
 
-
-def isokinetic(r: NDArray, v: NDArray, n: State) -> NDArray:
-    """K Ex. 10 in NumPy, with m v² for the printed 3 k_B T: acceleration."""
+def isokinetic(y: NDArray, n: Values) -> NDArray:
+    """Rates of K Ex. 10 in NumPy, with m v² for the printed 3 k_B T."""
+    r, v = y[:3], y[3:]
     mu = -n["stiffness"] * (r @ v) / (n["mass"] * (v @ v))
-    return -n["stiffness"] / n["mass"] * r - mu * v
+    return np.array([*v, *(-n["stiffness"] / n["mass"] * r - mu * v)])
 
 
-def on_the_shell(random_states, seed: int) -> State:
-    """A random state without drives and loads whose speed fits the temperature."""
-    unloaded = {f"{q}_{end}": 0.0 for q in "xyz" for end in ("force", "load")}
-    n = random_states(derive(IsokineticOscillator), **unloaded)[seed]
-    v = np.array([n[f"{q}_dot"] for q in "xyz"])
-    v *= np.sqrt(3 * n["thermal_energy"] / n["mass"]) / np.linalg.norm(v)
-    return n | {f"{q}_dot": float(rate) for q, rate in zip("xyz", v, strict=True)}
+def integrated(rates: Callable[[NDArray], NDArray], start: ArrayLike, times: NDArray) -> NDArray:
+    return solve_ivp(lambda _, y: rates(y), times[[0, -1]], start, "DOP853", times, rtol=1e-13, atol=1e-15).y
 
 
 # ---- the formulas of the text ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_isokinetic_oscillator_is_example_10(random_states, number, seed: int) -> None:
-    n = on_the_shell(random_states, seed)
-    equations = derive(IsokineticOscillator)
-    r, v = (np.array([n[f"{q}{end}"] for q in "xyz"]) for end in ("", "_dot"))
-    printed = -n["stiffness"] * (r @ v) / (3 * n["thermal_energy"])
-    assert number(equations, equations.mechanism.mu, n) == algebra(printed)
-    assert equations.evaluate("accelerations", **n) == algebra(isokinetic(r, v, n))
+def test_isokinetic_oscillator_is_example_10() -> None:
+    equations = equations_of(IsokineticOscillator)
     accelerations, mu = gauss(equations.mass_matrix, equations.forces, equations.constraints)
-    assert number(equations, accelerations, n) == algebra(isokinetic(r, v, n))  # the other code path
-    assert number(equations, mu, n) == algebra(printed)
-    # The thermostat takes out m v² μ, which the energy balance books as dissipated.
-    assert equations.evaluate("dissipation", **n) == algebra(3 * n["thermal_energy"] * printed)
-
-
-def test_nose_hoover_oscillator_is_its_equations(random_states, number) -> None:
-    equations = derive(NoseHooverOscillator)
-    for n in random_states(equations):
-        force = n["q_force"] - n["q_load"] - n["stiffness"] * n["q"] - n["xi"] * n["mass"] * n["q_dot"]
-        assert equations.evaluate("accelerations", **n) == algebra(force / n["mass"])
-        heat = n["mass"] * n["q_dot"] ** 2 - n["thermal_energy"]
-        assert number(equations, equations.internal_rates, n) == algebra([heat / n["thermostat_mass"], n["xi"]])
+    for n in random_states(IsokineticOscillator, 10, **unloaded(IsokineticOscillator)):
+        r, v = vector(n), vector(n, "{}_dot")
+        v *= np.sqrt(3 * n.thermal_energy / n.mass) / np.linalg.norm(v)  # the speed fits the temperature
+        n.update(zip(("x_dot", "y_dot", "z_dot"), v, strict=True))
+        printed = -n.stiffness * (r @ v) / (3 * n.thermal_energy)
+        expected = isokinetic(np.array([*r, *v]), n)[3:]
+        assert n("mu") == algebra(printed)
+        assert n("accelerations") == algebra(expected)
+        assert n(accelerations) == algebra(expected)  # the other code path
+        assert n(mu) == algebra(printed)
+        # The thermostat takes out m v² μ, which the energy balance books as dissipated.
+        assert n("dissipation") == algebra(3 * n.thermal_energy * printed)
 
 
 def test_kc10_with_the_printed_mu_an_error_of_the_constraint_grows_with_the_potential() -> None:
     """(κ - 3 k_B T/2) exp(-2V/3 k_B T) is constant: on the way out an error is multiplied by exp(2ΔV/3 k_B T)."""
 
-    def printed(_: float, y: NDArray) -> NDArray:
+    def printed(y: NDArray) -> NDArray:
         r, v = y[:3], y[3:]
         return np.array([*v, *(-r + (r @ v) / 3 * v)])  # m = K = k_B T = 1
 
-    start = np.array([0.5, 0, 0, *(np.array([1.0, 1.0, 1.0]) * (1 + 1e-9))])
-    y = solve_ivp(printed, (0, 1.5), start, "DOP853", np.linspace(0, 1.5, 16), rtol=1e-13, atol=1e-15).y
+    y = integrated(printed, [0.5, 0, 0, *3 * [1 + 1e-9]], np.linspace(0, 1.5, 16))
     V, excess = np.sum(y[:3] ** 2, axis=0) / 2, (np.sum(y[3:] ** 2, axis=0) - 3) / 2
     # The excess of 3e-9 J is known to 1e-14: roundings of an energy of 1.5 J, and 100 of them on the way.
     np.testing.assert_allclose(excess * np.exp(-2 * (V - V[0]) / 3), excess[0], rtol=1e-4)
@@ -79,19 +65,14 @@ def test_kc10_with_the_printed_mu_an_error_of_the_constraint_grows_with_the_pote
 
 
 def test_any_speed_is_kept_with_m_v_squared_in_the_denominator() -> None:
-    n = {"mass": 1.0, "stiffness": 1.0}
-    start = np.array([0.5, 0, 0, 1.1, 1.1, 1.1])  # 10 % too fast for k_B T = 1
-
-    def corrected(_: float, y: NDArray) -> NDArray:
-        return np.array([*y[3:], *isokinetic(y[:3], y[3:], n)])
-
-    y = solve_ivp(corrected, (0, 1.5), start, "DOP853", np.linspace(0, 1.5, 16), rtol=1e-13, atol=1e-15).y
+    start = [0.5, 0, 0, 1.1, 1.1, 1.1]  # 10 % too fast for k_B T = 1
+    y = integrated(lambda y: isokinetic(y, {"mass": 1.0, "stiffness": 1.0}), start, np.linspace(0, 1.5, 16))
     np.testing.assert_allclose(np.sum(y[3:] ** 2, axis=0), 3 * 1.1**2, rtol=1e-12)  # ten solver tolerances
 
 
 # ---- isokinetic: the closed form ---------------------------------------------------------------------------------
 
-ORBITS: dict[str, State] = {
+ORBITS: dict[str, Values] = {
     "default": {},
     "wide": {"x_0": 0.2, "x_dot_0": 0.1, "y_dot_0": 1.4106735979665885, "z_dot_0": 1.0},
     "oblique": {"x_0": 0.7, "y_0": 0.4, "z_0": 0.5, "x_dot_0": -1.0, "y_dot_0": 1.0, "z_dot_0": -1.0, "mass": 2.0}
@@ -101,24 +82,20 @@ ORBITS: dict[str, State] = {
 }
 
 
-@pytest.mark.parametrize("start", ORBITS.values(), ids=ORBITS.keys())
-def test_closed_form_solves_the_equations_of_motion(start: State) -> None:
+@pytest.mark.parametrize("start", ORBITS.values(), ids=ORBITS)
+def test_closed_form_solves_the_equations_of_motion(start: Values) -> None:
     """Against an integration with the corrected μ, which is not unstable."""
     times = np.linspace(0, 6, 13)  # along the straight way V grows to 60 J
     exact = IsokineticOscillator.exact(times, **start)
     n = {"mass": 1.0, "stiffness": 1.0} | start
-    y_0 = np.array([exact[name][0] for name in ("x", "y", "z", "x_dot", "y_dot", "z_dot")])
+    names = ("x", "y", "z", "x_dot", "y_dot", "z_dot")
+    y_0 = [exact[name][0] for name in names]
     given = {"x_0": 1.0, "y_0": 0.0, "z_0": 0.0, "x_dot_0": 1.0, "y_dot_0": 1.0, "z_dot_0": 1.0} | start
     # Close to a turning point the phase comes from the difference of w and w_1, relative error ε w/(w - w_1).
-    np.testing.assert_allclose(y_0, [given[f"{name}_0"] for name in list(exact)[:6]], rtol=0, atol=1e-12)
-
-    def rates(_: float, y: NDArray) -> NDArray:
-        return np.array([*y[3:], *isokinetic(y[:3], y[3:], n)])
-
-    reference = solve_ivp(rates, (0, 6), y_0, "DOP853", times, rtol=1e-13, atol=1e-15).y
-    for name, values in zip(list(exact)[:6], reference, strict=True):
-        # Integration at 1e-13 over 6 s; κ = 100 where the orbit passes close to the origin.
-        np.testing.assert_allclose(exact[name], values, rtol=0, atol=1e-11, err_msg=name)
+    np.testing.assert_allclose(y_0, [given[f"{name}_0"] for name in names], rtol=0, atol=1e-12)
+    reference = integrated(lambda y: isokinetic(y, n), y_0, times)
+    # Integration at 1e-13 over 6 s; κ = 100 where the orbit passes close to the origin.
+    np.testing.assert_allclose([exact[name] for name in names], reference, rtol=0, atol=1e-11)
 
 
 def test_turning_points_time_and_angle_between_them_are_the_quadratures() -> None:
@@ -151,18 +128,12 @@ def test_turning_points_time_and_angle_between_them_are_the_quadratures() -> Non
 # ---- isokinetic: FMUs --------------------------------------------------------------------------------------------
 
 
-def run(file: Any, **arguments: Any) -> Result:
-    given: dict[str, Any] = {"stop_time": 20.0, "step_size": 0.1, "tolerance": 1e-10}
-    return simulate(file, **(given | arguments))
-
-
-@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", ["default", "wide", "oblique", "free"])
 def test_isokinetic_fmu_follows_its_closed_form(fmu, name: str, backend: str) -> None:
     start: Any = ORBITS[name]
     result = run(fmu(IsokineticOscillator, backend), **start)
-    for signal, values in IsokineticOscillator.exact(result.time, **start).items():
-        assert max_error(result[signal], values) <= 1e-7, signal  # κ = 100 over 20 s, ten tolerances
+    assert_follows(result, IsokineticOscillator.exact(result.time, **start), 1e-7)  # κ = 100 over 20 s, ten tolerances
     assert max_error(result["kinetic_residual"], 0.0) <= 1e-14  # projected: a few roundings of 3 J
     assert max_error(result["energy_balance"], 0.0) <= 1e-7
 
@@ -187,32 +158,31 @@ def test_isokinetic_circle(fmu) -> None:
     rate = np.sqrt(2.0 / 1.5)
     start: Any = {"x_0": radius, "x_dot_0": 0.0, "y_dot_0": radius * rate, "z_dot_0": 0.0}
     result = run(fmu(IsokineticOscillator), **n, **start)
-    assert max_error(result["x"], radius * np.cos(rate * result.time)) <= 1e-8  # a hundred tolerances
-    assert max_error(result["y"], radius * np.sin(rate * result.time)) <= 1e-8
-    assert max_error(result["mu"], 0.0) <= 1e-8
+    phase = rate * result.time
+    exact = {"x": radius * np.cos(phase), "y": radius * np.sin(phase), "mu": 0.0}
+    assert_follows(result, exact, 1e-8)  # a hundred tolerances
 
 
 def test_isokinetic_without_angular_momentum_is_uniform_although_that_is_the_unstable_case(fmu) -> None:
     """Straight out from the origin for 100 s, V = 15 000 J: with the printed μ errors grow by exp(10 000)."""
     result = run(fmu(IsokineticOscillator), x_0=0.5, y_0=0.5, z_0=0.5, stop_time=100.0)
-    for q in "xyz":
-        assert max_error(result[q], 0.5 + result.time) <= 1e-9  # 100 m and its roundings
+    assert_follows(result, dict.fromkeys("xyz", 0.5 + result.time), 1e-9)  # 100 m and its roundings
 
 
 # ---- Nosé and Hoover ---------------------------------------------------------------------------------------------
 
 
-def nose_hoover(_: float, y: NDArray) -> NDArray:
+def nose_hoover(y: NDArray) -> NDArray:
     """q, q', ξ, η of the default oscillator, in NumPy."""
     return np.array([y[1], -y[0] - y[2] * y[1], y[1] ** 2 - 1, y[2]])
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_nose_hoover_fmu_follows_a_high_order_integration(fmu, backend: str) -> None:
     result = run(fmu(NoseHooverOscillator, backend), q_dot_0=0.5, xi_0=0.3)
-    reference = solve_ivp(nose_hoover, (0, 20), [1, 0.5, 0.3, 0], "DOP853", result.time, rtol=1e-13, atol=1e-15).y
-    for name, values in zip(("q", "q_dot", "xi", "eta"), reference, strict=True):
-        assert max_error(result[name], values) <= 1e-7, name  # on a torus: κ = 100 over 20 s, ten tolerances
+    reference = integrated(nose_hoover, [1, 0.5, 0.3, 0], result.time)
+    # on a torus: κ = 100 over 20 s, ten tolerances
+    assert_follows(result, dict(zip(("q", "q_dot", "xi", "eta"), reference, strict=True)), 1e-7)
 
 
 @pytest.mark.parametrize("start", [{"q_0": 1.0}, {"q_0": 0.0, "q_dot_0": 5.0}], ids=["torus", "chaotic sea"])
@@ -250,11 +220,9 @@ def test_nose_hoover_shrinks_phase_space_by_the_friction(fmu) -> None:
     h, centre = 1e-4, np.array([1.0, 0.5, 0.3])
 
     def end(start: NDArray) -> NDArray:
-        result = run(fmu(NoseHooverOscillator), stop_time=5.0, tolerance=1e-12, **names(start))
+        starts: Any = dict(zip(("q_0", "q_dot_0", "xi_0"), start, strict=True))
+        result = run(fmu(NoseHooverOscillator), stop_time=5.0, tolerance=1e-12, **starts)
         return np.array([result[name][-1] for name in ("q", "p_q", "xi", "eta")])
-
-    def names(start: NDArray) -> Any:
-        return dict(zip(("q_0", "q_dot_0", "xi_0"), start, strict=True))
 
     flow = np.array([(end(centre + h * e) - end(centre - h * e))[:3] / (2 * h) for e in np.eye(3)])
     shrunk = np.exp(-end(centre)[3])

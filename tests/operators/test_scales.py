@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from functools import cache
-from math import cos, pi, prod, sin
+from math import cos, pi, sin
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from liaisons import Plan, plan
-from liaisons.library import component, model
-from liaisons.units import ANY, powers
 
-Scale = tuple[float, float, float]
-"""Of mass, length and time."""
-SCALES: list[Scale] = [(1e-3, 1, 1), (1e3, 1, 1), (1, 1e-3, 1), (1, 1e3, 1), (1, 1, 1e-3), (1, 1, 1e3)]
+from .conftest import SCALES, Scale, parameters, scaled, size, sizes, times
+
 ROUNDING = 1e-8
 """Problems are solved in units of their own numbers, from guesses in these: what differs is rounding, which IPOPT
 multiplies by what it leaves, 1e-12, over its smallest step."""
@@ -116,35 +113,16 @@ SYMMETRIC = {"planar cat", "spatial cat", "satellite"}
 """Of these, motions turned or mirrored cost the same, and rounding decides which is found."""
 
 
-def times(given: Any, factor: float) -> Any:
-    """A number, or several of them, times a factor."""
-    return tuple(value * factor for value in given) if isinstance(given, tuple) else given * factor
-
-
-def size(unit: str, scale: Scale) -> float:
-    """By how much a number with a unit is larger."""
-    return 1.0 if unit == ANY else prod(factor**power for factor, power in zip(scale, powers(unit)[:3], strict=True))
-
-
-def sizes(mechanism: str, scale: Scale) -> dict[str, float]:
-    """The same of all variables of a mechanism."""
-    return {variable.name: size(variable.unit, scale) for variable in model(component(mechanism)).flat().variables}
-
-
 @cache
 def planned(name: str, scale: Scale) -> Plan:
     """The plan of a problem in units that make its numbers so much larger."""
     mechanism, moves, _, duration, goal = PROBLEMS[name]
-    of, whole, moved = sizes(mechanism, scale), model(component(mechanism)), moves or ()
-    own = {p.name for p in component(mechanism).parameters} | {a.value for a in whole.active if moves} - {*moved}
-    values = {v.name: v.starts[0] for v in (*whole.parameters, *whole.inputs) if v.name in own}
-    scaled: dict[str, Any] = {"duration": times(duration, scale[2]), "intervals": 10, "accuracy": None, "tries": 1}
-    scaled |= {key: value * of[key] for key, value in (values | goal).items() if key in own}
-    for key in goal.keys() - own:
-        scaled[key] = goal[key]
-        if isinstance(goal[key], dict):
-            scaled[key] = {variable: times(value, of.get(variable, 1.0)) for variable, value in goal[key].items()}
-    return plan(mechanism, moves, **scaled)
+    of = sizes(mechanism, scale)
+    values = {key: value for key, value in goal.items() if key in of}
+    whole: dict[str, Any] = {"duration": times(duration, scale[2]), "intervals": 10, "accuracy": None, "tries": 1}
+    whole |= {key: scaled(value, of) if isinstance(value, dict) else value for key, value in goal.items()}
+    whole |= parameters(mechanism, scale, values, moves or of)
+    return plan(mechanism, moves, **whole)
 
 
 @pytest.mark.slow

@@ -38,15 +38,42 @@ class Live:
     page: Page
     complaints: list[str] = field(default_factory=list)
 
+    def evaluate(self, script: str, argument: object = None) -> Any:
+        return self.page.evaluate(script, argument)
+
     @property
     def plan(self) -> dict[str, Any]:
-        return self.page.evaluate("window.page.plan")
+        return self.evaluate("window.page.plan")
+
+    @property
+    def time(self) -> float:
+        return self.evaluate("window.page.machine.time")
 
     def run(self, count: int) -> dict[str, float]:
-        return self.page.evaluate("count => window.page.run(count)", count)
+        return self.evaluate("count => window.page.run(count)", count)
+
+    def run_for(self, seconds: float) -> dict[str, float]:
+        return self.run(round(seconds / self.plan["step_size"]))
 
     def signal(self, name: str) -> float:
-        return self.page.evaluate("n => { const p = window.page; return p.now[p.machine.place.get(n)]; }", name)
+        return self.evaluate("n => { const p = window.page; return p.now[p.machine.place.get(n)]; }", name)
+
+    def text(self, selector: str) -> str:
+        return self.page.locator(selector).text_content() or ""
+
+    def enter(self, name: str, value: float, place: str = '[data-number="{}"]') -> None:
+        """Enter a number beside a slider."""
+        field = self.page.locator(place.format(name))
+        field.fill(str(value))
+        field.dispatch_event("change")
+
+    def wait_until(self, holds: Callable[[], bool]) -> None:
+        """As playwright's own, which evaluates a string, as the page's policy forbids."""
+        for _ in range(int(HANG / 50)):
+            if holds():
+                return
+            self.page.wait_for_timeout(50)
+        raise TimeoutError(self.text("#said"))
 
 
 @contextmanager
@@ -60,19 +87,10 @@ def opened(found: Browser, path: Path, **context: Any) -> Iterator[Live]:
     live.page.on("dialog", lambda dialog: live.complaints.append(f"dialog: {dialog.message}"))
     try:
         live.page.goto(path.as_uri())
-        wait_until(lambda: live.page.evaluate("window.page !== undefined"), live.page)
+        live.wait_until(lambda: live.evaluate("window.page !== undefined"))
         yield live
     finally:
         session.close()
-
-
-def wait_until(holds: Callable[[], bool], page: Page) -> None:
-    """As playwright's own, which evaluates a string, as the page's policy forbids."""
-    for _ in range(int(HANG / 50)):
-        if holds():
-            return
-        page.wait_for_timeout(50)
-    raise TimeoutError(page.locator("#said").text_content())
 
 
 def smooth_step(start: float, time: float, height: float = 0.1, duration: float = 2.0) -> tuple[float, float, float]:
@@ -140,18 +158,9 @@ def difference(one: Mapping[str, float], other: Mapping[str, float], scales: Map
     return max(abs(one[name] - other[name]) / scales[name] for name in scales)
 
 
-def enter(live: Live, name: str, value: float) -> None:
-    """Enter a number beside a slider."""
-    field = live.page.locator(f'[data-number="{name}"]')
-    field.fill(str(value))
-    field.dispatch_event("change")
-
-
 def preset(live: Live, name: str, choice: str, **fields: float) -> None:
     """Choose what moves a coordinate, by the page's own menu."""
     menu = live.page.locator(f'select[data-preset="{name}"]')
     menu.select_option(choice)
     for key, value in fields.items():
-        shown = live.page.locator(f'.preset:has(select[data-preset="{name}"]) input[title="{key}"]')
-        shown.fill(str(value))
-        shown.dispatch_event("change")
+        live.enter(key, value, f'.preset:has(select[data-preset="{name}"]) input[title="{{}}"]')

@@ -13,11 +13,12 @@ from liaisons import Result, simulate
 from liaisons.language import Operator
 from liaisons.library import catalogue
 
+Fmu = Callable[..., Path]
 MECHANISMS = sorted(name for name, item in catalogue().items() if not issubclass(item, Operator))
 
 
 @pytest.fixture(scope="session")
-def moved(fmu: Callable[..., Path]) -> Callable[[str], Result]:
+def moved(fmu: Fmu) -> Callable[[str], Result]:
     """A short motion of a component, in which all that an operator prescribes moves as its rate says."""
 
     @cache

@@ -8,6 +8,8 @@ import re
 import socket
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ from liaisons.live import live_page
 from liaisons.pictures.camera import Camera
 
 from . import _browser as tools
+from .conftest import Fmu
 
 SECONDS = 10.0
 AGREEMENT = 1e-12  # no component needs more: none has lost its digits to chaos after 10 s
@@ -32,15 +35,15 @@ SCREENSHOTS = Path(__file__).parents[2] / "docs" / "_build" / "screenshots"  # k
 HEIGHT = 0.1  # by which an operator moves each coordinate, in its unit
 SIZE = 150_000  # bytes
 FAST = ["Pendulum", "Satellite"]
+PHONE = {"viewport": {"width": 390, "height": 800}, "has_touch": True, "is_mobile": True}
 EVIL = "</script><img src=x onerror=alert(1)>"
+
+Subject = str | Path | System
+Opened = Callable[..., AbstractContextManager[tools.Live]]
 
 in_a_browser = pytest.mark.skipif(
     tools.BROWSER is None or compiler.zig_compiler() is None, reason="chromium (or google-chrome) or ziglang is missing"
 )
-
-
-def write_live_page(subject: Path | System, path: Path) -> None:
-    path.write_bytes(live_page(subject))
 
 
 @pytest.fixture(scope="module")
@@ -50,17 +53,23 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def page_of(fmu: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The live page of a component, written once."""
+def page_of(fmu: Fmu, tmp_path_factory: pytest.TempPathFactory) -> Callable[[Subject], Path]:
+    """The live page of a subject, or of a component of the catalogue, written once."""
     folder = tmp_path_factory.mktemp("pages")
 
-    def written(name: str) -> Path:
-        path = folder / f"{name}.html"
-        if not path.exists():
-            write_live_page(fmu(catalogue()[name]), path)
+    @cache
+    def written(subject: Subject) -> Path:
+        path = folder / f"{subject if isinstance(subject, str) else id(subject)}.html"
+        path.write_bytes(live_page(fmu(catalogue()[subject]) if isinstance(subject, str) else subject))
         return path
 
     return written
+
+
+@pytest.fixture
+def opened(browser: Any, page_of: Callable[[Subject], Path]) -> Opened:
+    """Opens live pages."""
+    return lambda subject, **context: tools.opened(browser, page_of(subject), **context)
 
 
 @in_a_browser
@@ -69,16 +78,16 @@ def page_of(fmu: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) 
     [pytest.param(name, marks=[] if name in FAST else [pytest.mark.slow]) for name in sorted(catalogue())],
 )
 def test_every_page_runs_as_the_native_fmu(
-    name: str, browser: Any, fmu: Callable[..., Path], page_of: Callable[[str], Path]
+    name: str, opened: Opened, fmu: Fmu, page_of: Callable[[Subject], Path]
 ) -> None:
     """Ten seconds in the browser and by fmpy, each coordinate moved by the page's smooth step."""
-    with tools.opened(browser, page_of(name)) as live:
+    with opened(name) as live:
         plan = live.plan
         count = round(SECONDS / plan["step_size"])
         for members in plan["components"][0]["free"]:
             tools.preset(live, members[0], "SmoothStep", height=HEIGHT, duration=2.0)
         reached = live.run(count)
-        assert live.page.evaluate("window.page.machine.time") == pytest.approx(SECONDS, abs=0.05)
+        assert live.time == pytest.approx(SECONDS, abs=0.05)
         assert live.complaints == []
         live.page.screenshot(path=SCREENSHOTS / f"{name}.png")
     expected, scales = tools.native(fmu(catalogue()[name]), plan, count, lambda s, t: tools.smooth_step(s, t, HEIGHT))
@@ -87,10 +96,8 @@ def test_every_page_runs_as_the_native_fmu(
 
 
 @in_a_browser
-def test_the_comparison_sees_a_ten_millionth(
-    browser: Any, fmu: Callable[..., Path], page_of: Callable[[str], Path]
-) -> None:
-    with tools.opened(browser, page_of("Pendulum")) as live:
+def test_the_comparison_sees_a_ten_millionth(opened: Opened, fmu: Fmu) -> None:
+    with opened("Pendulum") as live:
         tools.preset(live, "length", "SmoothStep", height=HEIGHT * (1 + 1e-7), duration=2.0)
         reached = live.run(600)
         expected, scales = tools.native(
@@ -100,13 +107,13 @@ def test_the_comparison_sees_a_ten_millionth(
 
 
 @in_a_browser
-def test_the_policy_lets_nothing_in(browser: Any, page_of: Callable[[str], Path]) -> None:
+def test_the_policy_lets_nothing_in(opened: Opened, page_of: Callable[[Subject], Path]) -> None:
     html = page_of("Pendulum")
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', html.read_text(encoding="utf-8"))
     assert policy is not None
     assert policy[1].startswith("default-src 'none'; script-src 'sha256-")
-    with socket.create_server(("127.0.0.1", 0)) as server, tools.opened(browser, html) as live:
-        live.page.evaluate(
+    with socket.create_server(("127.0.0.1", 0)) as server, opened("Pendulum") as live:
+        live.evaluate(
             """address => {
             window.refused = [];
             addEventListener("securitypolicyviolation", (event) => window.refused.push(event.effectiveDirective));
@@ -118,9 +125,9 @@ def test_the_policy_lets_nothing_in(browser: Any, page_of: Callable[[str], Path]
         }""",
             f"http://127.0.0.1:{server.getsockname()[1]}",
         )
-        tools.wait_until(lambda: live.page.evaluate("window.refused.length") >= 3, live.page)
-        assert set(live.page.evaluate("window.refused")) == {"img-src", "script-src-elem", "connect-src"}
-        assert live.page.evaluate("window.injected") is None
+        live.wait_until(lambda: live.evaluate("window.refused.length") >= 3)
+        assert set(live.evaluate("window.refused")) == {"img-src", "script-src-elem", "connect-src"}
+        assert live.evaluate("window.injected") is None
         server.setblocking(False)
         with pytest.raises(BlockingIOError):  # nobody has called
             server.accept()
@@ -138,12 +145,12 @@ def drag(live: Any, selector: str, part: float) -> None:
 
 
 def pixels(live: Any) -> str:
-    return live.page.evaluate("document.getElementById('picture').toDataURL()")
+    return live.evaluate("document.getElementById('picture').toDataURL()")
 
 
 @in_a_browser
-def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) -> None:
-    with tools.opened(browser, page_of("Pendulum"), viewport={"width": 1280, "height": 1400}) as live:
+def test_sliders_buttons_and_keys(opened: Opened) -> None:
+    with opened("Pendulum", viewport={"width": 1280, "height": 1400}) as live:
         page = live.page
         before, drawn = live.signal("theta"), pixels(live)
         drag(live, '[data-name="theta_0"]', 0.9)
@@ -151,30 +158,30 @@ def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) 
         assert pixels(live) != drawn
 
         page.click("#step")
-        one = page.evaluate("window.page.machine.time")
+        one = live.time
         assert one == live.plan["step_size"]
         page.locator("body").press(".")
-        assert page.evaluate("window.page.machine.time") == 2 * one
+        assert live.time == 2 * one
         page.locator("body").press("r")
-        assert page.evaluate("window.page.machine.time") == 0
+        assert live.time == 0
 
         page.locator("#speed").fill("1")
         assert page.evaluate("window.page.speed") == 2 * live.plan["speed"]
         page.locator("#speed").fill("0")
         page.click("#run")
         assert page.locator("#run").text_content() == "Pause"
-        tools.wait_until(lambda: page.evaluate("window.page.machine.time") > 0.2, page)
+        live.wait_until(lambda: live.time > 0.2)
         length = live.signal("length")
         drag(live, '[data-name="length"]', 0.7)
-        tools.wait_until(lambda: live.signal("length") > length + 0.1, page)
+        live.wait_until(lambda: live.signal("length") > length + 0.1)
         assert abs(live.signal("work")) > 1e-3
         assert "force" in (page.locator('[data-force="length"]').text_content() or "")
         page.locator("body").press(" ")
         assert page.locator("#run").text_content() == "Start"
         assert abs(live.signal("energy_balance")) < 1e-6
-        stopped = page.evaluate("window.page.machine.time")
+        stopped = live.time
         page.wait_for_timeout(100)
-        assert page.evaluate("window.page.machine.time") == stopped
+        assert live.time == stopped
 
         page.locator('[data-preset="length"]').select_option("Sinusoid")
         live.run(60)
@@ -182,36 +189,36 @@ def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) 
         drag(live, '[data-name="length"]', 0.4)  # the hand takes over
         assert page.locator('[data-preset="length"]').input_value() == "by hand"
         page.click("#reset")
-        assert page.evaluate("window.page.machine.time") == 0
+        assert live.time == 0
         assert live.complaints == []
 
 
 @in_a_browser
-def test_each_slider_moves_its_own_coordinate(browser: Any, page_of: Callable[[str], Path]) -> None:
-    with tools.opened(browser, page_of("Pendulum")) as live:
-        tools.enter(live, "pivot_x", 0.3)
+def test_each_slider_moves_its_own_coordinate(opened: Opened) -> None:
+    with opened("Pendulum") as live:
+        live.enter("pivot_x", 0.3)
         assert live.signal("pivot_x") == 0.3  # before the start, at once
         live.run(1)  # from here on the hand moves on
         for name, value in (("pivot_z", 0.2), ("length", 1.3), ("pivot_x", -0.4)):
             before = {other: live.signal(other) for other in ("length", "pivot_x", "pivot_z")}
-            tools.enter(live, name, value)
-            reached = live.run(round(4 / live.plan["step_size"]))
+            live.enter(name, value)
+            reached = live.run_for(4)
             assert {other: reached[other] for other in before} == pytest.approx(before | {name: value}, abs=1e-6)
-        tools.enter(live, "theta_force", 1.0)
-        assert live.page.evaluate("window.page.machine.time") > 0  # the motion goes on
-        tools.enter(live, "mass", 3)
+        live.enter("theta_force", 1.0)
+        assert live.time > 0  # the motion goes on
+        live.enter("mass", 3)
         assert live.signal("p_theta") == pytest.approx(0, abs=1e-12)  # all begins anew
         assert live.signal("tension") == pytest.approx(3 * 9.81 * math.cos(live.signal("theta")), rel=1e-6)
 
 
 @in_a_browser
-def test_the_view_is_that_of_the_camera(browser: Any, page_of: Callable[[str], Path]) -> None:
-    with tools.opened(browser, page_of("Satellite")) as live:
+def test_the_view_is_that_of_the_camera(opened: Opened) -> None:
+    with opened("Satellite") as live:
         for yaw, pitch in ((-0.6, 0.35), (0.9, -0.4)):
-            live.page.evaluate("([yaw, pitch]) => Object.assign(window.page.view, { yaw, pitch })", [yaw, pitch])
-            live.page.evaluate("window.page.paint()")
+            live.evaluate("([yaw, pitch]) => Object.assign(window.page.view, { yaw, pitch })", [yaw, pitch])
+            live.evaluate("window.page.paint()")
             for point in np.eye(3):
-                seen, scale, origin, centre = live.page.evaluate(
+                seen, scale, origin, centre = live.evaluate(
                     "p => { const v = window.page.view; return [v.see(p), v.scale, v.origin, v.centre]; }",
                     point.tolist(),
                 )
@@ -222,11 +229,10 @@ def test_the_view_is_that_of_the_camera(browser: Any, page_of: Callable[[str], P
 
 
 @in_a_browser
-def test_of_a_box_the_faces_towards_the_eye_are_painted(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
-    write_live_page(fmu(_Boxed), tmp_path / "box.html")
-    with tools.opened(browser, tmp_path / "box.html") as live:
+def test_of_a_box_the_faces_towards_the_eye_are_painted(opened: Opened, fmu: Fmu) -> None:
+    with opened(fmu(_Boxed)) as live:
         for yaw, pitch in ((-0.6, 0.35), (2.5, -0.4)):
-            painted = live.page.evaluate(
+            painted = live.evaluate(
                 """([yaw, pitch]) => {
                 const view = Object.assign(window.page.view, { yaw, pitch }), faces = [];
                 let corners = [];
@@ -249,13 +255,12 @@ def test_of_a_box_the_faces_towards_the_eye_are_painted(browser: Any, fmu: Calla
 
 
 @in_a_browser
-def test_the_bars_of_the_account_end_at_the_same_place(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
-    write_live_page(fmu(catalogue()["Pendulum"]), tmp_path / "friction.html")
-    with tools.opened(browser, tmp_path / "friction.html") as live:
+def test_the_bars_of_the_account_end_at_the_same_place(opened: Opened, fmu: Fmu) -> None:
+    with opened(fmu(catalogue()["Pendulum"])) as live:
         for name, value in (("theta_0", 1.0), ("friction", 0.5)):
-            tools.enter(live, name, value)
+            live.enter(name, value)
         tools.preset(live, "length", "SmoothStep", height=0.3, duration=0.5)
-        reached = live.run(round(1 / live.plan["step_size"]))
+        reached = live.run_for(1)
         spans: dict[str, np.ndarray] = {}
         for bar in ("work", "gain", "lost"):
             begin, width = (float(live.page.get_attribute(f"#bar-{bar}", name) or "") for name in ("x", "width"))
@@ -287,51 +292,51 @@ def test_a_recorded_motion_is_played(browser: Any, moved: Callable[[str], Result
         drawn.append(page.evaluate("document.getElementById('picture').toDataURL()"))
     assert len(set(drawn)) == 3
     page.click("#run")
-    tools.wait_until(lambda: page.locator("#place").input_value() not in {"36", "0"}, page)  # it begins anew
+    tools.Live(page).wait_until(lambda: page.locator("#place").input_value() not in {"36", "0"})  # it begins anew
     assert complaints == []
     session.close()
 
 
 @in_a_browser
-def test_a_refused_step_is_said_and_the_page_goes_on(browser: Any, page_of: Callable[[str], Path]) -> None:
-    with tools.opened(browser, page_of("Pendulum")) as live:
+def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
+    with opened("Pendulum") as live:
         live.run(20)
-        tools.enter(live, "length", -1)
+        live.enter("length", -1)
         live.run(400)
-        refused = live.page.evaluate("window.page.machine.time")
+        refused = live.time
         assert refused < 2
-        assert re.search("length.* (refused|Reset)", live.page.locator("#said").text_content() or "")
+        assert re.search("length.* (refused|Reset)", live.text("#said"))
         live.page.click("#run")
-        tools.wait_until(lambda: live.page.evaluate("window.page.machine.time") > refused + 0.1, live.page)
-        assert live.page.locator("#said").text_content() == ""
+        live.wait_until(lambda: live.time > refused + 0.1)
+        assert live.text("#said") == ""
         assert live.complaints == []
 
 
 @in_a_browser
-def test_the_view_is_dragged_and_zoomed_also_in_the_dark(browser: Any, page_of: Callable[[str], Path]) -> None:
-    with tools.opened(browser, page_of("Satellite"), color_scheme="dark") as live:
-        dark = live.page.evaluate("getComputedStyle(document.body).backgroundColor")
+def test_the_view_is_dragged_and_zoomed_also_in_the_dark(opened: Opened) -> None:
+    with opened("Satellite", color_scheme="dark") as live:
+        dark = live.evaluate("getComputedStyle(document.body).backgroundColor")
         live.page.emulate_media(color_scheme="light")
-        assert live.page.evaluate("getComputedStyle(document.body).backgroundColor") != dark
+        assert live.evaluate("getComputedStyle(document.body).backgroundColor") != dark
         view = "(() => { const v = window.page.view; return [v.yaw, v.pitch, v.zoom]; })()"
-        before, drawn = live.page.evaluate(view), pixels(live)
+        before, drawn = live.evaluate(view), pixels(live)
         live.page.mouse.move(300, 300)
         live.page.mouse.down()
         live.page.mouse.move(380, 340, steps=4)
         live.page.mouse.up()
         live.page.mouse.wheel(0, -300)
-        tools.wait_until(lambda: live.page.evaluate(view)[2] > 1, live.page)
-        after = live.page.evaluate(view)
+        live.wait_until(lambda: live.evaluate(view)[2] > 1)
+        after = live.evaluate(view)
         assert after[:2] == pytest.approx([before[0] - 0.008 * 80, before[1] + 0.008 * 40])
         assert pixels(live) != drawn
         live.page.mouse.dblclick(300, 300)
-        assert live.page.evaluate(view) == before
+        assert live.evaluate(view) == before
 
 
 @in_a_browser
-def test_presets_suit_what_they_move(browser: Any, page_of: Callable[[str], Path]) -> None:
+def test_presets_suit_what_they_move(opened: Opened) -> None:
     """Pumped twice a period a pendulum swings ever higher; shaken fast enough it stands upright on its pivot."""
-    with tools.opened(browser, page_of("Pendulum")) as live:
+    with opened("Pendulum") as live:
         words = live.page.locator('[data-preset="length"] option').all_text_contents()
         assert words == [
             "by hand",
@@ -339,55 +344,51 @@ def test_presets_suit_what_they_move(browser: Any, page_of: Callable[[str], Path
             "lengthen it evenly (Ramp)",
             "lengthen it smoothly (SmoothStep)",
         ]
-        steps = round(8 / live.plan["step_size"])
         tools.preset(live, "length", "Sinusoid")
-        assert live.run(steps)["work"] > 0.1
-        assert live.page.evaluate("[window.page.times.length, window.page.history.length]") == [900, 900]
+        assert live.run_for(8)["work"] > 0.1
+        assert live.evaluate("[window.page.times.length, window.page.history.length]") == [900, 900]
         tools.preset(live, "length", "by hand")
-        tools.enter(live, "theta_0", 3)
+        live.enter("theta_0", 3)
         tools.preset(live, "pivot_z", "Sinusoid")
         for _ in range(8):
-            assert abs(live.run(steps // 8)["theta"] - 3.14) < 0.5
+            assert abs(live.run_for(1)["theta"] - 3.14) < 0.5
         assert live.complaints == []
-    with tools.opened(browser, page_of("CircularHoop")) as live:
+    with opened("CircularHoop") as live:
         tools.preset(live, "beta", "SmoothStep")
-        assert live.run(round(4.1 / live.plan["step_size"]))["beta"] == pytest.approx(6.28319, abs=1e-4)
+        assert live.run_for(4.1)["beta"] == pytest.approx(6.28319, abs=1e-4)
 
 
 @in_a_browser
-def test_two_fingers_zoom(browser: Any, page_of: Callable[[str], Path]) -> None:
-    phone = {"viewport": {"width": 390, "height": 800}, "has_touch": True, "is_mobile": True}
-    with tools.opened(browser, page_of("Satellite"), **phone) as live:
+def test_two_fingers_zoom(opened: Opened) -> None:
+    with opened("Satellite", **PHONE) as live:
         touch = live.page.context.new_cdp_session(live.page)
         for kind, places in (("touchStart", (150, 250)), ("touchMove", (100, 300)), ("touchEnd", ())):
             points = [{"x": x, "y": 300, "id": i} for i, x in enumerate(places)]
             touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-        tools.wait_until(lambda: live.page.evaluate("window.page.view.zoom") != 1, live.page)
-        assert live.page.evaluate("window.page.view.zoom") == pytest.approx(2)
-        assert live.page.evaluate("visualViewport.scale") == 1  # the page itself is not zoomed
+        live.wait_until(lambda: live.evaluate("window.page.view.zoom") != 1)
+        assert live.evaluate("window.page.view.zoom") == pytest.approx(2)
+        assert live.evaluate("visualViewport.scale") == 1  # the page itself is not zoomed
 
 
 @in_a_browser
-def test_a_telephone(browser: Any, page_of: Callable[[str], Path]) -> None:
-    phone = {"viewport": {"width": 390, "height": 800}, "has_touch": True, "is_mobile": True}
+def test_a_telephone(opened: Opened) -> None:
     for name in FAST:
-        with tools.opened(browser, page_of(name), **phone) as live:
-            assert live.page.evaluate("document.documentElement.scrollWidth") <= 390
+        with opened(name, **PHONE) as live:
+            assert live.evaluate("document.documentElement.scrollWidth") <= 390
             live.page.tap("#run")
-            assert live.page.locator("#run").text_content() == "Pause"
+            assert live.text("#run") == "Pause"
             assert live.complaints == []
 
 
 @in_a_browser
-def test_a_system_runs_as_its_simulation(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_system_runs_as_its_simulation(opened: Opened, fmu: Fmu) -> None:
     system = System(EVIL)
     pumped = operator(fmu(catalogue()["Sinusoid"]), offset=1.0, amplitude=0.1, angular_frequency=6.26)
     system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.5, length=pumped)
-    write_live_page(system, tmp_path / "pair.html")
-    with tools.opened(browser, tmp_path / "pair.html") as live:
+    with opened(system) as live:
         plan = live.plan
         reached = live.run(600)
-        assert live.page.locator("h1").text_content() == EVIL
+        assert live.text("h1") == EVIL
         assert live.page.locator("img").count() == 0
         assert live.complaints == []
     size = plan["step_size"]
@@ -397,7 +398,7 @@ def test_a_system_runs_as_its_simulation(browser: Any, fmu: Callable[..., Path],
 
 
 @in_a_browser
-def test_what_is_fed_by_a_later_component_extrapolates(fmu: Callable[..., Path], tmp_path: Path) -> None:
+def test_what_is_fed_by_a_later_component_extrapolates(fmu: Fmu, tmp_path: Path) -> None:
     system = System("loop")
     swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.3)
     coarse = changed(
@@ -416,7 +417,7 @@ def test_what_is_fed_by_a_later_component_extrapolates(fmu: Callable[..., Path],
 
 
 @in_a_browser
-def test_what_is_converted_on_its_way(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+def test_what_is_converted_on_its_way(opened: Opened, fmu: Fmu) -> None:
     system = System("converted")
     motor = system.add("motor", fmu(catalogue()["Sinusoid"]), offset=0.2, amplitude=0.05, angular_frequency=5.0)
     swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.5)
@@ -424,8 +425,7 @@ def test_what_is_converted_on_its_way(browser: Any, fmu: Callable[..., Path], tm
         connect_scalars(motor[f"y{rate}"], swing[f"length{rate}"], Conversion(2.0, 0.0 if rate else 0.7))
         for rate in ("", "_dot", "_ddot")
     )
-    write_live_page(system, tmp_path / "converted.html")
-    with tools.opened(browser, tmp_path / "converted.html") as live:
+    with opened(system) as live:
         size, reached = live.plan["step_size"], live.run(60)
     assert reached["swing.length"] == pytest.approx(2 * reached["motor.y"] + 0.7, rel=1e-15)
     assert reached["motor.y"] == pytest.approx(0.2 + 0.05 * math.sin(5 * 60 * size), rel=1e-12)
@@ -455,17 +455,16 @@ class _Toy(Mechanism):
 
 
 @in_a_browser
-def test_text_of_an_fmu_is_text(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+def test_text_of_an_fmu_is_text(opened: Opened, fmu: Fmu, tmp_path: Path) -> None:
     quoted = EVIL.replace("<", "&lt;").replace(">", "&gt;").encode()
     name = rb'(<fmiModelDescription[^>]*?modelName=")[^"]*', rb"\g<1>" + quoted
     renamed = changed(fmu(_Toy), tmp_path / "evil.fmu", lambda n, c: re.sub(*name, c) if n.endswith(".xml") else c)
-    write_live_page(renamed, tmp_path / "evil.html")
-    with tools.opened(browser, tmp_path / "evil.html") as live:
+    with opened(renamed) as live:
         live.run(10)
         slider = live.page.locator('[data-name="mass"]')
         assert [slider.get_attribute(end) for end in ("min", "max")] == ["0.5", "1.5"]
-        assert live.page.locator("h1").text_content() == EVIL
-        assert "<b>bold</b>" in (live.page.locator("header p").text_content() or "")
+        assert live.text("h1") == EVIL
+        assert "<b>bold</b>" in live.text("header p")
         assert live.page.locator("img, b").count() == 0
         assert live.complaints == []
 
@@ -480,22 +479,19 @@ def changed(path: Path, output: Path, change: Callable[[str, bytes], bytes | Non
     return output
 
 
-def test_what_has_no_sources_is_refused(fmu: Callable[..., Path], tmp_path: Path) -> None:
+def test_what_has_no_sources_is_refused(fmu: Fmu, tmp_path: Path) -> None:
     pendulum = catalogue()["Pendulum"]
     bare = changed(fmu(pendulum), tmp_path / "bare.fmu", lambda n, c: None if n.startswith("sources/") else c)
     for path in (bare, fmu(pendulum, fmi="3")):
         with pytest.raises(SimulationError, match=rf"^{re.escape(str(path))}.*FMI 2\.0"):
-            write_live_page(path, tmp_path / "page.html")
-    assert not (tmp_path / "page.html").exists()
+            live_page(path)
 
 
-def test_without_a_compiler_it_says_what_to_install(
-    fmu: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_compiler_it_says_what_to_install(fmu: Fmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     same = changed(fmu(catalogue()["Pendulum"]), tmp_path / "other.fmu", lambda _, content: content)
     monkeypatch.setattr(compiler, "zig_compiler", lambda: None)
     with pytest.raises(BuildError, match="pip install ziglang"):
-        write_live_page(same, tmp_path / "page.html")
+        live_page(same)
 
 
 @pytest.mark.parametrize(
@@ -505,22 +501,20 @@ def test_without_a_compiler_it_says_what_to_install(
         b'{"version": "1.0", "shapes": [{"shape": "ball", "at": ["nobody_x", 0, 0]}]}',
     ],
 )
-def test_a_damaged_picture_is_refused(content: bytes, fmu: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_damaged_picture_is_refused(content: bytes, fmu: Fmu, tmp_path: Path) -> None:
     damaged = changed(
         fmu(catalogue()["Pendulum"]),
         tmp_path / "damaged.fmu",
         lambda name, was: content if name == "resources/picture.json" else was,
     )
     with pytest.raises(SimulationError, match=r"^[^\n]*picture\.json[^\n]*$"):
-        write_live_page(damaged, tmp_path / "page.html")
+        live_page(damaged)
 
 
 @pytest.mark.parametrize(
     ("zig", "cure"), [(None, "as our native FMUs have them: pip install ziglang"), (["zig"], "as our FMUs have them")]
 )
-def test_an_fmu_without_sources(
-    fmu: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, zig: list[str] | None, cure: str
-) -> None:
+def test_an_fmu_without_sources(fmu: Fmu, monkeypatch: pytest.MonkeyPatch, zig: list[str] | None, cure: str) -> None:
     """Such as are built where there is no compiler."""
     monkeypatch.setattr("liaisons.live.page.zig_compiler", lambda: zig)
     with pytest.raises(

@@ -19,7 +19,7 @@ from liaisons.errors import SimulationError
 from liaisons.models import Constant, Pendulum
 from liaisons.pictures import Picture
 
-from .conftest import MECHANISMS
+from .conftest import MECHANISMS, Fmu
 
 EVIL = "</script></iframe><img src=x onerror=alert(1)>\"'&"
 
@@ -82,7 +82,7 @@ def test_what_is_not_simulated_has_no_motion(parsed: Parsed) -> None:
     assert parsed(begun._repr_html_())[0] == []
 
 
-def test_what_has_no_picture_is_a_table(fmu: Callable[..., Path], parsed: Parsed) -> None:
+def test_what_has_no_picture_is_a_table(fmu: Fmu, parsed: Parsed) -> None:
     frames, tags, text = parsed(simulate(fmu(Constant), stop_time=1.0, step_size=0.5)._repr_html_())
     assert (frames, "table" in tags, "cannot be shown" in "".join(text)) == ([], True, False)
 
@@ -110,7 +110,7 @@ def test_names_never_become_markup(parsed: Parsed) -> None:
 
 @pytest.mark.parametrize("subject", ["name", "class", "file"])
 def test_a_component_shows_itself(
-    subject: str, fmu: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parsed: Parsed
+    subject: str, fmu: Fmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parsed: Parsed
 ) -> None:
     path = fmu(Pendulum)
     monkeypatch.setenv("LIAISONS_FMUS", str(path.parent))
@@ -124,7 +124,7 @@ def test_a_component_shows_itself(
     assert frame["srcdoc"] == content
 
 
-def test_a_system_shows_itself(fmu: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_system_shows_itself(fmu: Fmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     system = System("two/swings")
     upper, lower = (system.add(name, fmu(Pendulum)) for name in ("upper", "lower"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -19,11 +18,9 @@ from liaisons.errors import ComponentError
 from liaisons.language.shapes import Ball, Box, Rod, Wire, circle, turned
 from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
-from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import Frames, frames
-from liaisons.pictures.stage import Stage
 
-from .conftest import MECHANISMS
+from .conftest import MECHANISMS, Fmu
 
 # Rods that are as long as a variable says, or as a number of metres; by component.
 LENGTHS: dict[str, list[str | float]] = {
@@ -81,7 +78,7 @@ def test_what_is_seen_has_room_for_the_corners_of_boxes(moved: Callable[[str], R
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_what_only_the_picture_needs_is_the_same_in_all_fmus(name: str, fmu: Callable[..., Path]) -> None:
+def test_what_only_the_picture_needs_is_the_same_in_all_fmus(name: str, fmu: Fmu) -> None:
     model = assemble(getattr(liaisons.models, name))
     if model.draw is None:
         assert not model.drawn
@@ -98,7 +95,7 @@ def test_what_only_the_picture_needs_is_the_same_in_all_fmus(name: str, fmu: Cal
 
 
 @pytest.mark.parametrize("form", [{}, {"fmi": "3"}, {"backend": "python"}])
-def test_the_picture_travels_inside(form: dict[str, str], fmu: Callable[..., Path]) -> None:
+def test_the_picture_travels_inside(form: dict[str, str], fmu: Fmu) -> None:
     with zipfile.ZipFile(fmu(liaisons.models.Pendulum, **form)) as archive:
         document = json.loads(archive.read("resources/picture.json"))
     assert document["version"] == "1.0"
@@ -147,9 +144,8 @@ def test_without_a_picture_points_are_shown() -> None:
     ],
 )
 def test_what_is_no_picture_is_refused_by_name(returned: Callable[[Any], Any], message: str) -> None:
-    component = type("_Wrong", (_Toy,), {"picture": returned, "__module__": __name__})
     with pytest.raises(ComponentError, match=message):
-        assemble(component)
+        assemble(type("_Wrong", (_Toy,), {"picture": returned, "__module__": __name__}))
 
 
 def test_turned_and_circle_are_right_handed() -> None:
@@ -159,12 +155,3 @@ def test_turned_and_circle_are_right_handed() -> None:
     assert isinstance(ring, Wire)
     assert [float(p["x"]) for p in ring.points] == pytest.approx([3, 1, -1, 1], abs=ROUNDING)
     assert Box({}, turned("x", 0), (1, 1, 1)).document(float)["axes"] == [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-
-
-def test_what_lies_behind_is_drawn_first() -> None:
-    """The eye is at -y, a little above."""
-    balls = tuple({"shape": "ball", "at": [0.1 * y, y, 0.3]} for y in (-1.0, 2.0, 0.5))
-    still = frames(Picture(balls), np.zeros(1), lambda _: np.zeros(1), title="balls")
-    depths = [face.depth for face in Stage(still).faces(0)]
-    assert depths == sorted(depths)
-    assert depths[0] < depths[-1]

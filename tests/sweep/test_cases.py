@@ -44,27 +44,37 @@ def test_columns_case_by_case() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("make", "over", "message"),
     [
-        (lambda: grid({}), "nothing is varied"),
-        (lambda: grid({"a": []}), "a has values of shape"),
-        (lambda: grid({"a": [[1, 2]]}), "a has values of shape"),
-        (lambda: grid({"a": [1, np.nan]}), "a has values that are not finite"),
-        (lambda: grid({"a": ["x"]}), "a = "),
-        (lambda: sample(0, {"a": (0, 1)}, seed=0), "count = 0"),
-        (lambda: sample(-3, {"a": (0, 1)}, seed=0), "count = -3"),
-        (lambda: sample(2.5, {"a": (0, 1)}, seed=0), "count = 2.5"),  # type: ignore[arg-type]
-        (lambda: sample(3, {"a": (0, 1)}, seed=-1), "seed = -1"),
-        (lambda: sample(3, {}, seed=0), "nothing is varied"),
-        (lambda: sample(3, {"a": 7}, seed=0), "a = 7"),  # type: ignore[dict-item]
-        (lambda: sample(3, {"a": (3, 0)}, seed=0), r"a = \(3, 0\); give \(low, high\) with low < high"),
-        (lambda: sample(3, {"a": (1, 1)}, seed=0), "low < high"),
-        (lambda: sample(10**30, {"a": (0, 1)}, seed=0), "too many"),
-        (lambda: grid({"a": np.arange(10_000.0), "b": np.arange(10_000.0)}), "100000000 cases are too many"),
-        (lambda: sample(3, {"a": (0, np.inf)}, seed=0), "not finite"),
-        (lambda: Cases.of({"a": [1, 2], "b": [1]}), "a 2, b 1"),
+        (grid, {}, "nothing is varied"),
+        (grid, {"a": []}, "a has values of shape"),
+        (grid, {"a": [[1, 2]]}, "a has values of shape"),
+        (grid, {"a": [1, np.nan]}, "a has values that are not finite"),
+        (grid, {"a": ["x"]}, "a = "),
+        (grid, {"a": np.arange(10_000.0), "b": np.arange(10_000.0)}, "100000000 cases are too many"),
+        (Cases.of, {"a": [1, 2], "b": [1]}, "a 2, b 1"),
     ],
 )
-def test_misuse(make, message) -> None:
+def test_misuse(make, over, message) -> None:
     with pytest.raises(SweepError, match=message):
-        make()
+        make(over)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"count": 0}, "count = 0"),
+        ({"count": -3}, "count = -3"),
+        ({"count": 2.5}, "count = 2.5"),
+        ({"count": 10**30}, "too many"),
+        ({"seed": -1}, "seed = -1"),
+        ({"over": {}}, "nothing is varied"),
+        ({"over": {"a": 7}}, "a = 7"),
+        ({"over": {"a": (3, 0)}}, r"a = \(3, 0\); give \(low, high\) with low < high"),
+        ({"over": {"a": (1, 1)}}, "low < high"),
+        ({"over": {"a": (0, np.inf)}}, "not finite"),
+    ],
+)
+def test_misuse_of_samples(changes, message) -> None:
+    with pytest.raises(SweepError, match=message):
+        sample(**{"count": 3, "over": {"a": (0, 1)}, "seed": 0} | changes)

@@ -26,7 +26,7 @@ def test_two_workers_give_the_same_table_bit_by_bit(client, pendulum) -> None:
     here = sweep(pendulum, cases, keep, **SPAN)
     there = sweep(pendulum, cases, keep, client=client, **SPAN)
     by_address = sweep(pendulum, cases, keep, client=client.scheduler.address, **SPAN)
-    assert here.rows.tobytes() == there.rows.tobytes() == by_address.rows.tobytes()
+    assert here.values.tobytes() == there.values.tobytes() == by_address.values.tobytes()
     assert here.failures == there.failures == by_address.failures
     assert here.failures.keys() == {5}
 
@@ -52,7 +52,7 @@ def test_a_killed_worker_loses_no_case(client, pendulum, tmp_path) -> None:
     there = sweep(pendulum, CASES, {"theta": theta}, client=client, journal=tmp_path / "journal", **SPAN)
     assert os.path.exists(killed)  # noqa: PTH110
     assert not there.failures
-    assert there.rows.tobytes() == sweep(pendulum, CASES, {"theta": "theta"}, **SPAN).rows.tobytes()
+    assert there.values.tobytes() == sweep(pendulum, CASES, {"theta": "theta"}, **SPAN).values.tobytes()
 
 
 def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> None:
@@ -70,7 +70,7 @@ def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> Non
     here = sweep(pendulum, CASES, ["theta"], **SPAN)
     client.wait_for_workers(2, timeout=60)  # one has just been killed
     client.run(spoil, next(iter(client.nthreads())))
-    assert sweep(pendulum, CASES, ["theta"], client=client, **SPAN).rows.tobytes() == here.rows.tobytes()
+    assert sweep(pendulum, CASES, ["theta"], client=client, **SPAN).values.tobytes() == here.values.tobytes()
     client.run(spoil, "all")
     none = sweep(pendulum, CASES, ["theta"], client=client, **SPAN)
     assert none.unfinished == tuple(range(CASES.count))

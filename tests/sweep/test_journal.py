@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -53,28 +54,38 @@ def counted(tmp_path) -> Counted:
     return Counted(tmp_path / "calls")
 
 
-def test_finished_cases_are_not_done_again(pendulum, tmp_path, counted) -> None:
+@pytest.fixture
+def swept(pendulum, tmp_path) -> Callable[..., Result]:
+    """A sweep of CASES with a journal."""
+
+    def run(keep: Any = "theta", **changes: Any) -> Result:
+        return sweep(pendulum, CASES, keep, **{"journal": tmp_path / "journal"} | SPAN | changes)
+
+    return run
+
+
+def test_finished_cases_are_not_done_again(tmp_path, counted, swept) -> None:
     journal = tmp_path / "journal"
-    whole = sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
+    whole = swept({"theta": counted})
     assert counted.calls() == 7  # one fails
     lines = journal.read_bytes().splitlines(keepends=True)
     # Interrupted in the middle of the fifth case's line; a line in the middle is damaged, too.
     journal.write_bytes(b"".join([*lines[:3], b"?" + lines[3], lines[4], lines[5][:7]]))
     done = {json.loads(line)["case"] for line in (*lines[1:3], lines[4])}
-    again = sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
+    again = swept({"theta": counted})
     assert counted.calls() == len(set(range(8)) - done - {2})
-    assert whole.rows.tobytes() == again.rows.tobytes()
+    assert whole.values.tobytes() == again.values.tobytes()
     assert whole.failures == again.failures
     # nothing left to do, and the journal is whole again
-    third = sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
-    assert third.rows.tobytes() == whole.rows.tobytes()
+    third = swept({"theta": counted})
+    assert third.values.tobytes() == whole.values.tobytes()
     assert counted.calls() == 0
 
 
-def test_damaged_lines_say_nothing_and_are_done_again(pendulum, tmp_path, counted, caplog) -> None:
+def test_damaged_lines_say_nothing_and_are_done_again(tmp_path, counted, swept, caplog) -> None:
     journal, other = tmp_path / "journal", tmp_path / "other"
-    whole = sweep(pendulum, CASES, {"theta": counted}, journal=journal, workers=1, **SPAN)
-    sweep(pendulum, CASES, {"theta": counted}, start_values={"gravity": 9.8}, journal=other, workers=1, **SPAN)
+    whole = swept({"theta": counted}, workers=1)
+    swept({"theta": counted}, start_values={"gravity": 9.8}, journal=other, workers=1)
     counted.calls()
     header, *lines = journal.read_bytes().splitlines()
     text = {number: line.decode() for number, line in enumerate(lines)}
@@ -89,9 +100,9 @@ def test_damaged_lines_say_nothing_and_are_done_again(pendulum, tmp_path, counte
         text[7],
     ]
     journal.write_bytes(b"\n".join([header, *(line.encode() for line in damaged), b""]))
-    again = sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
+    again = swept({"theta": counted})
     assert counted.calls() == 6  # all but the last, and one fails
-    assert again.rows.tobytes() == whole.rows.tobytes()
+    assert again.values.tobytes() == whole.values.tobytes()
     assert again.failures == whole.failures
     (record,) = [record for record in caplog.records if record.name == "liaisons.sweeps"]  # Dask has its own
     assert "journal: damaged lines are left out, and their cases done again: 2, 3, 4, 5, 6 and 2 more" in record.message
@@ -126,9 +137,9 @@ def test_the_first_line_is_checked_too(tmp_path) -> None:
         Journal(path, "key", 8, 1)
 
 
-def test_a_second_sweep_with_the_same_journal_is_refused(pendulum, tmp_path) -> None:
+def test_a_second_sweep_with_the_same_journal_is_refused(tmp_path, swept) -> None:
     path = tmp_path / "journal"
-    sweep(pendulum, CASES, ["theta"], journal=path, **SPAN)
+    swept()
     before = path.read_bytes()
     holder = "import sys, time; from pathlib import Path; from liaisons.sweeps.journal import Journal; "
     holder += "journal = Journal(Path(sys.argv[1]), sys.argv[2], 8, 1); print('open', flush=True); time.sleep(60)"
@@ -137,10 +148,10 @@ def test_a_second_sweep_with_the_same_journal_is_refused(pendulum, tmp_path) -> 
         assert process.stdout is not None
         assert process.stdout.readline() == b"open\n"
         with pytest.raises(JournalError, match="journal is in use by another sweep; let that end"):
-            sweep(pendulum, CASES, ["theta"], journal=path, **SPAN)
+            swept()
         process.kill()
     assert path.read_bytes() == before
-    sweep(pendulum, CASES, ["theta"], journal=path, **SPAN)  # a lock does not outlive its process
+    swept()  # a lock does not outlive its process
 
 
 @pytest.mark.parametrize(
@@ -175,9 +186,8 @@ def test_what_the_machine_has_not_finished_is_tried_again(pendulum, tmp_path, er
     assert second["theta"][1] == sweep(pendulum, cases, ["theta"], **SPAN)["theta"][1]
 
 
-def test_retry_does_what_has_failed_again_for_whatever_reason(pendulum, tmp_path, monkeypatch) -> None:
-    journal = tmp_path / "journal"
-    sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN)
+def test_retry_does_what_has_failed_again_for_whatever_reason(swept, monkeypatch) -> None:
+    swept()
     done: list[int] = []
 
     def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, _limit: object) -> None:
@@ -185,21 +195,21 @@ def test_retry_does_what_has_failed_again_for_whatever_reason(pendulum, tmp_path
         deliver(dict.fromkeys(cases, Completed((7.0,))))
 
     monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_locally", simulate)
-    assert sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN).failures.keys() == {2}
+    assert swept().failures.keys() == {2}
     assert done == []
-    again = sweep(pendulum, CASES, ["theta"], journal=journal, retry=True, **SPAN)
+    again = swept(retry=True)
     assert (done, again.failures, again["theta"][2]) == ([2], {}, 7.0)
-    assert sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN)["theta"][2] == 7.0
+    assert swept()["theta"][2] == 7.0
     with pytest.raises(SweepError, match="no journal to find failures in"):
-        sweep(pendulum, CASES, ["theta"], retry=True, **SPAN)
+        swept(retry=True, journal=None)
 
 
-def test_a_header_that_is_half_written(pendulum, tmp_path, counted) -> None:
+def test_a_header_that_is_half_written(tmp_path, counted, swept) -> None:
     journal = tmp_path / "journal"
-    sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
+    swept({"theta": counted})
     journal.write_bytes(journal.read_bytes()[:10])
     counted.calls()
-    sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
+    swept({"theta": counted})
     assert counted.calls() == 7
 
 
@@ -225,15 +235,15 @@ def test_the_journal_of_another_sweep_is_refused(pendulum, tmp_path, change, sca
     assert journal.read_bytes() == before
 
 
-def test_a_file_that_is_no_journal_stays_as_it_is(pendulum, tmp_path) -> None:
+def test_a_file_that_is_no_journal_stays_as_it_is(tmp_path, swept) -> None:
     for content in (b"important\nlines\n", b"important", b'{"a": 1}\n'):
         file = tmp_path / "notes"
         file.write_bytes(content)
         with pytest.raises(JournalError, match="no journal"):
-            sweep(pendulum, CASES, ["theta"], journal=file, **SPAN)
+            swept(journal=file)
         assert file.read_bytes() == content
     with pytest.raises(SweepError, match="cannot be used as a journal"):
-        sweep(pendulum, CASES, ["theta"], journal=tmp_path / "missing" / "journal", **SPAN)
+        swept(journal=tmp_path / "missing" / "journal")
 
 
 @pytest.mark.usefixtures("interruptible")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import ctypes
 import os
 import select
@@ -18,10 +17,9 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from liaisons import Result, System, build, simulate
+from liaisons import Result, System, simulate
 from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import SimulationError
-from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 from liaisons.sweeps import SweepError, grid, sweep
 
@@ -43,17 +41,17 @@ def test_every_case_is_the_same_as_alone(pendulum, workers) -> None:
     assert table["theta:max"].tolist() == [result["theta"].max() for result in results]
     assert table["energy:min"].tolist() == [result["energy"].min() for result in results]
     assert np.array_equal(table["length"], CASES["length"])
+    assert table.title == "Pendulum"
     assert dict(table.units) == {"theta_0": "rad", "length": "m", "theta": "rad", "theta:max": "rad", "energy:min": "J"}
 
 
-@pytest.mark.parametrize("kind", ["FMI 3.0", "Python"])
-def test_other_kinds_of_fmus(folder, kind) -> None:
-    model = assemble(Pendulum)
-    fmu = build(model, folder, fmi="3") if kind == "FMI 3.0" else build(model, folder, backend="python")
+@pytest.mark.parametrize("kind", [{"fmi": "3"}, {"backend": "python"}])
+def test_other_kinds_of_fmus(fmu, kind) -> None:
+    pendulum = fmu(Pendulum, **kind)
     cases = {"theta_0": [0.1, -1.0, 2.0], "mass": [1.0, -1.0, 2.0]}
-    table = sweep(fmu, cases, ["theta", "p_theta"], workers=1, **SPAN)
+    table = sweep(pendulum, cases, ["theta", "p_theta"], workers=1, **SPAN)
     for number in (0, 2):
-        alone = simulate(fmu, **SPAN, theta_0=cases["theta_0"][number], mass=cases["mass"][number])
+        alone = simulate(pendulum, **SPAN, theta_0=cases["theta_0"][number], mass=cases["mass"][number])
         assert (table["theta"][number], table["p_theta"][number]) == (alone["theta"][-1], alone["p_theta"][-1])
     assert "mass" in table.failures[1]
 
@@ -120,11 +118,6 @@ def test_cases_that_fail_are_recorded_and_the_others_go_on(pendulum, caplog) -> 
     assert "liaisons" not in {
         record.name.partition(".")[0] for record in caplog.records
     }  # no complaint when what failed is put away
-
-
-def test_a_function_that_fails_is_a_case_that_fails(pendulum) -> None:
-    table = sweep(pendulum, {"theta_0": [0.1]}, {"x": lambda result: result["no_such"]}, **SPAN)
-    assert "no_such" in table.failures[0]
 
 
 def test_a_killed_process_loses_no_case(pendulum, tmp_path, where) -> None:
@@ -224,18 +217,6 @@ sweep({str(pendulum)!r}, {{"theta_0": [1.0, 2.0]}}, {{"theta": hang}}, stop_time
         process.kill()
         assert select.select([process.stdout], [], [], 30.0)[0], "a worker lives on"  # it holds the other end
         assert process.stdout.read() == b""
-
-
-def test_a_file_has_the_same_numbers(pendulum, tmp_path) -> None:
-    table = sweep(pendulum, {"mass": [1.0, -1.0], "theta_0": [0.1, 1 / 3]}, ["theta"], **SPAN)
-    table.to_csv(tmp_path / "table.csv")
-    with (tmp_path / "table.csv").open(encoding="utf-8", newline="") as file:
-        names, units, title, *rows = csv.reader(file)
-    assert title == ["# title: Pendulum"]
-    assert names == ["mass", "theta_0", "theta", "failure"]
-    assert units == ["# kg", "rad", "rad", ""]
-    assert [float(cell) for cell in rows[0][:3]] == list(table.rows[0].tolist())
-    assert rows[1][3] == table.failures[1]
 
 
 def test_progress(pendulum, capsys, monkeypatch) -> None:

@@ -175,7 +175,8 @@ def _times(first: Result, second: Result) -> tuple[_Numbers, bool]:
         )
     one, other = (r.time[(r.time >= begin) & (r.time <= end)] for r in (first, second))
     few, many = sorted((one, other), key=len)
-    if np.all(np.abs(many[_nearest(many, few)] - few) <= _rounding(end)):
+    rounding = 1e-9 * max(1.0, abs(end))  # of equal points: sums of steps round, each by half a unit in the last place
+    if np.all(np.abs(many[_nearest(many, few)] - few) <= rounding):
         return few, True
     return np.union1d(one, other), False
 
@@ -186,11 +187,6 @@ def _nearest(points: _Numbers, times: _Numbers) -> NDArray[np.intp]:
     if len(points) == 1:
         return np.zeros(len(times), dtype=np.intp)
     return np.where(times - points[after - 1] <= points[after] - times, after - 1, after)
-
-
-def _rounding(end: float) -> float:
-    """Largest difference of equal points: sums of steps round, each by half a unit in the last point."""
-    return 1e-9 * max(1.0, abs(end))
 
 
 def _at(result: Result, name: str, times: _Numbers, *, exact: bool) -> tuple[_Numbers, Method]:

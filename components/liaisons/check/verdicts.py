@@ -92,7 +92,13 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
     broken = [
         line
         for row in cells
-        for line in zip_longest(*(_broken(cell, wide) for cell, wide in zip(row, widths, strict=True)), fillvalue="")
+        for parts in [
+            [
+                [cell] if len(cell) <= wide else wrap(cell, wide, break_on_hyphens=False)
+                for cell, wide in zip(row, widths, strict=True)
+            ]
+        ]
+        for line in zip_longest(*parts, fillvalue="")
     ]
     broken.insert(1, tuple("-" * wide for wide in widths))
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in broken)
@@ -111,7 +117,3 @@ def _fitting(cells: list[list[str]], width: int) -> list[int]:
         narrowed = [[*widths[:i], wide - 1, *widths[i + 1 :]] for i, wide in enumerate(widths) if wide > words[i]]
         widths = min(narrowed, key=lines)
     return widths
-
-
-def _broken(cell: str, width: int) -> list[str]:
-    return [cell] if len(cell) <= width else wrap(cell, width, break_on_hyphens=False)

@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from inspect import cleandoc
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -155,6 +155,13 @@ Inputs = Annotated[
         "move an input: an expression of the time t (its rates follow), or a table with a column time and one an "
         "input, rates beside it where they are known; may be given several times",
         "--input",
+    ),
+]
+Join = Annotated[
+    Literal["quintic", "pchip", "linear"],
+    option(
+        "quintic|pchip|linear",
+        "between rows of tables without rates: smooth, overshoots beside steps; acceleration jumps; rate jumps",
     ),
 ]
 Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.structure.knots import curve, knots
+from liaisons.cosim.structure.knots import Join, curve, knots
 from liaisons.cosim.structure.sources import Signal
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
@@ -36,13 +36,16 @@ class Given:
     operators: dict[str, dict[str, OperatorFmu]] = field(default_factory=dict)
 
 
-def drives(system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool) -> Given:
+def drives(
+    system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool, join: Join
+) -> Given:
     """Functions of time and operators of ``--input``.
 
     :param given: ``NAME=EXPRESSION``, or the name of a file with a column of times and one an input.
     :param start_time: start of the simulation [s].
     :param stop_time: its stop [s]; tables have to reach from one to the other.
     :param single: the system is one FMU, whose inputs have no prefix.
+    :param join: of the rows of tables without rates.
     :raises LiaisonsError: if an expression cannot be parsed, a file not read, or there is no such input.
     """
     prescribed, names = Given(), set[str]()
@@ -53,7 +56,7 @@ def drives(system: System, given: Iterable[str], start_time: float, stop_time: f
             _check_reach(text, times, start_time, stop_time)
             ports = {column: _driven(system, column, single=single) for column in columns}
             try:
-                new = _of_table(prescribed, times, columns, ports)
+                new = _of_table(prescribed, times, columns, ports, join)
             except LiaisonsError as error:
                 raise SimulationError(f"{text}: {error}") from None
         else:
@@ -117,7 +120,11 @@ def _check_reach(file: str, times: NDArray[np.float64], start_time: float, stop_
 
 
 def _of_table(
-    prescribed: Given, times: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]], ports: Mapping[str, Port]
+    prescribed: Given,
+    times: NDArray[np.float64],
+    columns: Mapping[str, NDArray[np.float64]],
+    ports: Mapping[str, Port],
+    join: Join,
 ) -> set[str]:
     """An operator for each coordinate, which takes the columns of its rates, and a function for each other input.
 
@@ -128,13 +135,13 @@ def _of_table(
     triples = {name: triple for name, port in ports.items() if (triple := port.triple())}
     rates = {f"{name.removesuffix(ports[name].name)}{rate.name}" for name in triples for rate in triples[name][1:]}
     for name in ports.keys() - triples.keys() - rates:
-        table = knots(times, columns[name])
+        table = knots(times, columns[name], join=join)
         through, breaks = curve(table), table[0, 1:][np.diff(table[0]) == 0]
         prescribed.functions[name] = Signal(lambda t, through=through: float(through(t)), breaks.tolist())
     for name, triple in triples.items():
         owner, port = ports[name].part.name, ports[name].name
         beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
-        prescribed.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside)
+        prescribed.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside, join=join)
     return set(ports) - rates | triples.keys()
 
 

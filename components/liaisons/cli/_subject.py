@@ -12,6 +12,7 @@ from liaisons.cli._inputs import Given, drives
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
+from liaisons.cosim.structure.knots import Join
 from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, owned
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
@@ -43,13 +44,14 @@ def simulation(
     starts: Sequence[Any],
     *span: float | None,
     given: Iterable[str],
+    join: Join = "quintic",
     record: list[str] | None = None,
     isolated: float = 0.0,
 ) -> tuple[System, Simulation]:
     """System and simulation of a command-line argument; the files of an archive are deleted with its system.
 
     :param span: --start, --stop, --step and --tolerance, None where they are not given.
-    :param given: --input.
+    :param given: --input, and ``join`` --join.
     :param record: signals besides :func:`mismatches`; outputs and inputs if None.
     :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
     """
@@ -76,7 +78,7 @@ def simulation(
             "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
         )
         logger.warning(words, Path(word).name, end, size)
-    driven = drives(system, given, begin, end, single=single)
+    driven = drives(system, given, begin, end, single=single, join=join)
     _refuse_twice(system, dict(starts), driven, single=single)
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)

@@ -8,7 +8,19 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import Inputs, Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command, option, subject
+from liaisons.cli._command import (
+    Inputs,
+    Join,
+    Start,
+    Starts,
+    Step,
+    Stop,
+    Tolerance,
+    UnpackedLimit,
+    command,
+    option,
+    subject,
+)
 from liaisons.project import ProjectError
 
 _WHAT = "FMU|SSP|NAME|FILE.py"
@@ -41,6 +53,7 @@ def animate(
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
     given: Inputs,
+    join: Join = "quintic",
     speed: Annotated[
         float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)", parser=float)
     ] = None,
@@ -54,7 +67,7 @@ def animate(
 
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
-        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given)
+        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, join=join)
         result = performed(asked)
     elif of is None:
         raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")

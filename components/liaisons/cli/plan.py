@@ -33,7 +33,7 @@ def plan(
     path = folder / goal.stem
     motion.save(path.with_suffix(".json"))
     motion.plot(path=path.with_suffix(".png"))
-    motion.animate(path.with_suffix(".gif"))
+    motion.replay().animate(path.with_suffix(".gif"))
     motion.system(interpolate=False).write_ssp(path.with_suffix(".ssp"))
     print(f"{motion!r}"[1:-1])
     for name, kind in (("plan", ".json"), ("figure", ".png"), ("motion", ".gif"), ("system", ".ssp")):

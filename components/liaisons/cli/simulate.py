@@ -14,6 +14,7 @@ from typer.core import TyperCommand
 from liaisons.array_names import split
 from liaisons.cli._command import (
     Inputs,
+    Join,
     Start,
     Starts,
     Step,
@@ -67,6 +68,7 @@ def simulate(
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
     given: Inputs,
+    join: Join = "quintic",
     record: Annotated[str, option("NAME,...", "show only these signals (default: outputs and inputs)")] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
@@ -87,7 +89,9 @@ def simulate(
 
     names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
-    system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=names, isolated=limit)
+    system, asked = simulation(
+        fmu, starts, start, stop, step, tolerance, given=given, join=join, record=names, isolated=limit
+    )
     if diagram:
         system.diagram(diagram)
         print(f"diagram: {diagram}")

@@ -191,17 +191,8 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        settings = SimulationSettings(
-            start_time=start_time,
-            stop_time=stop_time,
-            step_size=step_size,
-            times=times,
-            tolerance=tolerance,
-            coupling=coupling,
-            error_tolerance=error_tolerance,
-            record=record,
-            inputs=inputs,
-        )
+        span = start_time, stop_time, step_size
+        settings = SimulationSettings(*span, times, tolerance, coupling, error_tolerance, record, inputs)
         simulation = checked(self.name, self.filled(), self.connections, settings)
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
@@ -297,17 +288,8 @@ def simulate(
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
     path = as_path("fmu", fmu)
-    settings = SimulationSettings(
-        start_time=start_time,
-        stop_time=stop_time,
-        step_size=step_size,
-        times=times,
-        tolerance=tolerance,
-        coupling=coupling,
-        error_tolerance=error_tolerance,
-        record=record,
-        inputs=inputs,
-    )
+    span = start_time, stop_time, step_size
+    settings = SimulationSettings(*span, times, tolerance, coupling, error_tolerance, record, inputs)
     starts = merged(path.stem, start_values, keywords)
     system = System(path.stem or str(path))
     part = system._added(  # noqa: SLF001 - it may have a dot in its name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Literal
@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import chosen, finite, listed, named, numbers, renamed, whole
+from liaisons.arguments import chosen, listed, named, numbers, renamed, time_span, whole
 from liaisons.compiler import system_compiler, zig_compiler
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
@@ -93,7 +93,12 @@ def ensemble(
     chosen("backend", backend, ("auto", "native", "numpy"))
     if threads is not None:
         whole("threads", threads)
-    _check_times(start_time, stop_time, step_size, samples)
+    time_span(start_time, stop_time, step_size)
+    whole("samples", samples)
+    if not (stop_time - start_time) / step_size < _MOST_STEPS:
+        raise SimulationError(
+            f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
+        )
     arrays = {name: _array(f"{model.name}: {name}", value) for name, value in start_values.items()}
     lanes = {name: array for name, array in arrays.items() if array.ndim}
     shared = {name: array for name, array in arrays.items() if not array.ndim}
@@ -123,7 +128,7 @@ def ensemble(
     fine, conditions, states = run(steps)
     errors = None
     if estimate:
-        runs = ((outputs, reached) for outputs, _, reached in (run(steps // 2), run(steps // 4)))
+        runs = (run(part)[::2] for part in (steps // 2, steps // 4))
         errors = _estimate((fine, states), *runs, order=METHODS[method].order)
     failures = _lost(fine, conditions, equations.condition_texts, time)
     failures |= {case: (0, text) for case, text in _outside(variables, arrays, count).items()}
@@ -158,16 +163,12 @@ def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, step
             records[k + 1, chunk] = states
 
     chunks = range(0, len(lanes), size)
-    if threads == 1 or len(chunks) == 1:
-        for begin in chunks:
-            advance_chunk(begin)
-    else:
-        with ThreadPoolExecutor(min(threads, len(chunks))) as pool:
-            list(pool.map(advance_chunk, chunks))
+    with ThreadPoolExecutor(min(threads, len(chunks))) as pool:
+        list(pool.map(advance_chunk, chunks))
     return records.transpose(2, 0, 1, 3).reshape(len(start), len(time), -1)[..., : start.shape[1]]
 
 
-Run = tuple[Floats, Floats]
+Run = Sequence[Floats]
 """Outputs and states, (rows, times, cases)."""
 
 
@@ -213,20 +214,6 @@ def _count(owner: str, lanes: Mapping[str, Floats]) -> int:
         reason = f"{next(iter(counts))} is empty" if counts else "no value is an array"
         raise SimulationError(f"{owner}: {reason}, so there are no cases; give one number a case")
     return next(iter(counts.values()))
-
-
-def _check_times(start_time: float, stop_time: float, step_size: float, samples: int) -> None:
-    for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
-        finite(name, value)
-    if stop_time <= start_time:
-        raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
-    if step_size <= 0:
-        raise SimulationError(f"step_size = {step_size!r}: must be > 0")
-    whole("samples", samples)
-    if not (stop_time - start_time) / step_size < _MOST_STEPS:
-        raise SimulationError(
-            f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
-        )
 
 
 def _outside(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:

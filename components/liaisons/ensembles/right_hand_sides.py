@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import stack
 from liaisons.language import Component, Operator, Variable
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
@@ -116,10 +117,10 @@ def right_hand_side(
     for triple in model.active:
         if triple.value in moving:
             operator = moving[triple.value]
-            parameters = _column(values(operator.parameters, f"{triple.value}.").values())
+            parameters = stack(values(operator.parameters, f"{triple.value}.").values())
             z = _scalar(operator.outputs_function, t, [], [], parameters, [])[0]
             inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
-    u, k = _column(inputs.values()), _column(values(model.parameters).values())
+    u, k = stack(inputs.values()), stack(values(model.parameters).values())
 
     instant = ca.SX(start_time)
     at_start = [instant, ca.substitute(u, t, instant), k]
@@ -158,18 +159,12 @@ def _bounds(variable: Variable, value: ca.SX) -> list[ca.SX]:
 
 def _scalar(function: ca.Function, *arguments: Any) -> list[ca.SX]:
     """Expressions of a function, whose own graph may be of matrices."""
+    columns = [ca.SX(0, 1) if isinstance(argument, list) else argument for argument in arguments]
     try:
-        expanded = function if function.is_a("SXFunction") else function.expand()
+        return [ca.densify(result) for result in function.call(columns, True, False)]
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[-1]
         raise ComponentError(f"{function.name()} cannot be written in scalar operations: {reason}") from None
-    columns = [ca.SX(0, 1) if isinstance(argument, list) else argument for argument in arguments]
-    return [ca.densify(result) for result in expanded.call(columns, True, False)]
-
-
-def _column(expressions: Iterable[ca.SX]) -> ca.SX:
-    rows = list(expressions)
-    return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
 
 def _closure(expressions: ca.SX, y: ca.SX, maps: Iterable[ca.SX]) -> list[int]:

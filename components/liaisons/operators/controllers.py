@@ -6,7 +6,7 @@ import logging
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, final
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.arguments import finite, merged, shown
+from liaisons.arguments import finite, merged, positive, shown
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
@@ -25,7 +25,6 @@ from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
 from liaisons.library import Target, component, fmu_file, fmu_path, model
 from liaisons.models import regulator
-from liaisons.operators.feedback import multipliers
 from liaisons.operators.goals import Array, chain_size, motion_names
 
 After = Literal["rests", "repeats", "ends"]
@@ -55,6 +54,11 @@ class ReferenceTrajectory:
     states: Array  # that are read (states, times)
     after: After
 
+    @property
+    def points(self) -> Iterator[tuple[Array, Array]]:
+        """States and motion at each of the times."""
+        return zip(self.states.T, self.motion.transpose(2, 0, 1), strict=True)
+
     def next_jump(self, apart: float) -> Array:
         """The first instant after each of the times [s] at which σ or a rate jumps; 1e30 if there is none.
 
@@ -79,7 +83,10 @@ class LinearPrediction:
 
     def multipliers(self, matrix: Array) -> NDArray[np.complex128]:
         """Eigenvalues of a matrix, greatest first; singular values where the trajectory ends elsewhere."""
-        return multipliers(matrix) if self.returns else np.linalg.svd(matrix, compute_uv=False).astype(complex)
+        if not self.returns:
+            return np.linalg.svd(matrix, compute_uv=False).astype(complex)
+        eigenvalues = np.linalg.eigvals(matrix).astype(complex)
+        return eigenvalues[np.argsort(-np.abs(eigenvalues), kind="stable")]
 
 
 @final
@@ -155,30 +162,29 @@ class Controller:
         :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
             what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._system(self.correction_limits, merged(self.name, start_values, keywords, PlanError))
-
-    def _system(self, correction_limits: Mapping[str, Array], starts: Mapping[str, float]) -> System:
         system = System(f"held_{self.name}")
-        start_values: dict[str, Any] = {**self.starts, **starts}
+        starts: dict[str, Any] = {**self.starts, **merged(self.name, start_values, keywords, PlanError)}
         trajectory, sources, regulators = self.trajectory, {}, []
         for i, move in enumerate(self.moves):
             # What is read is a sample: it stays until the next communication point.
             settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}
-            fmu, columns = self._regulator(i, correction_limits)
+            fmu, columns = self._regulator(i)
             settings |= columns
             triple = motion_names(move)
             for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
-                settings[start] = start_values.pop(triple[n]) - trajectory.motion[i, n, 0]
+                settings[start] = starts.pop(triple[n]) - trajectory.motion[i, n, 0]
             if trajectory.after == "repeats":
                 settings["repeats"] = self.duration
             regulators.append(system.add(f"{self.name}_{move}", fmu, **settings))
             sources |= {name: regulators[-1][y] for name, y in zip(triple, TRIPLE, strict=True)}
-        system.experiment = DefaultExperiment(0.0, self._stop, self._even_step)
+        system.experiment = DefaultExperiment(
+            0.0, self._stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
+        )
         follows: dict[str, Any] = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
         sizes = chain_size(self.component, self.values)
         values: dict[str, Any] = {name: value for name, value in self.values.items() if name not in sizes}
         fmu = fmu_path(self.component, **sizes)
-        mechanism = system.add(self.name, fmu, **values, **follows, **start_values)
+        mechanism = system.add(self.name, fmu, **values, **follows, **starts)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
             system.connect(part["elapsed"], part["sampled"])
@@ -196,20 +202,15 @@ class Controller:
         """Until when what is held is seen [s]: the end of the plan."""
         return self._settling if self.trajectory.times.size == 1 else self.duration
 
-    @property
-    def _even_step(self) -> float:
-        """The distance of the communication points [s], if they are even; else the longest that is not above it."""
-        if self.trajectory.times.size == 1:
-            return self.step_size
-        return self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
-
-    def _regulator(self, i: int, correction_limits: Mapping[str, Array]) -> tuple[Path, dict[str, Array]]:
+    def _regulator(self, i: int) -> tuple[Path, dict[str, Array]]:
         """The FMU for one of what moves, with its table in a file if it is long, else in its parameters."""
         trajectory, gains = self.trajectory, self.gains[:, i]
         columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i], strict=True))
         columns |= {"next_jump": trajectory.next_jump(_PAIR * self.step_size)}
         columns |= {"instant": trajectory.times, "offset": np.sum(gains.T * trajectory.states, axis=0)}
-        columns |= {"advance": self._shift @ gains.T} | {name: values[i] for name, values in correction_limits.items()}
+        columns |= {"advance": self._shift @ gains.T} | {
+            name: values[i] for name, values in self.correction_limits.items()
+        }
         columns |= {f"gain_{j}": gains[:, j - 1] for j in range(1, len(self.states) + 1)}
         fmu, missing = fmu_file("Regulator"), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
@@ -224,16 +225,18 @@ class Controller:
         gap = self.trajectory.states[:, -1] - self.trajectory.states[:, 0]
         return np.where([name in self.free for name in self.states], gap, 0.0)
 
-    def times(self, stop_time: float | None = None) -> Array:
-        """Communication points until then [s]; until the end of the plan unless given."""
-        trajectory, stop = self.trajectory, self.duration if stop_time is None else stop_time
+    def times(self, stop_time: float) -> Array:
+        """Communication points until then [s]."""
+        trajectory = self.trajectory
         if trajectory.after == "repeats":
-            rounds = np.arange(int(np.ceil(stop / self.duration - _SAME)))
-            points = np.append((rounds[:, None] * self.duration + trajectory.times[:-1]).ravel(), stop)
+            rounds = np.arange(int(np.ceil(stop_time / self.duration - _SAME)))
+            points = np.append((rounds[:, None] * self.duration + trajectory.times[:-1]).ravel(), stop_time)
         else:
-            more = np.arange(1, max(0, int(np.ceil((stop - trajectory.times[-1]) / self.step_size - 1e-9))) + 1)
-            points = np.concatenate([trajectory.times, np.minimum(trajectory.times[-1] + more * self.step_size, stop)])
-        return np.append(points[points < stop * (1 - 1e-12)], stop)
+            last = trajectory.times[-1]
+            count = int(np.ceil((stop_time - last) / self.step_size - 1e-9))
+            more = last + np.arange(1, count + 1) * self.step_size
+            points = np.concatenate([trajectory.times, np.minimum(more, stop_time)])
+        return np.append(points[points < stop_time * (1 - 1e-12)], stop_time)
 
     def simulate(
         self,
@@ -255,7 +258,7 @@ class Controller:
         for name, value in starts.items():
             finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._stop if stop_time is None else stop_time
-        _positive("stop_time", stop_time)
+        positive("stop_time", stop_time, PlanError)
         if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
             logger.warning(
                 "%s: the plan ends in motion at %g s; what is simulated until %g s is not planned: σ goes on evenly",
@@ -265,7 +268,7 @@ class Controller:
             )
         return self._run(self.system(start_values=starts), stop_time, ports or None)
 
-    def _run(self, system: System, stop_time: float | None, inputs: Mapping[str, Any] | None = None) -> Result:
+    def _run(self, system: System, stop_time: float, inputs: Mapping[str, Any] | None = None) -> Result:
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
         return system.simulate(times=self.times(stop_time), coupling=coupling, tolerance=1e-11, inputs=inputs)
 
@@ -304,11 +307,11 @@ class Controller:
         ports = [v.name for v in inputs if v.name not in moved]
         if port not in ports:
             raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
-        _positive("survives: duration", duration)
+        positive("survives: duration", duration, PlanError)
         ends = self.trajectory.after == "ends"
         settled = self.duration if ends else max(self.duration, duration) + self._settling
         stop = settled if stop_time is None else stop_time
-        _positive("survives: stop_time", stop)
+        positive("survives: stop_time", stop, PlanError)
         if stop <= duration:
             raise PlanError(
                 f"survives: stop_time = {stop:g} s: must be greater than the push, duration = {duration:g} s"
@@ -316,7 +319,7 @@ class Controller:
         coordinate = port.removesuffix("_force").removesuffix("_load")
         usual = self.energy / dict(zip(self.states, self.sizes, strict=True)).get(coordinate, 1.0)
         high = 1e-3 * usual if first is None else first
-        _positive("survives: first", high)
+        positive("survives: first", high, PlanError)
         free = [self.states.index(name) for name in self.free if name not in self.moves]
 
         def comes_back(force: float) -> bool:
@@ -348,13 +351,14 @@ class Controller:
 
         Without bounds: where the course lies on one, a correction that it stops is none of first order.
         """
+        unbounded = replace(self, correction_limits={})
         first = np.linalg.pinv(self.prediction.directions)
         last = np.linalg.pinv(self.prediction.final_directions)
         starts, ends = [], []
         for direction in self.perturbations:
             shifted = [{name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)]
             with _unwarned():  # of steps too long for a continuous feedback: that is in the matrix
-                runs = [self._run(self._system({}, values), self.duration) for values in shifted]
+                runs = [self._run(unbounded.system(start_values=values), self.duration) for values in shifted]
             change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
             starts.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])
@@ -394,12 +398,6 @@ class Controller:
         moves, names = ", ".join(self.moves), ", ".join(self.conserved)
         conserved = f"; conserved: {names}" if names else ""
         return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
-
-
-def _positive(label: str, value: object) -> None:
-    finite(label, value, PlanError)
-    if value <= 0:  # type: ignore[operator]  # a number
-        raise PlanError(f"{label} = {value:g}: must be > 0")
 
 
 @contextmanager

@@ -7,7 +7,6 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are, svd
 
 from liaisons.operators.goals import Array
@@ -90,9 +89,3 @@ def pushes(steps: Sequence[Step]) -> Array:
     for A, B in steps:
         columns = np.hstack([A @ columns, B])
     return columns
-
-
-def multipliers(matrix: Array) -> NDArray[np.complex128]:
-    """Eigenvalues, greatest first."""
-    eigenvalues = np.linalg.eigvals(matrix).astype(complex)
-    return eigenvalues[np.argsort(-np.abs(eigenvalues), kind="stable")]

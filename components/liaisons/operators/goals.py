@@ -15,6 +15,7 @@ from liaisons.arguments import finite, listed, named, shown
 from liaisons.errors import PlanError, suggestion
 from liaisons.language import Chain
 from liaisons.library import Target, component
+from liaisons.port_names import port_names
 
 Array: TypeAlias = NDArray[np.float64]
 Expression: TypeAlias = "Callable[[Readings], Any] | str"
@@ -22,6 +23,8 @@ Expression: TypeAlias = "Callable[[Readings], Any] | str"
 Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] | None"
 """A number; a range; four numbers for an orientation; None: free."""
 Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
+_SHORTEST, _LONGEST = 1e-100, 1e100
+"""Durations [s] whose squares are numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +75,23 @@ class Readings(Mapping[str, ca.SX]):
         return len(self._signals)
 
 
+def duration_range(value: Any) -> tuple[float, float]:
+    """A duration [s], or the least and the greatest.
+
+    :raises PlanError: if it is none.
+    """
+    pair: Any = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
+    low, high = pair
+    for seconds in pair:
+        finite("duration", seconds, PlanError)
+    if not _SHORTEST < low <= high < _LONGEST:
+        raise PlanError(f"duration = {shown(value)}: give seconds > 0, or (low, high)")
+    return float(low), float(high)
+
+
 def motion_names(move: str) -> tuple[str, str, str]:
     """Names of value, rate and acceleration of a coordinate."""
-    return move, f"{move}_dot", f"{move}_ddot"
+    return port_names(move)[:3]
 
 
 def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
@@ -83,17 +100,10 @@ def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
 
 
 def move_names(mechanism: Target, moves: str | Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the active coordinates that move: all unless given.
-
-    :raises PlanError: if there are none.
-    """
+    """Names of the active coordinates that move: all unless given."""
     if moves is not None:
         return tuple(listed("moves", moves, PlanError))
-    declared = component(mechanism)
-    actives = tuple(active.name for active in getattr(declared, "actives", ()))
-    if not actives:
-        raise PlanError(f"{declared.__name__} has no active coordinate: there is nothing that an operator could move")
-    return actives
+    return tuple(active.name for active in getattr(component(mechanism), "actives", ()))
 
 
 def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import count, pairwise
@@ -71,12 +71,6 @@ def refuse_invariants(problem: Problem) -> None:
         )
 
 
-def duration_of(problem: Problem, k: int = 0) -> float:
-    """Where it is free, of the k-th start: the geometric mean at first, then all over the range."""
-    low, high = problem.duration
-    return low + (high - low) * _spread(k, 0) if k > 0 else float(np.sqrt(max(low, 1e-3 * high) * high))
-
-
 def _spread(k: int, dimension: int) -> float:
     """The k-th of numbers that fill (0, 1) evenly from the first on, in each dimension its own; J. H. Halton."""
     base, value, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
@@ -87,27 +81,23 @@ def _spread(k: int, dimension: int) -> float:
     return value
 
 
-def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[CollocatedTrajectory, Array, Array]:
-    """A motion that rests at the start, and where the knots and collocation points lie between 0 and 1."""
-    m, n, c = intervals, len(problem.states), len(problem.moves)
-    durations = np.array([duration_of(problem, k)])
-    resting = np.repeat(problem.initial_state[:, None], m * DEGREE + m + 1, axis=1)
-    trajectory = CollocatedTrajectory(
-        (Arc(m),), durations, resting[:, : m + 1], resting[:, m + 1 :], np.zeros((c, m * DEGREE))
-    )
-    assert trajectory.knots.shape == (n, m + 1)
-    return trajectory, trajectory.breaks / durations[0], trajectory.instants / durations[0]
+def _blank(problem: Problem, intervals: int, k: int = 0) -> CollocatedTrajectory:
+    """A motion that rests at the start.
 
-
-def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    trajectory, _, _ = _blank(problem, intervals, k)
-    return _followed(problem, trajectory, _Way(problem, trajectory.durations[0], k))
+    Where its duration is free, that of the k-th is the geometric mean at first, then all over the range.
+    """
+    low, high = problem.duration
+    T = low + (high - low) * _spread(k, 0) if k > 0 else float(np.sqrt(max(low, 1e-3 * high) * high))
+    knots, inner = (np.repeat(problem.initial_state[:, None], m, axis=1) for m in (intervals + 1, intervals * DEGREE))
+    controls = np.zeros((len(problem.moves), intervals * DEGREE))
+    return CollocatedTrajectory((Arc(intervals),), np.array([T]), knots, inner, controls)
 
 
 def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     """From start to end by straight lines; the later ones are shaken."""
-    trajectory, knots, points = _blank(problem, intervals, k)
+    trajectory = _blank(problem, intervals, k)
     T, start, names = trajectory.durations[0], problem.initial_state, problem.states
+    knots, points = trajectory.breaks / T, trajectory.instants / T
     axes = [i for i, name in enumerate(names) if name in Orientation.quaternion]
     change = np.array([problem.terminal_state.get(name, x) - x for name, x in zip(names, start, strict=True)])
     moves = {name: change[names.index(name)] for name in problem.moves if name in names}
@@ -141,8 +131,8 @@ def _smooth_step(u: Any, T: float) -> tuple[Any, Any, Any]:
 
 def _wave(rng: np.random.Generator, u: Array) -> Array:
     a, b = rng.normal(size=(2, 3))
-    k = np.pi * np.arange(1, 4)[:, None]
-    return (a / k.ravel()) @ np.sin(k * u) + (b / k.ravel()) @ np.cos(k * u)
+    k = np.pi * np.arange(1, 4)
+    return a / k @ np.sin(np.outer(k, u)) + b / k @ np.cos(np.outer(k, u))
 
 
 def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
@@ -171,30 +161,28 @@ def _is_begun(problem: Problem) -> bool:
 
 
 def _ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    trajectory, _, _ = _blank(problem, intervals, k)
     c = len(problem.moves)
     u = np.array([[_spread(k, 1 + 3 * i + j) for j in range(3)] for i in range(c)])
     middles, widths = _ranges(problem)
     radii = widths * (0.1 + 0.7 * u[:, 1])
     centres = middles + (widths - radii) * (2 * u[:, 0] - 1)
     phases = 2 * np.pi * u[:, 2]
-    if not _is_begun(problem):
-        phases -= np.angle(mixture(c) @ (radii * np.exp(1j * phases)))
-    else:
+    if _is_begun(problem):
         centres = problem.initial_state[problem.indices(problem.moves)]
-    return _followed(problem, trajectory, _Loop(centres, radii, phases, _is_begun(problem), trajectory.durations[0]))
+    else:
+        phases -= np.angle(mixture(c) @ (radii * np.exp(1j * phases)))
+    return _loop(problem, _blank(problem, intervals, k), centres, radii, phases)
 
 
 def _far_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Small and large ones, about what is opposite to the start and between, where joints may turn as they like."""
-    trajectory, _, _ = _blank(problem, intervals)
     middles, widths = _ranges(problem)
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
     for offset, radius, sense in ((widths, 0.16, 1), (-between, 0.45, -1), (widths, 0.8, -1), (between, 0.45, 1)):
         phases, extremal = _phases(sense, len(widths))
-        centre, T = middles + np.where(widths < np.pi, 0, offset), trajectory.durations[0]
-        yield _followed(problem, trajectory, _Loop(centre, radius * widths, phases - extremal, False, T))
+        centre = middles + np.where(widths < np.pi, 0, offset)
+        yield _loop(problem, _blank(problem, intervals), centre, radius * widths, phases - extremal)
 
 
 def _phases(sense: int, size: int) -> tuple[Array, float]:
@@ -205,9 +193,7 @@ def _phases(sense: int, size: int) -> tuple[Array, float]:
 
 def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Of several sizes and centres, round both ways."""
-    trajectory, _, _ = _blank(problem, intervals)
-    T = trajectory.durations[0]
-    start = problem.initial_state[problem.indices(problem.moves)]
+    trajectory, start = _blank(problem, intervals), problem.initial_state[problem.indices(problem.moves)]
     middles, _ = _ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
     is_begun = _is_begun(problem)
@@ -216,54 +202,58 @@ def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]
             for sense in (1, -1):
                 phases, extremal = _phases(sense, len(start))
                 for first in (0.0, np.pi / 2, np.pi, -np.pi / 2) if is_begun else (extremal,):
-                    shape = _Loop(centre, np.full(len(start), radius), phases - first, is_begun, T)
-                    yield _followed(problem, trajectory, shape)
+                    yield _loop(problem, trajectory, centre, np.full(len(start), radius), phases - first)
+
+
+def _loop(
+    problem: Problem, trajectory: CollocatedTrajectory, centre: Array, radius: Array, phases: Any
+) -> CollocatedTrajectory:
+    """One round of σ on an ellipse; through its centre where it has to begin there."""
+    w, shift = 2 * np.pi / trajectory.durations[0], np.cos(phases) if _is_begun(problem) else 0.0
+
+    def motion(t: float) -> tuple[Array, Array, Array]:
+        angle = w * t - phases
+        value = centre + radius * (np.cos(angle) - shift)
+        return value, -radius * w * np.sin(angle), -radius * w**2 * np.cos(angle)
+
+    return _followed(problem, trajectory, motion)
 
 
 def _drift(problem: Problem, k: int) -> CollocatedTrajectory:
     """Some motion from the start, small or large, that ends anywhere, at any rate."""
-    trajectory, _, _ = _blank(problem, _FINE, k)
-    motion = _Way(problem, _BEYOND * trajectory.durations[0], 1 + k)
-    motion.way = 10.0 ** (k % 3) * np.random.default_rng(k).normal(size=motion.way.size)
+    trajectory, change = _blank(problem, _FINE, k), np.random.default_rng(k).normal(size=len(problem.moves))
+    return _waves(problem, trajectory, _BEYOND * trajectory.durations[0], 1 + k, 10.0 ** (k % 3) * change)
+
+
+def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    trajectory = _blank(problem, intervals, k)
+    return _waves(problem, trajectory, trajectory.durations[0], k)
+
+
+def _waves(
+    problem: Problem, trajectory: CollocatedTrajectory, T: float, k: int, by: Array | None = None
+) -> CollocatedTrajectory:
+    """From start to end of σ, or by a change, in the time T, at rest then; the k-th with waves on it."""
+    start = dict(zip(problem.states, problem.initial_state, strict=True))
+    sigma = zip(problem.moves, problem.initial_sigma, strict=True)
+    begin = {name: start.get(name, value) for name, value in sigma}
+    first = np.array([*begin.values()])
+    way = np.array([problem.terminal_state.get(name, x) for name, x in begin.items()]) - first
+    size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(way).max())
+    waves = size * np.random.default_rng(k).normal(size=(way.size, 3)) / np.arange(1, 4) ** 2
+    way, w = way if by is None else by, 2 * np.pi * np.arange(1, 4) / T
+
+    def motion(t: float) -> tuple[Array, Array, Array]:
+        rise, rate, acceleration = (way * x for x in _smooth_step(t / T, T))
+        value = first + rise + waves @ (1 - np.cos(w * t))
+        return value, rate + waves @ (w * np.sin(w * t)), acceleration + waves @ (w**2 * np.cos(w * t))
+
     return _followed(problem, trajectory, motion)
 
 
-class _Loop:
-    """σ on an ellipse: one round in the time T; through its centre where it has to begin there."""
-
-    def __init__(self, centre: Array, radius: Array, phases: Any, through: bool, T: float) -> None:
-        self.centre, self.radius, self.phases, self.rate = centre, radius, phases, 2 * np.pi / T
-        self.shift = np.cos(phases) if through else np.zeros(len(phases))
-
-    def __call__(self, t: float) -> tuple[Array, Array, Array]:
-        angle, w = self.rate * t - self.phases, self.rate
-        value = self.centre + self.radius * (np.cos(angle) - self.shift)
-        return value, -self.radius * w * np.sin(angle), -self.radius * w**2 * np.cos(angle)
-
-
-class _Way:
-    """σ from start to end, at rest there; the k-th with waves on it."""
-
-    def __init__(self, problem: Problem, T: float, k: int) -> None:
-        ends_of = {
-            name: (x, problem.terminal_state.get(name, x))
-            for name, x in zip(problem.states, problem.initial_state, strict=True)
-        }
-        ends = [
-            ends_of.get(name, (value, value)) for name, value in zip(problem.moves, problem.initial_sigma, strict=True)
-        ]
-        self.begin, self.way, self.T = np.array([a for a, _ in ends]), np.array([b - a for a, b in ends]), T
-        size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(self.way).max())
-        self.waves = size * np.random.default_rng(k).normal(size=(len(ends), 3)) / np.arange(1, 4) ** 2
-
-    def __call__(self, t: float) -> tuple[Array, Array, Array]:
-        u, w = t / self.T, 2 * np.pi * np.arange(1, 4) / self.T
-        value = self.begin + self.way * u**3 * (10 - 15 * u + 6 * u**2) + self.waves @ (1 - np.cos(w * t))
-        rate = self.way * 30 * u**2 * (1 - u) ** 2 / self.T + self.waves @ (w * np.sin(w * t))
-        return value, rate, self.way * 60 * u * (1 - u) * (1 - 2 * u) / self.T**2 + self.waves @ (w**2 * np.cos(w * t))
-
-
-def _followed(problem: Problem, trajectory: CollocatedTrajectory, motion: _Loop | _Way) -> CollocatedTrajectory:
+def _followed(
+    problem: Problem, trajectory: CollocatedTrajectory, motion: Callable[[float], tuple[Array, Array, Array]]
+) -> CollocatedTrajectory:
     """States along a motion of σ, by Runge and Kutta's method through all points."""
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
     names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(motion_names(move))]

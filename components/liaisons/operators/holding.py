@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from scipy.linalg import svd
 
-from liaisons.arguments import finite, merged, named, numbers, shown
+from liaisons.arguments import finite, merged, named, numbers, positive, shown
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import PlanError
+from liaisons.language import Orientation
 from liaisons.library import Target, component
 from liaisons.operators.controllers import After, Controller, LinearPrediction, ReferenceTrajectory
 from liaisons.operators.feedback import (
@@ -112,14 +113,10 @@ def hold(
     :raises PlanError: if it is no equilibrium, or if what is to be held cannot be controlled, with what stays.
     """
     values = merged("hold", start_values, keywords, PlanError)
-    finite("effort", effort, PlanError)
+    positive("effort", effort, PlanError)
     if step_size is not None:
-        finite("step_size", step_size, PlanError)
-    if effort <= 0 or (step_size is not None and step_size <= 0):
-        raise PlanError(f"step_size = {shown(step_size)}, effort = {effort:g}: both must be > 0")
-    criterion = _Criterion(
-        dict(named("weights", weights or {}, PlanError)), effort, named("bounds", bounds or {}, PlanError)
-    )
+        positive("step_size", step_size, PlanError)
+    criterion = _Criterion(named("weights", weights or {}, PlanError), effort, named("bounds", bounds or {}, PlanError))
     if isinstance(motion, Plan):
         if at is not None or moves is not None or values:
             raise PlanError("hold: a plan says what moves, where, and with which parameters; leave at and moves out")
@@ -142,7 +139,7 @@ def _greatest_near(matrix: Array) -> float:
     """The greatest multiplier of matrices that differ from one by what is not known of it."""
     random, size = np.random.default_rng(0), _UNKNOWN * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
-    return max(float(np.max(np.abs(np.linalg.eigvals(of)), initial=0.0)) for of in near)
+    return float(np.max(np.abs(np.linalg.eigvals(near)), initial=0.0))
 
 
 def _plain(value: float) -> float:
@@ -161,15 +158,14 @@ class _Criterion:
         """Weights in the directions in which the states can differ."""
         cost = {name: float(name in sampled.free) for name in sampled.states}
         cost |= {f"{m}_dot": _DRIFT for m in sampled.moves if m not in sampled.held_moves}
-        for name in self.weights:
+        for name, weight in self.weights.items():
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
-        for name, weight in self.weights.items():
             finite(f"weight of {name}", weight, PlanError)
             if weight < 0:
                 raise PlanError(f"{sampled.name}: weight of {name} = {weight:g}: must be >= 0")
-        diagonal = np.array([(cost | dict(self.weights))[name] for name in sampled.states])
-        return [(D.T * diagonal) @ D for D in directions]
+            cost[name] = weight
+        return [(D.T * [*cost.values()]) @ D for D in directions]
 
 
 # ---- an equilibrium -----------------------------------------------------------------------------------------------
@@ -196,8 +192,10 @@ def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Cont
     with suppress(np.linalg.LinAlgError):
         K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, criterion.effort * np.eye(B.shape[1])) @ V.T
     if not _greatest_near(V.T @ (A - B @ K) @ V) < 1:
-        what = f"{', '.join(sampled.moves)} every {H:g} s hardly reach all that falls"
-        raise PlanError(f"{sampled.name} cannot be held there: {what}; Riccati's equation has no solution in 16 digits")
+        raise PlanError(
+            f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {H:g} s hardly reach all that "
+            "falls; Riccati's equation has no solution in 16 digits"
+        )
     if U.size:
         fixed = np.eye(len(A))[:, still_ones]
         U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]])
@@ -222,9 +220,7 @@ def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Cont
     longest = min(motion.duration / _STEPS, _LONGEST * sampled.time)
     H = motion.duration / np.ceil(motion.duration / longest - 1e-9) if step_size is None else step_size
     trajectory, steps, returns = _reference_trajectory(motion, sampled, H)
-    D = [
-        sampled.directions(x, s) for x, s in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), strict=True)
-    ]
+    D = [sampled.directions(*point) for point in trajectory.points]
     steps, costs = reduced(steps, D), criterion.costs(sampled, D)
     R = criterion.effort * np.eye(len(motion.goal.moves))
     whole, after = through(steps), np.zeros((len(R), D[-1].shape[1]))
@@ -289,7 +285,6 @@ def _reference_trajectory(
     reference, steps = sampled.steps(times, planned, H)
     gap = np.abs(reference[:, -1] - reference[:, 0])
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
-    turned = {axis for axes in sampled.quaternions.values() for axis in axes}
     missed = gap > _SAME * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     missing = {name for name, is_off in zip(sampled.states, missed, strict=True) if is_off}
     missing -= {*sampled.cyclic, *may_jump}
@@ -309,7 +304,7 @@ def _reference_trajectory(
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
         reference, steps = sampled.steps(times, planned, H)
-    return ReferenceTrajectory(times, planned, reference, after), steps, not missing - turned
+    return ReferenceTrajectory(times, planned, reference, after), steps, not missing - {*Orientation.quaternion}
 
 
 # ---- both ---------------------------------------------------------------------------------------------------------
@@ -358,10 +353,10 @@ def _perturbations(
     if sampled.is_constrained:  # rates have to keep the constraints, too
         rates = sampled.rates_off(reference, sigma, directions)
         names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
-        pairs = [(i, parameters.get(name, name)) for i, name in enumerate(names)]
-        columns = np.vstack([sizes * directions, rates]).T
-        return tuple({name: float(column[i]) for i, name in pairs if name in starts} for column in columns)
-    axes = {axis for axes in sampled.quaternions.values() for axis in axes}
+        columns = np.vstack([sizes * directions, rates]).T.tolist()
+        keys = [parameters.get(name, name) for name in names]
+        return tuple({k: x for k, x in zip(keys, column, strict=True) if k in starts} for column in columns)
+    axes = {*Orientation.quaternion}
     columns = [{sampled.states[i]: float(x[i]) for i in np.flatnonzero(x)} for x in (sizes * directions).T]
     rotations = ({parameters[name]: x for name, x in column.items()} for column in columns if axes & column.keys())
     names = {parameter: name for name, parameter in parameters.items()}
@@ -374,15 +369,13 @@ def _correction_limits(
 ) -> dict[str, Array]:
     """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
     shape = len(sampled.moves), trajectory.times.size
-    y = trajectory.states[: len(sampled.names)].T
-    pairs = [sampled.forces(x, sigma) for x, sigma in zip(y, trajectory.motion.transpose(2, 0, 1), strict=True)]
-    forces, masses = (np.array(column) for column in zip(*pairs, strict=True))
-    limits = {name: np.full(shape, far) for low, high in _PAIRS for name, far in ((low, -_FAR), (high, _FAR))}
+    n = len(sampled.names)
+    forces, masses = np.split(np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points]), [1], axis=2)
+    limits = {name: np.empty(shape) for pair in _PAIRS for name in pair}
+    allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs} | dict(bounds)
     for i, m in enumerate(sampled.moves):
-        domain = next(v for v in sampled.symbols.model.inputs if v.name == m)
-        allowed = {m: (domain.minimum, domain.maximum)} | dict(bounds)
         for n, (low, high) in enumerate(_PAIRS):
-            least, most = _ends(allowed.get(motion_names(m)[n]))
+            least, most = _ends(allowed[motion_names(m)[n]])
             limits[low][i] = np.minimum(0.0, least - trajectory.motion[i, n])
             limits[high][i] = np.maximum(0.0, most - trajectory.motion[i, n])
     for j, m in enumerate(sampled.moves):
@@ -390,8 +383,10 @@ def _correction_limits(
             continue
         sizes = np.abs(masses[:, j])
         if np.min(sizes.max(axis=1)) <= _MASSLESS * np.max(sizes):
-            why = f"the effective mass at {m} vanishes where it is held, so that no acceleration tells the force"
-            raise PlanError(f"{sampled.name}: bounds of {m}_force: {why}; bound {m}_ddot")
+            raise PlanError(
+                f"{sampled.name}: bounds of {m}_force: the effective mass at {m} vanishes where it is held, so that no "
+                f"acceleration tells the force; bound {m}_ddot"
+            )
         least, most = _ends(bounds[f"{m}_force"])
         left = np.array([np.minimum(0, least - forces[:, j, 0]), np.maximum(0, most - forces[:, j, 0])])
         acts = sizes > _MASSLESS * sizes.max()
@@ -406,8 +401,8 @@ def _correction_limits(
     return {name: (np.max if name in low else np.min)(values[:, ahead], axis=2) for name, values in limits.items()}
 
 
-def _ends(pair: Sequence[float | None] | None) -> tuple[float, float]:
-    low, high = pair or (None, None)
+def _ends(pair: Sequence[float | None]) -> tuple[float, float]:
+    low, high = pair
     return -_FAR if low is None else low, _FAR if high is None else high
 
 
@@ -421,18 +416,16 @@ def _checked(
     sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None
 ) -> dict[str, tuple[float, float]]:
     """Bounds that the regulators can keep; and that what is held keeps, (moves, 3)."""
-    known = _bounded(sampled)
+    quantities = _bounded(sampled)
     for name, pair in bounds.items():
-        if name not in known:
-            raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(known)}")
-        if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
-            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high)")
-        low, high = _ends(pair)
-        if not low < high:
-            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with low < high")
-        i, n = known[name]
-        if at is not None and n < 3 and not low < at[i, n] < high:
-            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with low < {at[i, n]:g} < high")
+        if name not in quantities:
+            raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(quantities)}")
+        i, n = quantities[name]
+        held = () if at is None or n == 3 else (at[i, n],)
+        low, high = _ends(pair) if isinstance(pair, (tuple, list)) and len(pair) == 2 else (0.0, 0.0)
+        if not all(a < b for a, b in pairwise((low, *held, high))):
+            order = " < ".join(["low", *(f"{x:g}" for x in held), "high"])
+            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with {order}")
     return dict(bounds)
 
 
@@ -468,5 +461,5 @@ def _refuse_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Ar
 
 
 def _cannot(sampled: SampledMechanism, directions: Array, u: Array) -> str:
-    text, moves = _combination(sampled, directions, u), ", ".join(sampled.moves)
-    return f"{sampled.name} cannot be held there: to first order {moves} cannot change {text}"
+    text = _combination(sampled, directions, u)
+    return f"{sampled.name} cannot be held there: to first order {', '.join(sampled.moves)} cannot change {text}"

@@ -15,7 +15,7 @@ from liaisons.arguments import as_path, finite, merged, named, settings_beside, 
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.errors import PlanError, suggestion
 from liaisons.library import Target, component
-from liaisons.operators.goals import Cost, Expression, Goal, Value, closed_names, move_names
+from liaisons.operators.goals import Cost, Expression, Goal, Value, closed_names, duration_range, move_names
 from liaisons.operators.guesses import guesses, refuse_invariants
 from liaisons.operators.plans import Plan
 from liaisons.operators.problems import Problem, problem_of
@@ -24,8 +24,6 @@ from liaisons.operators.transcription import Arc, Clock, CollocatedTrajectory, i
 from liaisons.progress import progress_bar
 
 _EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
-_SHORTEST, _LONGEST = 1e-100, 1e100
-"""Durations [s] whose squares are numbers."""
 
 
 def plan(
@@ -85,7 +83,7 @@ def plan(
     """
     names = move_names(mechanism, moves)
     with settings_beside({parameter.name for parameter in getattr(component(mechanism), "parameters", ())}):
-        seconds = _duration(duration)
+        seconds = duration_range(duration)
     goal = Goal(
         component=mechanism,
         moves=names,
@@ -104,7 +102,7 @@ def plan(
     if accuracy is not None:
         finite("accuracy", accuracy, PlanError)
     finite("time_limit", time_limit, PlanError)
-    title = f"plan {names[0]}" if progress else ""
+    title = f"plan {', '.join(names)}" if progress else ""
     with progress_bar(title, "{:.0f} of {:g} s", 0, time_limit) as show, deferred_interrupts() as interrupts:
         clock = Clock(time_limit, show, interrupts)
         problem = problem_of(goal)
@@ -121,7 +119,7 @@ def plan(
     return Plan(goal, problem, in_units(problem, solution))
 
 
-def planned(path: Path | str, **options: Any) -> Plan:
+def planned(path: Path | str, *, progress: bool = False) -> Plan:
     """Plan what a file asks for.
 
     ::
@@ -136,7 +134,7 @@ def planned(path: Path | str, **options: Any) -> Plan:
         values = { arm_1 = 0.25, arm_2 = 0.25 }
 
     :param path: the file; that of a mechanism of one's own is looked for beside it.
-    :param options: further ones of :func:`liaisons.plan`.
+    :param progress: show a progress bar on stderr.
     :raises PlanError: if it is no TOML, or has another key, or what it asks for cannot be planned.
     """
     path = as_path("path", path, PlanError)
@@ -148,9 +146,9 @@ def planned(path: Path | str, **options: Any) -> Plan:
     for key in arguments:
         if key not in keys:
             raise PlanError(f"{path}: unknown key {key!r}{suggestion(key, keys)}")
-    for key in ("mechanism", "duration"):
+    for key, example in _EXAMPLES.items():
         if key not in arguments:
-            raise PlanError(f"{path}: {key} is missing, for example {key} = {_EXAMPLES[key]}")
+            raise PlanError(f"{path}: {key} is missing, for example {key} = {example}")
     mechanism, values = str(arguments.pop("mechanism")), arguments.pop("values", {})
     for key in named(f"{path}: values", values, PlanError):
         if key in keys:
@@ -158,17 +156,7 @@ def planned(path: Path | str, **options: Any) -> Plan:
     beside = path.parent / mechanism
     if beside.suffix == ".py" and beside.is_file():
         mechanism = str(beside)
-    return plan(mechanism, **arguments, **values, **options)
-
-
-def _duration(value: Any) -> tuple[float, float]:
-    pair: Any = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
-    low, high = pair
-    for seconds in (low, high):
-        finite("duration", seconds, PlanError)
-    if not _SHORTEST < low <= high < _LONGEST:
-        raise PlanError(f"duration = {shown(value)}: give seconds > 0, or (low, high)")
-    return float(low), float(high)
+    return plan(mechanism, **arguments, **values, progress=progress)
 
 
 def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
@@ -177,7 +165,7 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
     :raises PlanError: if there are none, or if what one of them gains is not what the next one gains.
     """
     label = f"{problem.name}: loops = {loops}"
-    if not {problem.states.index(name) if name in problem.states else -1 for name in goal.moves} <= set(problem.closed):
+    if not problem.is_loop:
         raise PlanError(f"{label}: only what is closed goes round: closed=True")
     if not isinstance(goal.end, Mapping) or not set(goal.end) <= set(problem.states):
         raise PlanError(f"{label}: give the end by names and values of states")

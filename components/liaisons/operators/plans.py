@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from liaisons.arguments import as_path, finite, listed, named, shown
+from liaisons.arguments import as_path, finite, listed, named, shown, whole
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
@@ -23,7 +23,7 @@ from liaisons.errors import LiaisonsError, PlanError
 from liaisons.files import replacing
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, catalogue, fmu_path
-from liaisons.operators.goals import Goal, chain_size, motion_names
+from liaisons.operators.goals import Goal, chain_size, duration_range, motion_names
 from liaisons.operators.problems import Problem, problem_of
 from liaisons.operators.transcription import (
     DEGREE,
@@ -95,7 +95,7 @@ class Plan:
         :param t: times [s], of any shape; beyond both ends the polynomials go on.
         """
         return {
-            name: polynomial.derivative(n)(t) if n else polynomial(t)
+            name: polynomial.derivative(n)(t)
             for move, polynomial in self._polynomials.items()
             for n, name in enumerate(motion_names(move))
         }
@@ -106,7 +106,7 @@ class Plan:
         trajectory, problem = self.solution.trajectory, self.problem
         h = np.diff(trajectory.breaks)
         first = dict(zip(problem.states, trajectory.knots[:, 0], strict=True))
-        polynomials: dict[str, PPoly] = {}
+        polynomials = {}
         for i, name in enumerate(problem.moves):
             nodes = trajectory.controls[i].reshape(-1, DEGREE)
             powers = (nodes @ TO_POWERS.T) / h[:, None] ** POWERS
@@ -152,14 +152,9 @@ class Plan:
 
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals of the replay: what is moved, and what moves freely, unless names are given."""
-        return self.replay().plot(*(names or [*self.problem.moves, *self._free()]), path=path)
-
-    def animate(self, path: Path | str, **options: Any) -> float:
-        """Write the motion as a film or a page; see :meth:`liaisons.Result.animate`."""
-        return self.replay().animate(path, **options)
-
-    def _free(self) -> list[str]:
-        return [n for n in self.problem.states if n not in self.problem.moves and not n.endswith("_dot")]
+        moves = self.problem.moves
+        free = (name for name in self.problem.states if name not in moves and not name.endswith("_dot"))
+        return self.replay().plot(*(names or [*moves, *free]), path=path)
 
     def _fmu(self) -> Any:
         return fmu_path(self.goal.component, **chain_size(self.goal.component, self.goal.values))
@@ -190,15 +185,13 @@ class Plan:
                 parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 6 / lost) ** (1 / 6)))
             ends, begins = (_derivatives(polynomial, at) for at in (h, 0 * h))
             kinks[1:] |= (np.abs(ends[:, :-1] - begins[:, 1:]) * h[1:] ** [[0], [1], [2]] > lost).any(axis=0)
-        knots: dict[str, Array] = {}
-        for name, polynomial in polynomials.items():
-            columns: list[Array] = []
-            for k, (begin, size) in enumerate(zip(breaks, h, strict=False)):
-                local = np.linspace(0, size, int(parts[k]) + 1)
-                piece = np.vstack([begin + local, _derivatives(polynomial, local, k)])
-                columns.append(piece if k == 0 or kinks[k] else piece[:, 1:])
-            knots[name] = np.hstack(columns)
-        return knots
+        kinks[0] = True  # the first knot of an interval is the last of the one before it, unless there is a kink
+
+        def column(polynomial: PPoly, k: int) -> Array:
+            local = np.linspace(0, h[k], int(parts[k]) + 1)
+            return np.vstack([breaks[k] + local, _derivatives(polynomial, local, k)])[:, int(not kinks[k]) :]
+
+        return {name: np.hstack([column(p, k) for k in range(h.size)]) for name, p in polynomials.items()}
 
     def _times(self) -> Array:
         """Communication points: the knots, and an instant before each jump."""
@@ -313,14 +306,7 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         listed(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
-    arguments["component"] = component
-    goal = Goal(**arguments)
-    low, high = goal.duration
-    for value in (low, high):
-        finite("goal.duration", value, PlanError)
-    if not 0 < low <= high:
-        raise PlanError(f"goal.duration = {shown(goal.duration)}: two numbers > 0 are wanted")
-    return goal
+    return Goal(**arguments | {"component": component, "duration": duration_range(arguments["duration"])})
 
 
 def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution:
@@ -328,44 +314,33 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
 
     :raises PlanError: if it has other shapes, or numbers that are not finite.
     """
-    arcs = tuple(
-        Arc(_whole(arc["intervals"]), tuple((_whole(i), float(x)) for i, x in arc["held"]))
-        for arc in trajectory["arcs"]
-    )
+    arcs = tuple(Arc(arc["intervals"], _tuples(arc["held"])) for arc in trajectory["arcs"])
+    for number in (*(arc.intervals for arc in arcs), document["starts"], document["optima"]):
+        whole("a number", number, PlanError)
     m, n, c, path = interval_count(arcs), len(problem.states), len(problem.controls), problem.path
     points, rows = m * DEGREE, len(path.labels)
     shapes = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
     numbers = {name: _finite(name, trajectory[name], shape) for name, shape in shapes.items()}
-    if not arcs or any(arc.intervals < 1 for arc in arcs) or not (numbers["durations"] > 0).all():
-        raise PlanError("arcs have to have intervals, and durations > 0")
+    if not arcs or not (numbers["durations"] > 0).all():
+        raise PlanError("it has to have arcs with durations > 0")
     for i, bound in (active for arc in arcs for active in arc.active_bounds):
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
     shapes = {"hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": (len(problem.end.labels),)}
-    shapes |= {"path": (rows, points) if rows else (0,), "cost": (), "seconds": (), "residual": ()}
-    arrays: dict[str, Any] = {name: _finite(name, document[name], shape) for name, shape in shapes.items()}
-    values: dict[str, Any] = {name: x if x.ndim else float(x) for name, x in arrays.items()}
-    values["path"] = arrays["path"].reshape(rows, points)  # JSON does not keep the shape where there are no rows
+    values: dict[str, Any] = {name: _finite(name, document[name], shape) for name, shape in shapes.items()}
     return Solution(
         trajectory=CollocatedTrajectory(arcs, **numbers),
+        cost=float(_finite("cost", document["cost"], ())),
         status=str(document["status"]),
         finished=document["finished"] in (1, True),
-        starts=_whole(document["starts"]),
-        optima=_whole(document["optima"]),
+        starts=document["starts"],
+        optima=document["optima"],
         **values,
     )
 
 
 def _finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     numbers = np.array(value, dtype=float)
-    if not np.isfinite(numbers).all():
-        raise PlanError(f"{name} has values that are not finite")
-    if numbers.shape != shape:
-        raise PlanError(f"{name} has the shape {numbers.shape}; {shape} is wanted")
+    if numbers.shape != shape or not np.isfinite(numbers).all():
+        raise PlanError(f"{name} has the shape {numbers.shape}; finite numbers of the shape {shape} are wanted")
     return numbers
-
-
-def _whole(value: Any) -> int:
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or value != int(value):
-        raise PlanError(f"{shown(value)}: a whole number is wanted")
-    return int(value)

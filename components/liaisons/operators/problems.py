@@ -27,7 +27,6 @@ from liaisons.errors import PlanError, suggestion
 from liaisons.language import Orientation
 from liaisons.operators.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, sized
 from liaisons.operators.goals import Array, Goal, is_expression, motion_names, unit_quaternion
-from liaisons.operators.scaling import Scales
 from liaisons.operators.symbols import ROUNDING, GoalSymbols, goal_symbols, middle
 
 
@@ -55,6 +54,17 @@ class Rows:
         """By how much values (rows,) or (rows, points) leave their ranges; 0 inside."""
         low, high = (bound.reshape(-1, *[1] * (values.ndim - 1)) for bound in (self.low, self.high))
         return np.maximum(low - values, values - high).clip(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Sizes of what a problem of optimal control is made of."""
+
+    states: Array
+    controls: Array
+    time: float
+    energy: float
+    cost: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,14 +173,14 @@ def _problem(symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str]
     def substituted(expression: ca.SX) -> ca.SX:
         return ca.cse(ca.densify(ca.substitute(ca.SX(expression), fixed, values)))
 
+    def function(label: str, expression: ca.SX, *arguments: ca.SX) -> ca.Function:
+        return ca.Function(label, arguments or [X, U], [substituted(expression)])
+
     def compiled(label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
         chosen = [r for r in candidates if _changes(symbols, r, substituted(r.expression), arguments, label)]
-        column = substituted(ca.vertcat(ca.SX(0, 1), *(row.expression for row in chosen)))
         low, high, sizes = (np.array([getattr(row, name) for row in chosen]) for name in ("low", "high", "size"))
-        return Rows(tuple(row.label for row in chosen), ca.Function(label, list(arguments), [column]), low, high, sizes)
-
-    def function(label: str, column: ca.SX) -> ca.Function:
-        return ca.Function(label, [X, U], [substituted(column)])
+        rows = function(label, ca.vertcat(ca.SX(0, 1), *(row.expression for row in chosen)), *arguments)
+        return Rows(tuple(row.label for row in chosen), rows, low, high, sizes)
 
     path = compiled("path", rows.path, X, U)
     if goal.minimize == "time" and path.function.jac_sparsity(0, 1).nnz() == 0:
@@ -301,8 +311,9 @@ def _changes(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: Itera
     value = float(ca.Function("value", [], [expression])()["o0"])
     rounding = ROUNDING * row.size
     if label == "end" and not row.low - rounding <= value <= row.high + rounding:
-        reason = f"{row.label} = {row.range} cannot be reached: it is conserved and stays {value:g}"
-        raise PlanError(f"{symbols.name}: end: {reason}")
+        raise PlanError(
+            f"{symbols.name}: end: {row.label} = {row.range} cannot be reached: it is conserved and stays {value:g}"
+        )
     return False
 
 
@@ -313,8 +324,9 @@ def _refuse_excluded(symbols: GoalSymbols, rows: GoalRows) -> None:
         for row in ends:
             bound = bounds.get(row.label, row)
             if row.expression.is_symbolic() and (row.high < bound.low or row.low > bound.high):
-                reason = f"{row.label} = {row.range} lies outside of its bounds {bound.range}"
-                raise PlanError(f"{symbols.name}: {label}: {reason}")
+                raise PlanError(
+                    f"{symbols.name}: {label}: {row.label} = {row.range} lies outside of its bounds {bound.range}"
+                )
 
 
 def _refuse_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, names: tuple[str, ...]) -> None:
@@ -322,8 +334,10 @@ def _refuse_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, name
     for label, ends in (("start", rows.start), ("end", rows.end)):
         for row in ends:
             if symbols.depends(row.relative, controls):
-                reason = f"{row.label} depends on {', '.join(names)}, which may be anything at a single instant"
-                raise PlanError(f"{symbols.name}: {label}: {reason}: ask for states, or set bounds on {row.label}")
+                raise PlanError(
+                    f"{symbols.name}: {label}: {row.label} depends on {', '.join(names)}, which may be anything at a "
+                    f"single instant: ask for states, or set bounds on {row.label}"
+                )
 
 
 def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
@@ -333,10 +347,12 @@ def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
     given = [row.label for row in (*rows.start, *rows.end) if row.label in rates]
     through = [item.name for item in getattr(symbols.component, "rheonomic_constraints", ()) if item.name in moves]
     if given or through:
-        name = (given or [f"{through[0]}_dot"])[0].removesuffix("_dot")
-        reason = f"{name}_dot may jump at no cost, so that no motion is the best: bound or weigh {name}_ddot"
+        name = (given or through)[0].removesuffix("_dot")
         free = f", or leave {name}_dot free" if given else ""
-        raise PlanError(f"{symbols.name}: {reason}, or bound {name}_force{free}")
+        raise PlanError(
+            f"{symbols.name}: {name}_dot may jump at no cost, so that no motion is the best: bound or weigh "
+            f"{name}_ddot, or bound {name}_force{free}"
+        )
 
 
 def _refuse_momenta(symbols: GoalSymbols, end: list[Row]) -> None:
@@ -353,8 +369,9 @@ def _refuse_momenta(symbols: GoalSymbols, end: list[Row]) -> None:
         value = float(symbols.start.get(name) or started[i])
         is_moving = abs(value) > ROUNDING * symbols.state_sizes[i]
         if is_momentum and is_moving and symbols.vanishes(symbols.relative_rates[i]):
-            reason = f"nothing can come to rest: {name} is conserved, and it is {value:g} at the start"
-            raise PlanError(f"{symbols.name}: end: {reason}")
+            raise PlanError(
+                f"{symbols.name}: end: nothing can come to rest: {name} is conserved, and it is {value:g} at the start"
+            )
 
 
 def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, Array], dict[str, float]]:

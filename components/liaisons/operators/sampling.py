@@ -25,13 +25,12 @@ from liaisons.operators.goals import Array, Goal, motion_names, unit_quaternion
 from liaisons.operators.symbols import column, goal_symbols
 
 _POWERS = np.arange(6)
+_DERIVATIVE = ca.DM(np.diag(_POWERS[1:], 1))
+"""Of a row of powers, by multiplication from the right."""
 _UNIT = np.linalg.inv(
     np.vstack([np.diag([1.0, 1.0, 2.0, 0.0, 0.0, 0.0])[:3], _POWERS**0, _POWERS, _POWERS * (_POWERS - 1.0)])
 )
 """Value, rate and acceleration at 0 and 1 -> coefficients of the polynomial of degree five."""
-
-
-_ANGLES = {"": "rad", "1": "rad", "deg": "rad"}
 _PARTS = 32
 """Into so many parts a step is divided: of fourth order, these leave 1e-10."""
 
@@ -67,17 +66,18 @@ class SampledMechanism:
         self.names = [symbols.state_names[i] for i in self.state_indices]
         self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
         rates, sigma = symbols.relative_rates, symbols.motion[0]
-        is_held = [m in required or symbols.depends(rates, sigma[i]) for i, m in enumerate(self.moves)]
-        self.held_moves = [m for m, held in zip(self.moves, is_held, strict=True) if held]
+        held = [i for i, m in enumerate(self.moves) if m in required or symbols.depends(rates, sigma[i])]
+        self.held_moves = [self.moves[i] for i in held]
         n, c = len(self.names), len(self.moves)
-        self.rows = [*range(n), *(n + i for i, held in enumerate(is_held) if held), *range(n + c, n + 3 * c)]
+        self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
         free = (n for n in self.names if n in starts and n not in Orientation.momenta)
         self.free = (*free, *self.held_moves)
         _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
         self.states = (*self.names, *self.held_moves, *chain.from_iterable(derivatives))
         if len(self.states) > READINGS:
-            many = f"{len(self.states)} states are more than the {READINGS} that a Regulator reads"
-            raise PlanError(f"{self.name}: {many}")
+            raise PlanError(
+                f"{self.name}: {len(self.states)} states are more than the {READINGS} that a Regulator reads"
+            )
 
     @cached_property
     def frequency(self) -> float:
@@ -141,43 +141,36 @@ class SampledMechanism:
         """Of the coordinates, σ and turns; of the momenta; and of the energy [J]."""
         symbols, model, rates = self.symbols, self.symbols.model, self._rates
         starts, states = symbols.start_parameters, symbols.state_names
-        variable_units = {v.name: v.unit for v in model.variables}
-        coordinate_units = {q: variable_units.get(q, "1").removesuffix("/s") for q in rates.values()}
-        units = {q: _ANGLES.get(unit, unit) for q, unit in coordinate_units.items()}
+        declared = {v.name: v.unit for v in model.variables}
+        units = {q: declared.get(q, "").removesuffix("/s") for q in rates.values()}
+        units = {q: "rad" if unit in ("", "1", "deg") else unit for q, unit in units.items()}
         energy = [v.name for v in model.outputs].index("kinetic_energy")
+        sigma = dict(zip(self.moves, self.sigma[:, 0], strict=True))
+        resting = {**symbols.inputs, **sigma} | {name: 0.0 for m in self.moves for name in motion_names(m)[1:]}
         still = {**symbols.parameters, **{starts[name]: 0.0 for name in rates if name in starts}}
-        resting = {**symbols.inputs, **dict(zip(self.moves, self.sigma[:, 0], strict=True))}
-        resting |= {name: 0.0 for m in self.moves for name in motion_names(m)[1:]}
 
         def moving(rate: str) -> tuple[float, Array]:
             """Twice the kinetic energy, and the states, where one rate is 1."""
-            parameters = still | ({starts[rate]: 1.0} if rate in starts else {})
-            inputs = resting | ({rate: 1.0} if rate in resting else {})
-            columns = [list(inputs.values()), list(parameters.values())]
+            values = {**resting, **still, starts.get(rate, rate): 1.0}
+            columns = [[values[name] for name in names] for names in (resting, still)]
             y, memory = model.start(0.0, *columns)
             z = model.outputs_function(0.0, y, *columns, memory)
             return 2 * float(z[energy]), np.array(y).ravel()[: len(states)]
 
         moved = {rate: moving(rate) for rate in rates}
-        inertia: dict[str, list[float]] = {}
-        for rate, name in rates.items():
-            inertia.setdefault(units[name], []).append(moved[rate][0])
-        mean = {
-            u: float(np.exp(np.mean(np.log(np.array(m)[np.array(m) > 0])))) for u, m in inertia.items() if max(m) > 0
-        }
-        values = dict(zip((*states, *self.moves), (*self.start, *self.sigma[:, 0]), strict=True))
-        far = {u: max(abs(values.get(q, 0.0)) for q in rates.values() if units[q] == u) or 1.0 for u in inertia}
+        inertia = {u: np.array([moved[rate][0] for rate, q in rates.items() if units[q] == u]) for u in units.values()}
+        mean = {u: float(np.exp(np.mean(np.log(m[m > 0])))) for u, m in inertia.items() if m.max() > 0}
+        values = dict(zip(states, self.start, strict=True)) | sigma
+        far = {u: max(abs(values.get(q, 0.0)) for q in units if units[q] == u) or 1.0 for u in inertia} | {"rad": 1.0}
         first = "rad" if "rad" in mean else next(iter(mean), "rad")
-        whole = mean.get(first, 1.0) * (1.0 if first == "rad" else far.get(first, 1.0) ** 2)
-        by_unit = {u: 1.0 if u == "rad" else np.sqrt(whole / mean[u]) if u in mean else far[u] for u in inertia}
-        coordinates = {name: float(by_unit[units[name]]) for name in rates.values()}
+        whole = mean.get(first, 1.0) * far[first] ** 2
+        by_unit = {u: np.sqrt(whole / mean[u]) if u in mean else x for u, x in far.items()}
+        coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
         changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()])
-        sizes = np.max(changes, axis=0, initial=0.0)
-        axes = {axis for axes in symbols.quaternions.values() for axis in axes}
         momenta = {
             name: float(size) if size > 0 else whole / self.time
-            for name, size in zip(states, sizes, strict=True)
-            if name not in coordinates and name not in axes
+            for name, size in zip(states, changes.max(axis=0), strict=True)
+            if name not in coordinates and name not in Orientation.quaternion
         }
         return coordinates, momenta, float(whole / self.time**2)
 
@@ -220,16 +213,12 @@ class SampledMechanism:
         y, *sigma = arguments = [ca.MX.sym("y", n), *(ca.MX.sym(name, c) for name in ("s", "v", "a"))]
         whole = ca.MX(ca.DM(self.start))
         whole[self.state_indices] = y
-        projected, *onto = ca.horzsplit(self._projection(whole, *sigma), self._columns[:-1])
-        rates, of_y, *of_sigma = ca.horzsplit(slopes(projected, *sigma), self._columns)
-        of_projected = [of_y @ by + of for by, of in zip(onto, [ca.MX(n, n), *of_sigma[:2]], strict=True)]
-        return ca.Function("slopes", arguments, [ca.horzcat(rates, *of_projected, of_sigma[2])])
-
-    @property
-    def _columns(self) -> list[int]:
-        """First columns, and the end, of rates and their derivatives with respect to state, σ, σ̇, σ̈."""
-        n, c = len(self.names), len(self.moves)
-        return [0, 1, *range(1 + n, 2 + n + 3 * c, c)]
+        projection = self._projection(whole, *sigma)
+        rates, of_y, of_motion, of_acceleration = ca.horzsplit(
+            slopes(projection[:, 0], *sigma), [0, 1, 1 + n, 1 + n + 2 * c, 1 + n + 3 * c]
+        )
+        of_projected = of_y @ projection[:, 1:] + ca.horzcat(ca.MX(n, n), of_motion)
+        return ca.Function("slopes", arguments, [ca.horzcat(rates, of_projected, of_acceleration)])
 
     def rates(self, y: Array, sigma: Array) -> Array:
         """Of the mechanism's states, σ and its two rates being (moves, 3)."""
@@ -256,28 +245,22 @@ class SampledMechanism:
         return reference[self.rows], steps
 
     @cached_property
-    def _substep(self) -> ca.Function:
-        """A step by Runge and Kutta's method: the states, and how they change with those at its begin."""
+    def _integrated(self) -> ca.Function:
+        """(z, p, 1) -> z after a step, by Runge and Kutta's method.
+
+        z: states, beside them their derivatives with respect to those at the start of the step and to corrections at
+        both ends, below them the part of the step that has passed; p: coefficients of σ and of corrections, and H.
+        """
         n, c = len(self.names), len(self.moves)
-        z, u, motion = ca.MX.sym("z", n, 1 + n + 6 * c), ca.MX.sym("u"), ca.MX.sym("way", 6, c)
-        ends, H = ca.MX.sym("ends", 6, 6), ca.MX.sym("H")
-
-        def rates(u: ca.MX, z: ca.MX) -> ca.MX:
-            orders = ((p, [p * u ** max(p - 1, 0) / H, p * (p - 1) * u ** max(p - 2, 0) / H**2]) for p in range(6))
-            bases = ca.horzcat(*(ca.vertcat(u**p, *rates) for p, rates in orders))  # (orders, powers)
-            slopes = self._slopes(z[:, 0], *ca.vertsplit(bases @ motion))
-            of_time, of_y, *of_sigma = ca.horzsplit(slopes, self._columns)
-            forced = (
-                sum((x * of for x, of in zip(ca.vertsplit(basis), of_sigma, strict=True)), ca.MX(n, c))
-                for basis in ca.horzsplit(bases @ ends)
-            )
-            return H * ca.horzcat(of_time, of_y @ z[:, 1:] + ca.horzcat(ca.MX(n, n), *forced))
-
-        h, k = 1 / _PARTS, [rates(u, z)]
-        for part in (h / 2, h / 2, h):
-            k.append(rates(u + part, z + part * k[-1]))
-        after = z + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
-        return ca.Function("substep", [z, u, motion, ends, H], [after]).mapaccum(_PARTS)
+        z, p = ca.MX.sym("z", n + 1, 1 + n + 6 * c), ca.MX.sym("p", 6, c + 7)
+        H, powers = p[0, -1], ca.horzcat(*(z[n, 0] ** k for k in range(6)))
+        rates = powers @ _DERIVATIVE / H
+        bases = ca.vertcat(powers, rates, rates @ _DERIVATIVE / H)  # (orders, powers)
+        slopes = self._slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :c]))
+        forced = slopes[:, 1 + n :] @ ca.kron(bases @ p[:, c:-1], ca.DM.eye(c))
+        change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
+        rate = ca.vertcat(H * ca.horzcat(slopes[:, 0], change), ca.horzcat(1, ca.MX(1, n + 6 * c)))
+        return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _PARTS)
 
     def _step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
         n, c = len(self.names), len(self.moves)
@@ -286,11 +269,10 @@ class SampledMechanism:
         if not self.interpolate:
             ends = np.hstack([np.diag([1.0, 1.0, 0.5, 0, 0, 0])[:, :3] * scale, np.zeros((6, 3))])
         motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
-        begin = np.hstack([y[:, None], np.eye(n), np.zeros((n, 6 * c))])
-        parts = np.arange(_PARTS)[None] / _PARTS
-        repeated = (np.tile(x, _PARTS) for x in (motion, ends, [[H]]))
-        last = np.array(self._substep(begin, parts, *repeated))[:, -begin.shape[1] :]
-        y, off = np.hsplit(last, [1])
+        begin = np.zeros((n + 1, 1 + n + 6 * c))
+        begin[:n, : n + 1] = np.column_stack([y, np.eye(n)])
+        last = self._integrated(begin, np.hstack([motion, ends, np.full((6, 1), H)]), 1.0)
+        y, off = np.hsplit(np.array(last)[:n], [1])
         M, N = _followed(H, period, c)
         before, after = off[:, n : n + 3 * c], off[:, n + 3 * c :]
         A = np.block([[off[:, :n], before + after @ M], [np.zeros((3 * c, n)), M]])
@@ -349,14 +331,14 @@ class SampledMechanism:
         slopes = np.array(self._slopes(reference[:n], *sigma.T))[:, 1:]
         return slopes[:, [row for row in self.rows if row < n + 3 * c]] @ (self.sizes[:, None] * directions)
 
-    def forces(self, y: Array, sigma: Array) -> tuple[Array, Array]:
-        """Forces of what moves, and their effective mass."""
-        outputs: Any = self._forces(self.whole(y), *sigma.T)
-        return np.array(outputs[0]), np.array(outputs[1])
+    def forces(self, y: Array, sigma: Array) -> Array:
+        """Forces of what moves, and beside them their effective mass."""
+        return np.array(self._forces(self.whole(y), *sigma.T))
 
     @cached_property
     def _forces(self) -> ca.Function:
-        return ca.Function("forces", self.symbols.arguments, [self.symbols.forces, self.symbols.mass])
+        symbols = self.symbols
+        return ca.Function("forces", symbols.arguments, [ca.densify(ca.horzcat(symbols.forces, symbols.mass))])
 
 
 def _followed(H: float, period: float, count: int) -> Step:

@@ -7,7 +7,7 @@ where the mesh does: implicit schemes have solutions that differential equations
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby, islice, pairwise
@@ -20,7 +20,6 @@ from liaisons.operators.goals import Array
 from liaisons.operators.problems import Problem
 from liaisons.operators.transcription import (
     DEGREE,
-    POWERS,
     TO_POWERS,
     Arc,
     Clock,
@@ -81,13 +80,11 @@ class Settings:
     :ivar intervals: of the mesh on which what is promising is refined first.
     :ivar accuracy: to which the Hamiltonian is constant in the end; None: the mesh stays as it is.
     :ivar tries: how many starts; None: until some agree.
-    :ivar is_stopped: nothing is refined any more.
     """
 
     intervals: int
     accuracy: float | None
     tries: int | None
-    is_stopped: bool = False
 
 
 def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Clock, settings: Settings) -> Solution:
@@ -114,15 +111,18 @@ def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Cloc
             optima += [] if any(_differ(candidate.cost, cost) <= _ALIKE for cost in optima) else [candidate.cost]
         elif candidate.finished:
             failures.append(candidate)
-        elif not rough and _is_motion(problem, candidate, settings):
+        elif (
+            not rough
+            and candidate.residual < _FEASIBLE
+            and missed(problem, candidate) < _FEASIBLE
+            and _is_believed(problem, candidate, settings)
+        ):
             best = candidate
         count += candidate.finished
         agreed, stopped = len(optima) == 1 and not failures, not candidate.finished
         if clock.is_over or stopped or (settings.tries is None and count == enough and agreed):
             break
-    if stopped:
-        settings = replace(settings, is_stopped=True)
-    led, astray = _compared(problem, rough, settings, clock)
+    led, astray = _compared(problem, rough, settings, clock, stopped=stopped)
     best = led or best
     if best is not None:
         return replace(best, finished=not (stopped or clock.is_over), starts=max(1, count), optima=max(1, len(optima)))
@@ -134,7 +134,7 @@ def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Cloc
 
 
 def _compared(
-    problem: Problem, rough: list[Solution], settings: Settings, clock: Clock
+    problem: Problem, rough: list[Solution], settings: Settings, clock: Clock, *, stopped: bool
 ) -> tuple[Solution | None, list[Solution]]:
     """The best of what becomes of solutions on coarse meshes, and those that the equations do not follow.
 
@@ -146,32 +146,23 @@ def _compared(
     margin = 0.0  # above the best, within which the first mesh of a motion that is better may lie
     astray: list[Solution] = []
     for k, one in enumerate(rough):
-        if clock.is_over or settings.is_stopped:
-            unrefined = sorted((replace(other, finished=False) for other in rough[k:]), key=lambda other: other.cost)
-            return _best(problem, [*([best] if best else []), *unrefined], settings), astray
+        if clock.is_over or stopped:
+            rest = [*([best] if best else []), *(replace(other, finished=False) for other in rough[k:])]
+            believed = (other for other in rest if _is_believed(problem, other, settings))
+            return min(believed, key=lambda other: _rank(problem, other), default=None), astray
         if best is not None and one.cost > best.cost + _WORSE * abs(best.cost):
             continue
         first = _on_first_mesh(problem, one, settings, clock)
         if any(_is_alike(first, other, _SAME) for other in refined) or (best and first.cost > best.cost + margin):
             continue
         refined.append(first)
-        candidate = first
-        if first.finished:
-            for finer in _refined(problem, first, np.inf if settings.accuracy is None else settings.accuracy, clock):
-                candidate = finer
+        candidate = _refined(problem, first, settings.accuracy, clock) if first.finished else first
         if not _is_believed(problem, candidate, settings):
             astray.append(candidate)
         elif best is None or _rank(problem, candidate) < _rank(problem, best):
-            best, margin = (
-                candidate,
-                max(_MARGIN * abs(candidate.cost - first.cost), _LEAST_MARGIN * abs(candidate.cost)),
-            )
+            best = candidate
+            margin = max(_MARGIN * abs(best.cost - first.cost), _LEAST_MARGIN * abs(best.cost))
     return best, astray
-
-
-def _best(problem: Problem, solutions: list[Solution], settings: Settings) -> Solution | None:
-    believed = (one for one in solutions if _is_believed(problem, one, settings))
-    return min(believed, key=lambda one: _rank(problem, one), default=None)
 
 
 def _differ(cost: float, other: float) -> float:
@@ -225,18 +216,12 @@ def _brought(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -
         candidate = solve(problem, trajectory.on(arcs, durations), clock)
         if candidate.succeeded or not candidate.finished:
             return candidate
-    return replace(nearest, status=candidate.status if not candidate.succeeded else "Infeasible_Problem_Detected")
+    return replace(nearest, status=candidate.status)
 
 
 def missed(problem: Problem, solution: Solution) -> float:
     """By how much the end is missed."""
     return float(np.linalg.norm(problem.end.violation(problem.end_values(solution.trajectory.knots[:, -1]))))
-
-
-def _is_motion(problem: Problem, solution: Solution, settings: Settings) -> bool:
-    """Whether a solution that was stopped is a motion to the end."""
-    is_feasible = solution.residual < _FEASIBLE and missed(problem, solution) < _FEASIBLE
-    return is_feasible and _is_believed(problem, solution, settings)
 
 
 def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock: Clock) -> Solution:
@@ -256,24 +241,20 @@ def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock:
 # ---- switching instants -------------------------------------------------------------------------------------------
 
 
-def _refined(problem: Problem, solution: Solution, accuracy: float, clock: Clock) -> Iterator[Solution]:
+def _refined(problem: Problem, solution: Solution, accuracy: float | None, clock: Clock) -> Solution:
     """The same motion with its arcs, on meshes twice as fine each until its Hamiltonian is constant."""
-    is_first = True
-    while True:
-        if len(solution.trajectory.arcs) == 1 or is_first:
-            is_first = False
-            solution = _with_arcs(problem, solution, clock)
-        yield solution
-        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.trajectory.arcs)
+    solution = _with_arcs(problem, solution, clock)
+    while accuracy is not None and solution.finished:
+        trajectory = solution.trajectory
+        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
         is_law = np.ptp(solution.hamiltonian) <= max(accuracy * hamiltonian_scale(problem, solution), NOTHING)
-        is_done = is_law and (np.isinf(accuracy) or _is_led(problem, solution))
-        if not solution.finished or is_done or interval_count(arcs) > _MOST_INTERVALS:
-            return
-        finer = solve(problem, solution.trajectory.on(arcs, solution.trajectory.durations), clock, near=True)
-        solution = finer if finer.succeeded else replace(solution, finished=finer.finished)
+        if interval_count(arcs) > _MOST_INTERVALS or (is_law and _is_led(problem, solution)):
+            break
+        finer = solve(problem, trajectory.on(arcs, trajectory.durations), clock, near=True)
         if not finer.succeeded:
-            yield solution
-            return
+            return replace(solution, finished=finer.finished)
+        solution = finer if len(arcs) > 1 else _with_arcs(problem, finer, clock)
+    return solution
 
 
 def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
@@ -283,8 +264,7 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
     What is better is kept: where holding the rows does not work out, the solution stays as it is.
     """
     best, trajectory = solution, solution.trajectory
-    has_arcs = len(trajectory.arcs) > 1
-    patterns = _switched(problem, solution) if has_arcs else _patterns(problem, solution)
+    patterns = (_switched if len(trajectory.arcs) > 1 else _patterns)(problem, solution)
     if patterns is None:
         return solution
     arcs, durations = _arcs(patterns, trajectory)
@@ -297,8 +277,7 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
         trajectory, lengths = candidate.trajectory, candidate.trajectory.durations
         vanishing = lengths < 1e-5 * lengths.sum()
         if vanishing.any() and not vanishing.all():
-            lasting_arcs = [(arc, T) for arc, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone]
-            arcs, durations = _joined(lasting_arcs)
+            arcs, durations = _joined([(a, T) for a, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone])
             continue
         if not candidate.succeeded:
             break
@@ -342,11 +321,6 @@ def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
 def _switched(problem: Problem, solution: Solution) -> list[_Pattern] | None:
     """What should be held at each point by Pontryagin's principle: the bound where H is less; None: it is."""
     trajectory, path = solution.trajectory, problem.path
-
-    def hamiltonian(controls: Array) -> Array:
-        other = replace(trajectory, controls=controls)
-        return other.evaluate(problem.cost).ravel() + (solution.adjoints * other.evaluate(problem.rates)).sum(axis=0)
-
     held = [arc.active_bounds for arc in trajectory.arcs for _ in range(arc.intervals * DEGREE)]
     better = [dict(now) for now in held]
     for i, label in enumerate(path.labels):
@@ -354,7 +328,8 @@ def _switched(problem: Problem, solution: Solution) -> list[_Pattern] | None:
         if label not in problem.controls or not np.isfinite(ends).all():
             continue
         is_controlled = np.arange(len(problem.controls))[:, None] == problem.controls.index(label)
-        low, high = (hamiltonian(np.where(is_controlled, bound, trajectory.controls)) for bound in ends)
+        sides = (replace(trajectory, controls=np.where(is_controlled, x, trajectory.controls)) for x in ends)
+        low, high = (side.hamiltonian(problem, solution.adjoints) for side in sides)
         least = _LAW * np.abs(high - low).max()
         for now, more in zip(better, high - low, strict=True):
             if i in now and abs(more) > least:
@@ -380,7 +355,7 @@ def _patterns(problem: Problem, solution: Solution) -> list[_Pattern]:
         rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= _NEAR * span[i]]
         return tuple(rows[: len(problem.controls)])
 
-    patterns = [held(column) for column in solution.path.T]
+    patterns = [held(column) for column in solution.trajectory.evaluate(path.function).T]
     lengths = np.array([length for _, length in _runs(patterns)])
     lasting = np.flatnonzero(np.repeat(lengths >= min(3, lengths.max()), lengths))
     nearest = np.abs(np.arange(len(patterns))[:, None] - lasting).argmin(axis=1)
@@ -448,10 +423,11 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
             f"{problem.name}: not solved ({nearest.status}); the end can be reached: try other intervals or more tries"
         )
     ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
+    values = nearest.trajectory.evaluate(path.function)
     active = [
         f"{name} = {bound * path.sizes[i]:g}"
         for i, name, bound in ends
-        if np.isfinite(bound) and np.any(np.abs(nearest.path[i] - bound) <= _NEAR * max(1.0, abs(bound)))
+        if np.isfinite(bound) and np.any(np.abs(values[i] - bound) <= _NEAR * max(1.0, abs(bound)))
     ]
     T = nearest.trajectory.durations.sum()
     if np.isclose(T, problem.duration[1]):
@@ -482,14 +458,9 @@ def _led(problem: Problem, solution: Solution, *, through: bool = False) -> Arra
 def _interval(problem: Problem) -> ca.Function:
     """State, controls at the collocation points and length of an interval -> the state at its end."""
     n, c = len(problem.states), len(problem.controls)
-    X, h = ca.MX.sym("X", n), ca.MX.sym("h")
-    first, middle, last = controls = [ca.MX.sym(name, c) for name in ("first", "middle", "last")]
-    k1 = problem.rates(X, first)
-    k2 = problem.rates(X + h / 2 * k1, middle)
-    k3 = problem.rates(X + h / 2 * k2, middle)
-    after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + problem.rates(X + h * k3, last))
-    substep = ca.Function("substep", [X, *controls, h], [after])
-    U, j = ca.MX.sym("U", c, DEGREE), np.arange(_SUBSTEPS)
-    stages = (U @ ca.DM((((j + u) / _SUBSTEPS)[:, None] ** POWERS @ TO_POWERS).T) for u in (0.0, 0.5, 1.0))
-    end = substep.mapaccum(_SUBSTEPS)(X, *stages, ca.repmat(h / _SUBSTEPS, 1, _SUBSTEPS))
-    return ca.Function("interval", [X, U, h], [end[:, -1]])
+    z, p = ca.MX.sym("z", n + 1), ca.MX.sym("p", c * DEGREE + 1)  # state and part of the interval; its length and U
+    U, powers = ca.reshape(p[1:], c, DEGREE), ca.vertcat(*(z[n] ** k for k in range(DEGREE)))
+    rates = p[0] * problem.rates(z[:n], U @ (ca.DM(TO_POWERS.T) @ powers))
+    end = ca.simpleRK(ca.Function("rate", [z, p], [ca.vertcat(rates, 1)]), _SUBSTEPS)
+    X, U, h = ca.MX.sym("X", n), ca.MX.sym("U", c, DEGREE), ca.MX.sym("h")
+    return ca.Function("interval", [X, U, h], [end(ca.vertcat(X, 0), ca.vertcat(h, ca.vec(U)), 1)[:n]])

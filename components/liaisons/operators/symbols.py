@@ -28,7 +28,7 @@ from liaisons.operators.goals import (
     motion_names,
     number,
 )
-from liaisons.operators.scaling import base_scales, size
+from liaisons.units import ANY, NUMBER, powers
 
 ROUNDING = 1e-10
 """Nothing that is smaller than this, in units of its size, can be told from 0."""
@@ -81,7 +81,7 @@ class GoalSymbols:
     @cached_property
     def rates(self) -> ca.SX:
         """Rates of the state."""
-        return ca.densify(_expanded(self.model.derivatives)(*self._arguments)[: len(self.state_names)])
+        return ca.densify(self.model.derivatives(*self._arguments)[: len(self.state_names)])
 
     @cached_property
     def initial_state(self) -> ca.SX:
@@ -92,14 +92,14 @@ class GoalSymbols:
             inputs |= {rate: number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
         states = zip(self.state_names, ca.vertsplit(self.state), strict=True)
         own = {self.start_parameters[name]: x for name, x in states if name in self.start_parameters}
-        first = _expanded(self.model.start)(0, column(inputs), column({**self.parameters, **own}))[0]
+        first = self.model.start(0, column(inputs), column({**self.parameters, **own}))[0]
         return ca.densify(first[: len(self.state_names)])
 
     @cached_property
     def signals(self) -> Readings:
         """All variables by name."""
         memory = ca.DM.zeros(len(self.model.memory), 1)
-        z = ca.vertsplit(_expanded(self.model.outputs_function)(*self._arguments, memory))
+        z = ca.vertsplit(self.model.outputs_function(*self._arguments, memory))
         signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
         signals |= dict(zip(self.state_names, ca.vertsplit(self.state), strict=True))
         values = {**self.inputs, **self.moved, **self.parameters}
@@ -222,7 +222,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     for key in start:
         if key not in variables_at_start:
             raise PlanError(f"{name}: start has no {key!r}{suggestion(key, variables_at_start)}")
-    for key in {*states, *moved} & start.keys():
+    for key in moved & start.keys():
         if start[key] is not None:
             limits(name, "start", key, start[key])
     parameters |= {start_parameters[rate]: number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
@@ -242,9 +242,9 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         initial_sigma=np.array([middle(start.get(move), inputs[move]) for move in goal.moves]),
         quaternions=quaternions,
         state_names=states,
-        sizes={name: size(base, unit) for name, unit in units.items()},
-        time=size(base, "s"),
-        energy=size(base, "J"),
+        sizes={name: _size(base, unit) for name, unit in units.items()},
+        time=_size(base, "s"),
+        energy=_size(base, "J"),
         state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
         motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in motion_names("sigma")),  # type: ignore[arg-type]
     )
@@ -300,18 +300,32 @@ def _values(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], d
 
 
 def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Array:
-    """Sizes of the base units, from the numbers of parameters, start, end, bounds and duration."""
+    """Sizes of the base units such that all numbers of a goal are as near to 1 as can be: least squares of logarithms.
+
+    Divided by them, the quantities of a goal are the same in all units, so that nothing that is done with them depends
+    on units.  Zero, infinity, and pure numbers say nothing.
+
+    :param values: of parameters and inputs.
+    :returns: one size a base unit, in the order of :data:`liaisons.units.Powers`.
+    """
     groups: list[Any] = [group for group in (goal.bounds, goal.start, goal.end) if isinstance(group, Mapping)]
-    numbers = [
+    quantities = [
         (value, units[name])
-        for group in groups
-        for name, values in group.items()
-        for value in (values if isinstance(values, (tuple, list)) else [values])
+        for group in (*groups, values)
+        for name, entries in group.items()
+        for value in (entries if isinstance(entries, (tuple, list)) else [entries])
         if name in units and isinstance(value, (int, float))
     ]
-    numbers += [(value, units[name]) for name, value in values.items()]
-    return base_scales([*numbers, *((value, "s") for value in goal.duration)])
+    quantities += [(value, "s") for value in goal.duration]
+    logarithms = {
+        (abs(value), unit): np.log(abs(float(value)))
+        for value, unit in quantities
+        if unit != ANY and np.isfinite(value) and value != 0 and any(powers(unit))
+    }
+    exponents = np.array([powers(unit) for _, unit in logarithms], dtype=float).reshape(-1, len(NUMBER))
+    return np.exp(np.linalg.lstsq(exponents, np.array([*logarithms.values()]), rcond=None)[0])
 
 
-def _expanded(function: ca.Function) -> ca.Function:
-    return function if function.is_a("SXFunction") else function.expand()
+def _size(base: Array, unit: str) -> float:
+    """Of a quantity with this unit."""
+    return 1.0 if unit == ANY else float(np.prod(base ** np.array(powers(unit), dtype=float)))

@@ -85,6 +85,10 @@ class CollocatedTrajectory:
         """Values (rows, m · DEGREE) of a function of states and controls at the collocation points."""
         return np.array(function.map(self.inner.shape[1])(self.inner, self.controls))
 
+    def hamiltonian(self, problem: Problem, adjoints: Array) -> Array:
+        """Cost + adjoints · rates at the collocation points."""
+        return self.evaluate(problem.cost).ravel() + (adjoints * self.evaluate(problem.rates)).sum(axis=0)
+
     def at(self, fraction: Array) -> tuple[Array, Array]:
         """States and controls at fractions of the duration, linear between the points: to start from."""
         breaks, instants = self.breaks, self.instants
@@ -117,10 +121,11 @@ class Clock:
     def __init__(
         self,
         limit: float = 60.0,
-        show: Callable[[float], None] | None = None,
+        show: Callable[[float], None] = lambda _: None,
         interrupts: Sequence[int] = (),
     ) -> None:
-        self._begun, self._limit, self._show, self._interrupts = time.perf_counter(), limit, show, interrupts
+        self._limit, self._show, self._interrupts = limit, show, interrupts
+        self._end = time.perf_counter() + limit
 
     @property
     def is_interrupted(self) -> bool:
@@ -130,20 +135,19 @@ class Clock:
     @property
     def left(self) -> float:
         """[s]."""
-        return max(1e-2, self._limit - (time.perf_counter() - self._begun))
+        return max(1e-2, self._end - time.perf_counter())
 
     @property
     def is_over(self) -> bool:
         """Whether nothing is left."""
-        return self.is_interrupted or time.perf_counter() - self._begun >= self._limit
+        return self.is_interrupted or time.perf_counter() >= self._end
 
     def tick(self, _iteration: int) -> None:
         """An iteration has passed.
 
         :raises KeyboardInterrupt: which ends IPOPT, if there was one.
         """
-        if self._show is not None:
-            self._show(min(time.perf_counter() - self._begun, self._limit))
+        self._show(self._limit - max(0.0, self._end - time.perf_counter()))
         if self.is_interrupted:
             raise KeyboardInterrupt
 
@@ -155,13 +159,11 @@ class Solution:
     trajectory: CollocatedTrajectory
     cost: float
     status: str  # IPOPT's word
-    seconds: float
     hamiltonian: Array  # at the collocation points; constant along an extremal
     adjoints: Array  # (n, m · DEGREE)
     end_multipliers: Array  # dJ/d(row at the end), of rows that are given as numbers
-    path: Array  # rows of the path at the collocation points (rows, m · DEGREE)
-    residual: float  # the largest violation of an equation
-    finished: bool = field(default=True)  # False: stopped on the way
+    residual: float = 0.0  # the largest violation of an equation
+    finished: bool = True  # False: stopped on the way
     starts: int = 1  # of how many it is the best,
     optima: int = 1  # with so many different costs
 
@@ -184,9 +186,7 @@ def relative(problem: Problem, solution: Solution) -> Solution:
 def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> Solution:
     """Multiplied by powers of the scales; rows are held at the bounds that the other problem has."""
     scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
-    X, U, rows, ends = (
-        size[:, None] ** power for size in (scales.states, scales.controls, path.sizes, problem.end.sizes)
-    )
+    X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
 
     def held(i: int, bound: float) -> tuple[int, float]:
@@ -210,7 +210,6 @@ def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> So
         hamiltonian=solution.hamiltonian * (cost / scales.time**power),
         adjoints=solution.adjoints * (cost / X),
         end_multipliers=solution.end_multipliers * (cost / ends.ravel()),
-        path=solution.path * rows,
     )
 
 
@@ -223,8 +222,6 @@ class _Program:
     knots: Any
     inner: Any
     controls: Any
-    rates: Any
-    running: Any  # cost at the collocation points
     path: Any
     stages: Any  # residuals of the equations at the collocation points,
     steps: Any  # and at the ends of the intervals
@@ -235,7 +232,7 @@ class _Program:
 def solve(
     problem: Problem,
     guess: CollocatedTrajectory,
-    clock: Clock | None = None,
+    clock: Clock,
     *,
     soft: bool = False,
     shift: Array | None = None,
@@ -248,8 +245,6 @@ def solve(
     :param shift: added to the values at the end.
     :param near: the guess is all but the solution: stay with it.
     """
-    begun = time.perf_counter()
-    clock = clock or Clock()
     program = _constrained(problem, guess, soft=soft, shift=shift)
     opti, constraints = program.opti, program.constraints
     status = _run(opti, near=near, soft=soft, clock=clock)
@@ -257,8 +252,7 @@ def solve(
     def value(expression: Any, *shape: int) -> Array:
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
 
-    n, c, rows = len(problem.states), len(problem.controls), len(problem.path.labels)
-    m = program.knots.shape[1] - 1
+    n, c, m = len(problem.states), len(problem.controls), program.knots.shape[1] - 1
     points = m * DEGREE
     trajectory = CollocatedTrajectory(
         arcs=guess.arcs,
@@ -276,12 +270,10 @@ def solve(
         trajectory=trajectory,
         cost=float(opti.debug.value(program.cost)),
         status=status,
-        seconds=time.perf_counter() - begun,
-        hamiltonian=value(program.running, points) + np.sum(adjoints * value(program.rates, n, points), axis=0),
+        hamiltonian=trajectory.hamiltonian(problem, adjoints),
         adjoints=adjoints,
         end_multipliers=multipliers,
-        path=value(program.path, rows, points),
-        residual=float(max(np.max(np.abs(value(e, e.numel()))) for e in (program.stages, program.steps))),
+        residual=float(np.abs(opti.debug.value(ca.vertcat(program.stages, program.steps))).max()),
         finished=status not in _STOPPED and not clock.is_interrupted,
     )
 
@@ -311,18 +303,10 @@ def _constrained(
     return program
 
 
-@dataclass(frozen=True)
-class Curvature:
-    """Of the cost along all that constraints leave free: eigenvalues of the reduced Hessian, in L2 of the controls."""
+def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | None:
+    """Eigenvalues of the reduced Hessian at a solution, the least first; None if IPOPT does not stay there.
 
-    least: float
-    largest: float
-    freedom: int
-
-
-def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature | None:
-    """The second-order condition at a solution; None if IPOPT does not stay there.
-
+    It is that of the cost along all that constraints leave free, in L2 of the controls.
     States follow from controls by the linearised equations, and the directions that are left are those in which active
     constraints do not change.
     """
@@ -330,12 +314,10 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     opti = _constrained(problem, trajectory).opti
     if _run(opti, near=True, soft=False, clock=clock) not in _GOOD:
         return None
-    x, f, g, multipliers = opti.x, opti.f, opti.g, opti.lam_g
-    hessian, _ = ca.hessian(f + ca.dot(multipliers, g), x)
-    evaluated = ca.Function("kkt", [x, multipliers, opti.p], [hessian, ca.jacobian(g, x), g, opti.lbg, opti.ubg])
-    values: Any = evaluated(opti.debug.value(x), opti.debug.value(multipliers), opti.debug.value(opti.p))
-    W, J = (csc_matrix(value.sparse()) for value in values[:2])
-    row, low, high = (np.array(value).ravel() for value in values[2:])
+    x, g, value = opti.x, opti.g, opti.debug.value
+    hessian, _ = ca.hessian(opti.f + ca.dot(opti.lam_g, g), x)
+    W, J = (csc_matrix(value(matrix)) for matrix in (hessian, ca.jacobian(g, x)))
+    row, low, high = map(value, (g, opti.lbg, opti.ubg))
     n, c = len(problem.states), len(problem.controls)
     m = trajectory.knots.shape[1] - 1
     equations = n * m * (DEGREE + 1)
@@ -350,10 +332,7 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
     Z /= weight
     tangent = null_space(J[active] @ Z, rcond=_ACTIVE) if active.size else np.eye(free.size)
-    if not tangent.size:
-        return Curvature(0.0, 0.0, 0)
-    eigenvalues = np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent)
-    return Curvature(float(eigenvalues[0]), float(np.abs(eigenvalues).max()), eigenvalues.size)
+    return np.asarray(np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent), dtype=float)
 
 
 def _bound_durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
@@ -385,10 +364,9 @@ def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
         opti.set_initial(durations, guess.durations[None, :] * np.clip(total, low, high) / total)
     lengths = [ca.repmat(durations[i] / arc.intervals, 1, arc.intervals * DEGREE) for i, arc in enumerate(arcs)]
     h = ca.horzcat(*lengths)  # of the interval of each point
-    rates = problem.rates.map(points)(inner, controls)
     running = problem.cost.map(points)(inner, controls)
     begins = ca.reshape(ca.repmat(knots[:, :-1], DEGREE, 1), n, points)
-    gained = rates * ca.repmat(h, n, 1)
+    gained = problem.rates.map(points)(inner, controls) * ca.repmat(h, n, 1)
     to_stages, to_ends = (ca.sparsify(ca.DM(np.kron(np.eye(m), block))) for block in (A.T, B[:, None]))
     return _Program(
         opti=opti,
@@ -396,8 +374,6 @@ def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
         knots=knots,
         inner=inner,
         controls=controls,
-        rates=rates,
-        running=running,
         path=problem.path.function.map(points)(inner, controls) if problem.path.labels else ca.MX(0, points),
         stages=ca.vec(inner - begins - gained @ to_stages),
         steps=ca.vec(knots[:, 1:] - knots[:, :-1] - gained @ to_ends),
@@ -457,7 +433,7 @@ def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _
     """
     start, instant = problem.start, set(problem.path.function.jac_sparsity(0, 1).row())  # rows with controls
     rates = path_rates(problem).map(program.inner.shape[1])(program.inner, program.controls)
-    given = {label for label, low, high in zip(start.labels, start.low, start.high, strict=True) if low == high}
+    given = {start.labels[i] for i in start.equalities}
     first = 0
     for arc in arcs:
         last = first + arc.intervals
@@ -495,7 +471,7 @@ def path_rates(problem: Problem) -> ca.Function:
 def _fix_phase(opti: ca.Opti, problem: Problem, program: _Program) -> None:
     """Fix the phase of a loop whose start is free: it starts where a weighted sum of σ is extremal."""
     closed = {problem.states[i] for i in problem.closed}
-    if problem.order == 0 or not set(problem.moves) <= closed or closed & set(problem.start.labels):
+    if problem.order == 0 or not problem.is_loop or closed & set(problem.start.labels):
         return
     if problem.order == 1:
         rates = program.controls[:, :DEGREE] @ TO_POWERS[0]

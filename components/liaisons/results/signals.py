@@ -69,14 +69,6 @@ class LabelledSignals:
         texts = self.texts.get(self.element(name))
         return numbers if texts is None else np.array(texts, dtype=object)[numbers.astype(int)]
 
-    @property
-    def rows(self) -> NDArray[Any]:
-        """The signals as a structured array with a field of doubles, or strings, each."""
-        rows = np.empty(self.values.shape[1:], dtype=[(name, self[name].dtype) for name in self.names])
-        for name in self.names:
-            rows[name] = self[name]
-        return rows
-
     def get(self, name: str, default: Any = None) -> Any:
         """A signal or an array of them, or the default if there is none of this name."""
         return self[name] if name in self else default  # noqa: SIM401 - it would call itself

@@ -29,21 +29,12 @@ from liaisons.ssp.parameters import scalars, start, text
 
 _STARTS = "resources/starts.txt"
 _PYTHON = "resources/component.json"
-_MARK, _ZEROS = b"/starts.txt", b" = 0 before the first step: it stays "
+STARTS, ZEROS = b"/starts.txt", b" = 0 before the first step: it stays "
 _DESCRIPTION = "modelDescription.xml"
 
 
-def takes_starts(part: SystemComponent) -> bool:
-    """Whether the FMU's library, or its Python module, reads the file."""
-    return _has(part, _MARK)
-
-
-def ignores_zeros(part: SystemComponent) -> bool:
-    """Whether it supports lines of kind ``z``."""
-    return _has(part, _ZEROS)
-
-
-def _has(part: SystemComponent, mark: bytes) -> bool:
+def takes(part: SystemComponent, mark: bytes) -> bool:
+    """Whether the FMU has code with this mark: reads the file (:data:`STARTS`), or has lines of kind ``z``."""
     with ZipFile(part.fmu.path) as archive:
         modules = [name for name in archive.namelist() if name.startswith("resources/liaisons_runtime_")]
         return any(mark in archive.read(name) for name in (part.fmu.binary, *modules))

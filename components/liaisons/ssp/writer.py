@@ -38,7 +38,7 @@ from liaisons.ssp.connectors import (
     units_of,
 )
 from liaisons.ssp.documentation import page
-from liaisons.ssp.embedded_starts import baked, ignores_zeros, takes_starts
+from liaisons.ssp.embedded_starts import STARTS, ZEROS, baked, takes
 from liaisons.ssp.experiment import add_experiment, add_master, chosen
 from liaisons.ssp.parameters import bind, mapping, parameter_set, scalars
 from liaisons.ssp.xml import STRUCTURE, document, tag
@@ -140,8 +140,8 @@ def _add_portable(
         p for p, entry in outer(parts, connections).items() if entry.like.causality == "output" and not entry.shape
     ]
     for part in parts:
-        zeros = _fed_from_zero(part, connections) and ignores_zeros(part)
-        bake = zeros or (bool(part.starts) and takes_starts(part))
+        zeros = _fed_from_zero(part, connections) and takes(part, ZEROS)
+        bake = zeros or (bool(part.starts) and takes(part, STARTS))
         content = baked(part, ignore_zeros=zeros) if bake else b""
         source = _add_file(files, f"{part.name}.fmu", content) if bake else _add_fmu(files, part)
         element = _add_component(elements, part.name, source)

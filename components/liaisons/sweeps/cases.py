@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias, final, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import named, shown, whole
+from liaisons.arguments import named, numbers, shown, whole
 from liaisons.errors import SweepError
 
 
@@ -143,10 +143,7 @@ def _columns(over: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
         raise SweepError("nothing is varied; give at least one name with its values")
     columns = {}
     for name, values in over.items():
-        try:
-            column = np.array(values, dtype=float, ndmin=1)
-        except (TypeError, ValueError):
-            raise SweepError(f"{name} = {shown(values)}; give a number or a list of numbers") from None
+        column = np.array(numbers(name, values, SweepError), ndmin=1)
         if column.ndim > 1 or not column.size:
             raise SweepError(f"{name} has values of shape {column.shape}; give at least one number, in one row")
         if not np.all(np.isfinite(column)):

@@ -33,19 +33,6 @@ class Completed:
 Outcome: TypeAlias = Completed | Failure
 """Measures of a case, or why it failed."""
 
-LIVES = 2
-"""Number of processes that may die over one case before it is a failure."""
-
-
-def died(code: int | None) -> Failure:
-    """Failure of a case over which too many processes have died, the last one with this exit code."""
-    return Failure(f"the process that simulated it died, {LIVES} times (exit code {code})", refused=False)
-
-
-def too_long(time_limit: float) -> Failure:
-    """Failure of a case that exceeded the time limit."""
-    return Failure(f"took longer than the time limit of {time_limit:g} s", refused=False)
-
 
 def failure(error: Exception) -> Failure:
     """Failure for an error: refused after Discard or Error of an FMU, or an iteration that does not converge.

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, named, whole
+from liaisons.arguments import as_path, named, positive, whole
 from liaisons.cosim import System
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
@@ -132,8 +130,8 @@ def _check_settings(
         raise SweepError(f"workers = {workers!r} are processes of this machine; leave it out on a Dask cluster")
     if workers is not None:
         whole("workers", workers, SweepError)
-    if time_limit is not None and not (isinstance(time_limit, Real) and math.isfinite(time_limit) and time_limit > 0):
-        raise SweepError(f"time_limit = {time_limit!r}; give seconds, more than 0, or leave it out")
+    if time_limit is not None:
+        positive("time_limit", time_limit, SweepError)
     if retry and journal is None:
         raise SweepError("retry: there is no journal to find failures in; name that of the sweep to be done again")
 

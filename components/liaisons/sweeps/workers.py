@@ -35,7 +35,7 @@ from liaisons.cosim.instances import extracted, isolated
 from liaisons.errors import SweepError
 from liaisons.folders import passing_folder
 from liaisons.processes import die_with_parent
-from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
+from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.session import Task, session
 from liaisons.sweeps.study import Study
 
@@ -47,6 +47,7 @@ _FLUSH = 0.1  # [s] between two reports of a worker
 _PATIENCE = 5.0  # [s] for a worker to release its FMUs
 _MOST = 256  # cases of one portion
 _SERVE = "import sys; from liaisons.sweeps.workers import serve; serve(int(sys.argv[1]), sys.argv[2])"
+_LIVES = 2  # processes that may die over one case before it is a failure
 _LONG = 60.0  # [s] after which a warning says that a case still runs
 
 
@@ -216,7 +217,7 @@ class Pool:
         case = int(worker.current[1])
         if worker.current[0] == start and case in worker.cases:
             worker.cases.remove(case)
-            self._deliver({case: too_long(limit)})
+            self._deliver({case: Failure(f"took longer than the time limit of {limit:g} s", refused=False)})
         self._replace(worker)
 
     def _replace_dead(self, worker: _Worker) -> None:
@@ -225,8 +226,9 @@ class Pool:
         if len(worker.cases) == 1:
             (case,) = worker.cases
             self._deaths[case] = self._deaths.get(case, 0) + 1
-            if self._deaths[case] == LIVES:
-                self._deliver({case: died(code)})
+            if self._deaths[case] == _LIVES:
+                reason = f"the process that simulated it died, {_LIVES} times (exit code {code})"
+                self._deliver({case: Failure(reason, refused=False)})
                 worker.cases = []
         self._replace(worker)
 

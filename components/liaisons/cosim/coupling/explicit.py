@@ -29,7 +29,7 @@ def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus
         return [call for operation in program for call in prepared_calls[operation, initial]]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
-    newest = {name for name, part in simulation.parts.items() if part.approximation.needs_newest_inputs}
+    newest = {name for name, part in simulation.parts.items() if part.approximation.method in {None, 2}}
     return (
         calls(schedule.consistent(order, feeds, partial(depends, initially=True)), initial=True),
         calls(schedule.consistent(order, feeds, depends)),

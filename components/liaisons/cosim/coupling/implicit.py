@@ -134,7 +134,7 @@ class Coupled:
     @property
     def order(self) -> int:
         """Order of the error in H: that of the coarsest polynomial."""
-        return min((component.order for component in self._components), default=6)
+        return min((node.order for node in self._nodes), default=6)
 
     def settle(self, *, initial: bool) -> None:
         """Solve the equations at the start of a piece, the present time."""

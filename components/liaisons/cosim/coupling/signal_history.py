@@ -28,12 +28,10 @@ class SignalHistory:
     """
 
     def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
-        self._signals = signals
         ports = {curve.data[0]: curve.data for curve in curves}.values()
         made = [data[0] for data in ports if len(data) == 2 and signals.makes(data[0])]
         self.made: Indices = np.array(made, dtype=np.intp)
         signals.held[[index for index in made if not signals.continuous(index)]] = True
-        self._slopes: Indices = self.made + signals.count
         n = len(made)
         self._state: Past = np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)
         self.instants, self.others = np.zeros(2), np.zeros((2, n))
@@ -51,9 +49,8 @@ class SignalHistory:
 
     def reset(self) -> None:
         """Forget the past."""
-        if (n := self.made.size) == 0:
-            return
-        self.rewind((np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)))
+        for numbers, first in zip(self._state, (0, 1, 1), strict=True):
+            numbers[:] = first
 
     def snapshot(self) -> Past:
         """What :meth:`rewind` needs."""

@@ -99,11 +99,6 @@ class StrongComponent:
             if equations.newton is not None:
                 equations.newton.record.ready = False
 
-    @property
-    def order(self) -> int:
-        """Order of the error in H: that of the coarsest polynomial."""
-        return min((node.order for node in self.nodes), default=6)
-
     def read_start_values(self) -> None:
         """Take the outputs that follow from the start values for a first guess, in a cycle."""
         for node in self.nodes if self._cyclic else ():

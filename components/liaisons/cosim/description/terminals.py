@@ -83,13 +83,12 @@ class TerminalDescription:
 
     def element(self, index: str) -> TerminalDescription:
         """The terminal of one element of the arrays that are its members; ``index`` is for example ``[3]``."""
-        return TerminalDescription(
-            f"{self.name}{index}",
-            self.kind,
-            self.rule,
-            {name: MemberVariable(f"{m.variable}{index}", m.kind) for name, m in self.members.items()},
-            {name: terminal.element(index) for name, terminal in self.nested.items()},
-            self.point and PointComponent(f"{self.point.point}{index}", self.point.axis),
+        return replace(
+            self,
+            name=f"{self.name}{index}",
+            members={name: replace(m, variable=f"{m.variable}{index}") for name, m in self.members.items()},
+            nested={name: terminal.element(index) for name, terminal in self.nested.items()},
+            point=self.point and self.point._replace(point=f"{self.point.point}{index}"),
         )
 
 

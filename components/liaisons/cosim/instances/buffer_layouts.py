@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes as c
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, final
 
 import numpy as np
@@ -115,9 +115,15 @@ def layout(
     return BufferLayout(base, tuple(references), c_type, size, scalars, positions)
 
 
+@lru_cache(maxsize=1024)
+def value_references(references: tuple[int, ...]) -> c.Array[c.c_uint32]:
+    """Shared by all instances, as functions are: what a thousand of them have in common stays in the cache."""
+    return (c.c_uint32 * len(references))(*references)
+
+
 def counted(references: Sequence[int]) -> tuple[object, object]:
     """Value references and their number, as arguments of a foreign call that are converted only once."""
-    return buffered((c.c_uint32 * len(references))(*references))
+    return buffered(value_references(tuple(references)))
 
 
 def buffered(values: c.Array[Any]) -> tuple[object, object]:

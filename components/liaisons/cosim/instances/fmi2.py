@@ -5,8 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Sequence
 from contextlib import suppress
-from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
-from functools import lru_cache
+from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
 from itertools import count
 from pathlib import Path
 from typing import Any, ClassVar, final
@@ -21,7 +20,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
-from liaisons.cosim.instances.buffer_layouts import BufferLayout
+from liaisons.cosim.instances.buffer_layouts import value_references
 from liaisons.cosim.instances.protocol import DISCARD, Loaded, Numbers, Scalars
 from liaisons.errors import SimulationError
 
@@ -53,6 +52,7 @@ class Instance2(Loaded, ABC):
     types: ClassVar = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
     flag = c_int
     sized = False
+    transfer = TRANSFER_2
 
     def _instantiated(self, library: CDLL, resources: Path) -> int | None:
         self._handle = next(_handles)
@@ -77,15 +77,6 @@ class Instance2(Loaded, ABC):
             # go of it before; it takes hold of it again when it is needed
             library.finalizePythonInterpreter()
 
-    def _whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
-        values = layout.buffer if values is None else values
-        references, count = _numbers(layout.references)
-        name = self._transferring(action, layout)
-        call = Call(self._function(name), self._pointer, references, count, values).with_failure(
-            action, self._failing(name)
-        )
-        return call.recorded(TRANSFER_2, self._pointer.value, source=references, count=count.value, values=values)
-
 
 @final
 class CoSimulation2(Instance2):
@@ -105,7 +96,7 @@ class CoSimulation2(Instance2):
         return self._of_orders("slope", variables, orders, values)
 
     def _of_orders(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        (references, count), (numbers, _) = _references(variables), _numbers(tuple(orders), c_int)
+        (references, count), numbers = _references(variables), (c_int * len(orders))(*orders)
         call = self._prepared(action, references, count, numbers, values)
         record = {"source": references, "count": count.value, "values": values, "more": numbers}
         return call.recorded(ORDERS_2, self._pointer.value, **record)
@@ -124,13 +115,8 @@ class CoSimulation2(Instance2):
 
 
 def _references(variables: Scalars) -> tuple[Array[Any], c_size_t]:
-    return _numbers(tuple(variable.reference for variable in variables))
-
-
-@lru_cache(maxsize=1024)
-def _numbers(numbers: tuple[int, ...], c_type: Any = c_uint) -> tuple[Array[Any], c_size_t]:
-    """Shared by all instances, as functions are: what a thousand of them have in common stays in the cache."""
-    return (c_type * len(numbers))(*numbers), c_size_t(len(numbers))
+    references = value_references(tuple(variable.reference for variable in variables))
+    return references, c_size_t(len(references))
 
 
 @fmi2CallbackLoggerTYPE

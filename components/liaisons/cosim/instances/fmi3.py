@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import STEP_3, TRANSFER_3, Action, Call
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, counted, layout, layouts
+from liaisons.cosim.instances.buffer_layouts import Transfer, buffered, counted, layout, layouts
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
 from liaisons.cosim.instances.trial import NUMBERS
 from liaisons.cosim.messages import DISCARD
@@ -52,6 +52,7 @@ class Instance3(Loaded, ABC):
     types: ClassVar = NUMBERS | {"Boolean": c.c_bool, "String": c.c_char_p}
     flag = c.c_bool
     sized = True
+    transfer = TRANSFER_3
 
     def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
         self._log = _LOG(lambda _, status, __, message: self._note(status, message))
@@ -75,17 +76,6 @@ class Instance3(Loaded, ABC):
         multiply = self._prepared("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
         read = partial(rows.read_into, multiply, np.ctypeslib.as_array(values))
         return Call(columns.write_from, read, np.ctypeslib.as_array(seed)).with_failure("derive", self.failure)
-
-    def _whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
-        values = layout.buffer if values is None else values
-        references = (c.c_uint32 * len(layout.references))(*layout.references)
-        name = self._transferring(action, layout)
-        function = self._function(name)
-        call = Call(function, self._pointer, *buffered(references), *buffered(values)).with_failure(
-            action, self._failing(name)
-        )
-        record = {"source": references, "count": len(references), "values": values, "size": len(values)}
-        return call.recorded(TRANSFER_3, self._pointer.value, **record)
 
 
 @final

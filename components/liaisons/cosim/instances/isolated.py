@@ -191,12 +191,10 @@ class Isolated(Instance):
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
         self._far.reads = 1
-        (slot,) = self._prepared("getter", variables, shapes=[len(variables)])
-        return self._moved("get", self._transferring("Get", variables), slot, values)
+        return self._moved("get", self._transferring("Get", variables), values, "getter", variables)
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        (slot,) = self._prepared("setter", variables, shapes=[len(variables)])
-        return self._moved("set", self._transferring("Set", variables), slot, values)
+        return self._moved("set", self._transferring("Set", variables), values, "setter", variables)
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
         first, _ = self._prepared("stepper", shapes=[None, None])
@@ -226,17 +224,14 @@ class Isolated(Instance):
         return [*(write for write, _ in halves), *(read for _, read in halves)]
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        (slot,) = self._prepared("output_derivatives", variables, orders, shapes=[len(variables)])
-        return self._moved("slope", self._functions["slope"], slot, values)
+        return self._moved("slope", self._functions["slope"], values, "output_derivatives", variables, orders)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        (slot,) = self._prepared("input_derivatives", variables, orders, shapes=[len(variables)])
-        return self._moved("shape", self._functions["shape"], slot, values)
+        return self._moved("shape", self._functions["shape"], values, "input_derivatives", variables, orders)
 
     def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
-        (slot,) = self._prepared("intermediate_update", variables, shapes=[values.shape])
-        numbers = (c.c_double * values.size).from_buffer(values.data)
-        return self._moved("set", self._transferring("Set", variables), slot, numbers)
+        numbers, label = (c.c_double * values.size).from_buffer(values.data), self._transferring("Set", variables)
+        return self._moved("set", label, numbers, "intermediate_update", variables, shape=values.shape)
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - posted before it
         if status == _INTERRUPTED:  # by what a signal has raised, which goes on
@@ -265,7 +260,7 @@ class Isolated(Instance):
             self._ended()
             self._pipe.close()
 
-    def _prepared(self, method: str, *arguments: object, shapes: Sequence[Shape] = ()) -> list[_Slot]:
+    def _prepared(self, *message: object, shapes: Sequence[Shape] = ()) -> list[_Slot]:
         """Room for numbers, and calls in the other process that have it as arguments."""
         slots: list[_Slot] = []
         self._used += -self._used % _LINE
@@ -274,7 +269,7 @@ class Isolated(Instance):
             self._used += 8 * slots[-1].size
         if self._used > len(self._memory):
             raise SimulationError(f"{self.name}: its calls need more than {len(self._memory)} B; do not isolate it")
-        self._ask("its preparation", "prepare", method, *arguments, *slots)
+        self._ask("its preparation", "prepare", *message, *slots)
         return slots
 
     def _command(self, *slots: _Slot) -> _Command:
@@ -285,9 +280,9 @@ class Isolated(Instance):
     def _posted(self, action: Action, label: str | None = None) -> Call:
         return self._kept(Call(self._library.post, c.byref(self._command())), action, label)
 
-    def _moved(self, action: Action, label: str, slot: _Slot, values: Numbers) -> Call:
+    def _moved(self, action: Action, label: str, values: Numbers, *message: object, shape: Shape = None) -> Call:
         """The call of a command that gets numbers, or hands them over."""
-        command = self._command(slot)
+        command = self._command(*self._prepared(*message, shapes=[shape or len(values)]))
         function = self._library.get if action in {"get", "slope"} else self._library.set
         call = self._kept(
             Call(function, c.byref(command), None, c.c_size_t(len(values)), c.byref(values)), action, label
@@ -324,28 +319,22 @@ class Isolated(Instance):
         return self._answer(task)
 
     def _answer(self, task: str) -> Any:
-        self._task = task
-        lost, self._far.lost = _ENDED, _ENDED  # an interrupt while we wait leaves its state unknown
-        try:
-            error, value, lost = None, None, _LATE
+        self._task, self._far.lost = task, _ENDED  # an interrupt while we wait leaves its state unknown
+        error, value = None, None
+        with suppress(EOFError, OSError):
+            lost = _LATE
             while lost and self._pipe.poll(self._far.limit):
                 error, value = self._pipe.recv()
                 if isinstance(error, int):
-                    self._log(error, value)
+                    logger.log(error, "%s", value)
                 else:
                     lost = 0
-        except (EOFError, OSError):
-            lost, error, value = _ENDED, None, None
-        self._far.lost = lost
-        if lost:
-            raise SimulationError(self._lost(lost, ""))
+            self._far.lost = lost
+        if self._far.lost:
+            raise SimulationError(self._lost(self._far.lost, ""))
         if isinstance(error, BaseException):
             raise error
         return value
-
-    def _log(self, level: int, text: str) -> None:
-        """Log what the other process would have."""
-        logger.log(level, "%s", text)
 
     def _lost(self, status: int, when: str) -> str:
         """What to say of a process that has ended, or is ended here."""
@@ -354,7 +343,7 @@ class Isolated(Instance):
                 while self._pipe.poll(0):
                     level, text = self._pipe.recv()
                     if isinstance(level, int):
-                        self._log(level, text)
+                        logger.log(level, "%s", text)
             number = self._channel.numbers[self._channel.made % _ROOM]
             task = self._labels[number] or self._task
             how = self._ended()
@@ -376,16 +365,14 @@ class Isolated(Instance):
     def _ended(self) -> str:
         """End the process, if it has not ended; how it did."""
         child, self._child = self._child, None
-        if child is None:
-            return "its process has ended"
-        os.kill(child, signal.SIGTERM)  # does nothing to one that has crashed
-        try:
-            code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        except ChildProcessError:  # somebody else has waited for it
-            return "its process has ended"
-        with suppress(ValueError):
-            return signal.Signals(-code).name if code < 0 else f"exit status {code}"
-        return f"signal {-code}"
+        with suppress(ChildProcessError):  # somebody else has waited for it
+            if child is not None:
+                os.kill(child, signal.SIGTERM)  # does nothing to one that has crashed
+                code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+                with suppress(ValueError):
+                    return signal.Signals(-code).name if code < 0 else f"exit status {code}"
+                return f"signal {-code}"
+        return "its process has ended"
 
 
 def _forked(pipe: Connection, child_end: Connection, *task: Any) -> int:

@@ -29,7 +29,7 @@ from liaisons.cosim.messages import DISCARD, OK, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError
 
 if TYPE_CHECKING:
-    from liaisons.cosim.instances.cvode import Cvode
+    from liaisons.cosim.instances.cvode import Cvode, Function
 
 TOLERANCE = 1e-8
 """Relative, where neither the user nor the FMU says more."""
@@ -59,7 +59,7 @@ class ModelExchange(Loaded, ABC):
     def __init__(self, name: str, fmu: Fmu, directory: Path, *, stiff: bool = False) -> None:
         self._stiff = stiff
         self._solver: Cvode | Dop853 | None = None
-        self._warned_of_repeats = self._warned_of_nominals = self._warned_of_indicators = False
+        self._warned: set[str] = set()
         self._clock = c_double()
         self._final = self.flag(True)  # no state from before a step will be set after it
         self._places: dict[str, int] = {}  # of inputs in:
@@ -86,25 +86,35 @@ class ModelExchange(Loaded, ABC):
                 if number not in range(_MOST_NUMBERS):
                     raise SimulationError(f"{self.name}: says that it has {number} {noun}; ask its maker")
             self._nominals, self._indicators = np.ones(states), np.zeros(indicators)
-            self._set_time = self._function(f"{self.prefix}SetTime")
-            self._set_states = self._function(f"{self.prefix}SetContinuousStates")
-            self._get_rates = self._function(self.derivatives)
-            self._get_indicators = self._function(f"{self.prefix}GetEventIndicators")
+            self._set_time, self._set_states, *_ = map(self._function, self._asked)
             self._count = c_size_t(states)
             self._explicit = None if self._stiff else self._dop853()
         if self._solver is None or self._solver is not self._explicit:
             self._use(self._explicit or self._cvode())
         self._iterate()
 
+    @property
+    def _asked(self) -> tuple[str, str, str, str]:
+        """The functions of FMI that a solver needs."""
+        prefix = self.prefix
+        return f"{prefix}SetTime", f"{prefix}SetContinuousStates", self.derivatives, f"{prefix}GetEventIndicators"
+
     def _dop853(self) -> Dop853 | None:
-        code = dop853.library()
-        if code is None:
-            return None
-        functions = self._set_time, self._set_states, self._get_rates, self._get_indicators
-        return Dop853(code, self._pointer, functions, self._count.value, self._indicators, self._tolerance)
+        code, functions = dop853.library(), [self._function(name) for name in self._asked]
+        size, signs = self._count.value, self._indicators
+        return code and Dop853(code, self._pointer, functions, size, signs, self._tolerance)
 
     def _cvode(self) -> Cvode:
-        return _cvode()(self._count.value, self._indicators.size, self._rates, self._signs, self._tolerance)
+        try:
+            from liaisons.cosim.instances.cvode import Cvode  # FMPy does not ship it for every platform
+        except (ImportError, OSError) as error:
+            raise SimulationError(
+                "Model Exchange needs a C compiler, or CVODE, which FMPy does not have here, where equations are stiff "
+                f"({error}); export the FMU for co-simulation"
+            ) from error
+        sizes = self._count.value, self._indicators.size
+        rates, signs = map(self._answering, self._asked[2:], sizes)
+        return Cvode(*sizes, rates, signs, self._tolerance)
 
     def _use(self, solver: Cvode | Dop853) -> None:
         """Integrate by this solver from now on."""
@@ -278,9 +288,8 @@ class ModelExchange(Loaded, ABC):
         which, status = solver.refusal
         if not which:
             return True
-        names = ("SetTime", "SetContinuousStates", "GetEventIndicators")
-        time, states, indicators = (f"{self.prefix}{name}" for name in names)
-        self._refusal = (time, self.functions["set"], states, self.derivatives, indicators)[which - 1], status
+        time, *others = self._asked
+        self._refusal = (time, self.functions["set"], *others)[which - 1], status
         self._clock.value = solver.asked
         return False
 
@@ -300,12 +309,16 @@ class ModelExchange(Loaded, ABC):
     def _sizes_of_states(self) -> NDArray[np.float64]:
         """The nominal values; 1 for one that is none."""
         fine = (self._nominals > 0) & np.isfinite(self._nominals)
-        if not fine.all() and not self._warned_of_nominals:
-            self._warned_of_nominals = True
-            wrong = self._nominals[~fine]
-            words = "nominal values of continuous states are not above 0, such as"
-            logger.warning("%s: %s %.10g; they are taken for 1", self.name, words, wrong[0])
+        if not fine.all():
+            words = "nominal values of continuous states are not above 0, such as %.10g; they are taken for 1"
+            self._warn(words, self._nominals[~fine][0])
         return np.where(fine, self._nominals, 1.0)
+
+    def _warn(self, words: str, about: object) -> None:
+        """Log a warning, once."""
+        if words not in self._warned:
+            self._warned.add(words)
+            logger.warning("%s: %s", self.name, words % about)
 
     def _change_solver(self) -> None:
         """Have CVODE integrate from here on: the equations are stiff."""
@@ -324,18 +337,17 @@ class ModelExchange(Loaded, ABC):
 
     # ---- what the solver asks for
 
-    def _rates(self, time: float, states: int, result: int) -> int:
-        fine = self._place(time, c_void_p(states)) and self._fine(
-            self.derivatives, self._get_rates(self._pointer, c_void_p(result), self._count)
-        )
-        return self._answer(fine)
+    def _answering(self, name: str, size: int) -> Function:
+        """For CVODE: what a function of FMI calculates."""
+        function, count = self._function(name), c_size_t(size)
 
-    def _signs(self, time: float, states: int, result: int) -> int:
-        fine = self._place(time, c_void_p(states)) and self._fine(
-            f"{self.prefix}GetEventIndicators",
-            self._get_indicators(self._pointer, c_void_p(result), c_size_t(self._indicators.size)),
-        )
-        return self._answer(fine)
+        def answer(time: float, states: int, result: int) -> int:
+            fine = self._place(time, c_void_p(states)) and self._fine(
+                name, function(self._pointer, c_void_p(result), count)
+            )  # a shorter step may do where the FMU discards this one
+            return 0 if fine else 1 if self._refusal and self._refusal[1] == DISCARD else -1
+
+        return answer
 
     def _place(self, time: float, states: c_void_p) -> bool:
         """Go to a time [s] with states at an address; whether the FMU does."""
@@ -354,10 +366,6 @@ class ModelExchange(Loaded, ABC):
             return True
         self._refusal = function, status
         return False
-
-    def _answer(self, fine: bool) -> int:
-        """What the solver understands: a shorter step may do where the FMU discards this one."""
-        return 0 if fine else 1 if self._refusal and self._refusal[1] == DISCARD else -1
 
     def _require(self, fine: bool) -> None:
         if not fine:
@@ -406,9 +414,8 @@ class ModelExchange(Loaded, ABC):
         before = self._indicators > 0
         address, size = c_void_p(self._indicators.ctypes.data), c_size_t(self._indicators.size)
         self._call(f"{self.prefix}GetEventIndicators", address, size)
-        if np.isnan(self._indicators).any() and not self._warned_of_indicators:
-            self._warned_of_indicators = True
-            logger.warning("%s: an event indicator is nan%s, so that events may be missed", self.name, self._when())
+        if np.isnan(self._indicators).any():
+            self._warn("an event indicator is nan%s, so that events may be missed", self._when())
         return not np.array_equal(before, self._indicators > 0)
 
     def _ending(self) -> EndedError:
@@ -442,17 +449,12 @@ class ModelExchange(Loaded, ABC):
                 if not self._stale:
                     memory[0].remember(memory[1])
                 elif not isinstance(self._solver, Dop853):
-                    self._warn_of_repeats()
+                    words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first from"
+                    more = "%s, restart and are less accurate; smaller ones and a smaller tolerance may be needed"
+                    self._warn(words + more, self._when(""))
             return restore()
 
         return Call(take).with_failure("save", self.failure), Call(go_back).with_failure("restore", self.failure)
-
-    def _warn_of_repeats(self) -> None:
-        if not self._warned_of_repeats:
-            self._warned_of_repeats = True
-            words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first"
-            more = "restart and are less accurate; smaller ones and a smaller tolerance may be needed"
-            logger.warning("%s: %s from%s, %s", self.name, words, self._when(""), more)
 
     def _forget(self, library: CDLL) -> None:
         if self._solver is not None:
@@ -506,15 +508,3 @@ class ModelExchange3(ModelExchange, Instance3):
         self._call("fmi3UpdateDiscreteStates", *map(byref, (*flags, next_event)), about=self._when())
         again, ends, _nominals, _states, defined = (flag.value for flag in flags)
         return again, ends, next_event.value if defined else math.inf
-
-
-def _cvode() -> type[Cvode]:
-    """The solver, loaded where it is needed: FMPy does not ship it for every platform."""
-    try:
-        from liaisons.cosim.instances.cvode import Cvode
-    except (ImportError, OSError) as error:
-        raise SimulationError(
-            "Model Exchange needs a C compiler, or CVODE, which FMPy does not have here, where equations are stiff "
-            f"({error}); export the FMU for co-simulation"
-        ) from error
-    return Cvode

@@ -32,7 +32,7 @@ from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call, Failure
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.description.variables import Scalar
-from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, layouts
+from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, layouts, value_references
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
@@ -154,6 +154,7 @@ class Loaded(Instance):
     types: ClassVar[Mapping[str, Any]]
     flag: ClassVar[Any]
     sized: ClassVar[bool]  # whether values are handed over with their number
+    transfer: ClassVar[int]  # kind of the call that does
 
     def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
         self.name = name
@@ -241,9 +242,14 @@ class Loaded(Instance):
                 calls.append(partial(part.write_from, self._whole("set", part), numbers))
         return self._all(action, calls, " or ".join(self._transferring(action, part) for part in parts))
 
-    @abstractmethod
     def _whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
         """A call that reads or sets whole variables from these values, else by the buffer that they have."""
+        values = layout.buffer if values is None else values
+        references, name = value_references(layout.references), self._transferring(action, layout)
+        arguments = *buffered(references), *buffered(values)[: 2 if self.sized else 1]
+        call = Call(self._function(name), self._pointer, *arguments).with_failure(action, self._failing(name))
+        record = {"source": references, "count": len(references), "values": values, "size": len(values)}
+        return call.recorded(self.transfer, self._pointer.value, **record)
 
     def _transferring(self, action: Action, layout: BufferLayout) -> str:
         """The function of FMI that does it."""

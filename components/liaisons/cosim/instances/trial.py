@@ -8,6 +8,7 @@ import ctypes as c
 import json
 import os
 import sys
+from collections.abc import Callable
 from typing import Any
 
 from liaisons.processes import die_with_parent
@@ -40,7 +41,11 @@ def main() -> None:
     functions = c.CDLL(library)
     _say("instantiated")
     try:
-        (_start_2 if version == 2 else _start_3)(functions, is_model_exchange, [word.encode() for word in words], *rest)
+        made, *_kept = _instantiated(functions, version, is_model_exchange, [word.encode() for word in words])
+        if made:
+            _say("initialized")
+            prefix, pointer = f"fmi{version}", c.c_void_p(made)
+            _start(lambda name, *rest: functions[prefix + name](pointer, *rest), version == 2, is_model_exchange, *rest)
     finally:
         _say("released")  # else the FMU has ended the process, whatever its exit status
     os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
@@ -54,70 +59,55 @@ def _say(stage: str) -> None:
 Starts = list[tuple[str, list[int], list[Any], bool]]
 
 
-def _start_2(functions: c.CDLL, is_model_exchange: bool, words: list[bytes], starts: Starts, step: list[float]) -> None:
-    library = c.CDLL(None if os.name == "posix" else "msvcrt")
-    library.calloc.restype, library.calloc.argtypes = c.c_void_p, [c.c_size_t, c.c_size_t]
-    library.free.restype, library.free.argtypes = None, [c.c_void_p]
-    log, allocate, release = _LOG_2(lambda *_: None), _ALLOCATE(library.calloc), _RELEASE(library.free)
-    functions_and_environment = *(c.cast(function, c.c_void_p) for function in (log, allocate, release)), None, None
-    callbacks = (c.c_void_p * 5)(*functions_and_environment)  # fmi2CallbackFunctions
-    functions.fmi2Instantiate.restype = c.c_void_p
-    name, guid, resources = words
-    made = functions.fmi2Instantiate(name, int(not is_model_exchange), guid, resources, c.byref(callbacks), 0, 0)
-    if not made:
-        return
-    _say("initialized")
-    pointer = c.c_void_p(made)
-    begin, size = map(c.c_double, step)
-    functions.fmi2SetupExperiment(pointer, 0, c.c_double(0), begin, 0, c.c_double(0))
-    for kind, references, values, _ in starts:
-        buffer = _buffer(kind, values, c.c_int)
-        functions[f"fmi2Set{kind}"](pointer, (c.c_uint * len(references))(*references), c.c_size_t(len(values)), buffer)
-    if functions.fmi2EnterInitializationMode(pointer) > 1 or functions.fmi2ExitInitializationMode(pointer) > 1:
-        return
-    _say("stepped")
-    if is_model_exchange:
-        functions.fmi2NewDiscreteStates(pointer, c.byref((c.c_double * 8)()))  # room for fmi2EventInfo
-        return
-    functions.fmi2DoStep(pointer, begin, size, 1)
+def _instantiated(library: c.CDLL, version: int, is_model_exchange: bool, words: list[bytes]) -> tuple[Any, ...]:
+    """Address of the instance, 0 if it is refused, and what it calls."""
+    kind = "" if version == 2 else "ModelExchange" if is_model_exchange else "CoSimulation"
+    instantiate = library[f"fmi{version}Instantiate{kind}"]
+    instantiate.restype = c.c_void_p
+    if version == 3:
+        log, no = _LOG_3(lambda *_: None), c.c_bool(False)
+        own, last = ((), ()) if is_model_exchange else ((no, no, None, c.c_size_t(0)), (None,))
+        return instantiate(*words, no, no, *own, None, log, *last), log
+    libc = c.CDLL(None if os.name == "posix" else "msvcrt")
+    libc.calloc.restype, libc.calloc.argtypes = c.c_void_p, [c.c_size_t, c.c_size_t]
+    libc.free.restype, libc.free.argtypes = None, [c.c_void_p]
+    functions = _LOG_2(lambda *_: None), _ALLOCATE(libc.calloc), _RELEASE(libc.free)
+    addresses = (c.cast(function, c.c_void_p) for function in functions)
+    callbacks = (c.c_void_p * 5)(*addresses, None, None)  # fmi2CallbackFunctions
+    name, *others = words
+    return instantiate(name, int(not is_model_exchange), *others, c.byref(callbacks), 0, 0), functions, callbacks
 
 
-def _start_3(functions: c.CDLL, is_model_exchange: bool, words: list[bytes], starts: Starts, step: list[float]) -> None:
-    log, no = _LOG_3(lambda *_: None), c.c_bool(False)
-    if is_model_exchange:
-        functions.fmi3InstantiateModelExchange.restype = c.c_void_p
-        made = functions.fmi3InstantiateModelExchange(*words, no, no, None, log)
-    else:
-        functions.fmi3InstantiateCoSimulation.restype = c.c_void_p
-        nothing = (None, c.c_size_t(0), None)
-        made = functions.fmi3InstantiateCoSimulation(*words, no, no, no, no, *nothing, log, None)
-    if not made:
-        return
-    _say("initialized")
-    pointer = c.c_void_p(made)
+def _start(call: Callable[..., int], two: bool, is_model_exchange: bool, starts: Starts, step: list[float]) -> None:
+    """Initialize and step by calls of the functions of FMI 2.0 or 3.0."""
+    boolean = c.c_int if two else c.c_bool
+    no, (begin, size, zero) = boolean(0), map(c.c_double, (*step, 0.0))
 
     def assign(structural: bool) -> None:
         for kind, references, values, _ in (start for start in starts if start[3] == structural):
-            sizes = c.c_size_t(len(references)), c.c_size_t(len(values))
-            value_references = (c.c_uint * len(references))(*references)
-            functions[f"fmi3Set{kind}"](pointer, value_references, sizes[0], _buffer(kind, values, c.c_bool), sizes[1])
+            counted = (c.c_uint * len(references))(*references), c.c_size_t(len(references))
+            sizes = [] if two else [c.c_size_t(len(values))]
+            call(f"Set{kind}", *counted, _buffer(kind, values, boolean), *sizes)
 
+    experiment = no, zero, begin, no, zero
+    if two:
+        call("SetupExperiment", *experiment)
+        experiment = ()
     if any(start[3] for start in starts):
-        functions.fmi3EnterConfigurationMode(pointer)
+        call("EnterConfigurationMode")
         assign(structural=True)
-        functions.fmi3ExitConfigurationMode(pointer)
+        call("ExitConfigurationMode")
     assign(structural=False)
-    begin, size, zero = map(c.c_double, (*step, 0.0))
-    if functions.fmi3EnterInitializationMode(pointer, no, zero, begin, no, zero) > 1:
-        return
-    if functions.fmi3ExitInitializationMode(pointer) > 1:
+    if call("EnterInitializationMode", *experiment) > 1 or call("ExitInitializationMode") > 1:
         return
     _say("stepped")
-    flags, last = [c.byref(c.c_bool()) for _ in range(3)], c.byref(c.c_double())
-    if is_model_exchange:
-        functions.fmi3UpdateDiscreteStates(pointer, *(c.byref(c.c_bool()) for _ in range(5)), last)
-        return
-    functions.fmi3DoStep(pointer, begin, size, c.c_bool(True), *flags, last)
+    flags, last = [c.byref(c.c_bool()) for _ in range(5)], c.byref(c.c_double())
+    if not is_model_exchange:
+        call("DoStep", begin, size, boolean(1), *(() if two else (*flags[:3], last)))
+    elif two:
+        call("NewDiscreteStates", c.byref((c.c_double * 8)()))  # room for fmi2EventInfo
+    else:
+        call("UpdateDiscreteStates", *flags, last)
 
 
 def _buffer(kind: str, values: list[Any], boolean: type) -> Any:

@@ -115,7 +115,7 @@ class Stepper:
                     return None
             if (instant := self.deviations.integrate(now, stop)) == math.inf:
                 return stop
-            self.breaks.insert(instant)
+            self.breaks.next = instant
 
 
 def adapted(stepper: Stepper) -> Iterator[Point]:

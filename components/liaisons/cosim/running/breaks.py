@@ -29,7 +29,7 @@ class Breaks:
     """The breaks of a simulation, in order of time.
 
     :ivar divides: whether steps can be divided: all FMUs take steps of any size.
-    :ivar next: the next one [s]; infinite if there is none.
+    :ivar next: the next one [s]; infinite if there is none; set to one before it that was found in between.
     """
 
     def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
@@ -50,10 +50,6 @@ class Breaks:
         """From an instant [s] on, functions of time have their limits from the right there."""
         for drive in self._drives:
             drive.begin(time)
-
-    def insert(self, instant: float) -> None:
-        """Make an instant [s], before the next break, the next one."""
-        self.next = instant
 
     def find_next(self, time: float) -> None:
         """Find the next one after an instant [s], to which all FMUs have been stepped."""

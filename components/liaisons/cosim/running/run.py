@@ -215,7 +215,7 @@ class Run:
         if not len(integrals):
             instant = deviations.integrate(time, instants[0])
             if instant < np.inf and self._breaks.divides:
-                self._breaks.insert(instant)
+                self._breaks.next = instant
                 return 0
             loop.advance(instants[:1], in_result=in_result)
             return 1

@@ -68,11 +68,6 @@ class InputApproximation:
         """Whether it follows polynomials of every order, and the user has not said otherwise."""
         return self.takes_polynomials and self.takes_every_order and not self.is_prescribed
 
-    @property
-    def needs_newest_inputs(self) -> bool:
-        """Whether inputs are to be set to the newest values before a step: it interpolates, or is of another tool."""
-        return self.method in {None, 2}
-
 
 @final
 @dataclass(frozen=True, eq=False)

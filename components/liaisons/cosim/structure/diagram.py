@@ -199,7 +199,7 @@ def _body(block: _Block, x: int, y: int, turn: int, wires: Collection[_Wire]) ->
         opposite = block.right if side == 0 else block.left
         for k, name in enumerate(names):
             at = y + _HEAD + _LINE * k
-            used = any((part.name, name) in (wire.source, wire.target)[:: 1 if side else -1][:1] for wire in wires)
+            used = (part.name, name) in (wire.source if side else wire.target for wire in wires)
             room = max(most // 2, most - len(opposite[k])) if k < len(opposite) else most
             fill = "currentColor" if used else "none"
             lines.append(f'<circle cx="{x + side}" cy="{at}" r="2.5" fill="{fill}"/>')

@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.arguments import shown
-from liaisons.errors import SimulationError
+from liaisons.errors import SimulationError, suggestion
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 ROUNDING = 1e-13
 """Relative tolerance for two knots at one instant to be equal; a number of 13 digits is so far off."""
+Join = Literal["quintic", "pchip", "linear"]
 _COLUMNS = ("times", "values", "rates", "accelerations")
 
 
 def knots(
-    times: ArrayLike, values: ArrayLike, rates: ArrayLike | None = None, accelerations: ArrayLike | None = None
+    times: ArrayLike,
+    values: ArrayLike,
+    rates: ArrayLike | None = None,
+    accelerations: ArrayLike | None = None,
+    join: Join = "quintic",
 ) -> NDArray[np.float64]:
     """Knots (t, σ, σ̇, σ̈), a column each, shape (4, n).
 
-    Rates and accelerations that are not given are those of a quintic spline between jumps.
+    Rates and accelerations that are not given are those of a curve between jumps; see :func:`liaisons.tabulated`.
 
     :param times: [s], ascending, shape (n,), n >= 2; an instant that is there twice is a jump, unless both knots
         agree to :data:`ROUNDING`.
     :raises SimulationError: if these are no numbers, of unequal count, or not ascending.
     """
-    columns_of = dict(zip(_COLUMNS, (times, values, rates, accelerations), strict=True))
-    columns = {
-        name: _column(name, column) for name, column in columns_of.items() if column is not None or name in _COLUMNS[:2]
-    }
+    named = zip(_COLUMNS, (times, values, rates, accelerations), strict=True)
+    columns = {name: _column(name, column) for name, column in named if column is not None or name in _COLUMNS[:2]}
     t = columns["times"]
     for name, column in columns.items():
         if column.size != t.size or t.size < 2:
@@ -42,11 +45,18 @@ def knots(
     if wrong.size:
         later, before = t[wrong[0] + 1], t[wrong[0]]
         raise SimulationError(f"times: {later:g} after {before:g} s: they must ascend; twice the same is a jump")
-    table = np.zeros((4, t.size))
-    jumps = np.flatnonzero(steps == 0) + 1
-    for part in np.split(np.arange(t.size), jumps):
+    if join not in get_args(Join):
+        raise SimulationError(f"join = {join!r}{suggestion(join, get_args(Join))}")
+    if join != "quintic" and len(columns) > 2:
+        raise SimulationError(f"join = {join!r} is for a table without rates, which follow from it; leave them out")
+    parts = []
+    for part in np.split(np.arange(t.size), np.flatnonzero(steps == 0) + 1):
         beside = (columns[name][part] if name in columns else None for name in _COLUMNS[2:])
-        table[:, part] = _smooth(t[part], columns["values"][part], *beside)
+        smooth = join == "quintic" or part.size == 1
+        own = t[part], columns["values"][part]
+        parts.append(_smooth(*own, *beside) if smooth else _piecewise(*own, join))
+    table = np.concatenate(parts, axis=1)
+    jumps = np.flatnonzero(np.diff(table[0]) == 0) + 1
     agree = _agree(table, jumps)
     table[1:, jumps] = np.where(agree, table[1:, jumps - 1], table[1:, jumps])
     return np.delete(table, jumps[agree.all(axis=0)], axis=1)
@@ -73,7 +83,7 @@ def _column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
 
 def _smooth(
     times: NDArray, values: NDArray, rates: NDArray | None, accelerations: NDArray | None
-) -> list[NDArray[np.float64]]:
+) -> NDArray[np.float64]:
     from scipy.interpolate import make_interp_spline  # slow to load
 
     def derivative(column: NDArray, order: int) -> NDArray[np.float64]:
@@ -82,7 +92,21 @@ def _smooth(
 
     if accelerations is None:
         accelerations = derivative(values, 2) if rates is None else derivative(rates, 1)
-    return [times, values, derivative(values, 1) if rates is None else rates, accelerations]
+    return np.array([times, values, derivative(values, 1) if rates is None else rates, accelerations])
+
+
+def _piecewise(times: NDArray, values: NDArray, join: Join) -> NDArray[np.float64]:
+    """Knots at both ends of each interval, since the second derivative, of straight lines the first, jumps there."""
+    from scipy.interpolate import PchipInterpolator, PPoly  # slow to load
+
+    steps = np.diff(times)
+    lines = PPoly(np.array([np.diff(values) / steps, values[:-1]]), times)
+    through = PchipInterpolator(times, values) if join == "pchip" else lines
+    rows = [np.repeat(times, 2)[1:-1]]
+    for order in range(3):
+        c = through.derivative(order).c if order else through.c
+        rows.append(np.ravel([c[-1], np.sum(c * steps ** np.arange(len(c))[::-1, None], axis=0)], order="F"))
+    return np.array(rows)
 
 
 def curve(table: NDArray[np.float64]) -> PPoly:

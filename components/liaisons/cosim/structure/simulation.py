@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import finite, listed, named, numbers
+from liaisons.arguments import finite, listed, named, numbers, positive, time_span
 from liaisons.array_names import split
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.model_description import SAME, Conversion
@@ -35,7 +35,7 @@ _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 
 
 @final
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class SimulationSettings:
     """When and how a system is simulated; :meth:`liaisons.cosim.System.simulate` says what each is, and what None."""
 
@@ -126,7 +126,7 @@ class Simulation:
     @property
     def interface_tolerance(self) -> float:
         """How well what FMUs hand each other has to fit, relative to its size."""
-        return max(_INTERFACE * (self.tolerance or _DEFAULT_TOLERANCE), _FINEST_INTERFACE)
+        return max(_INTERFACE * self.step_tolerance, _FINEST_INTERFACE)
 
     @cached_property
     def units(self) -> dict[str, str]:
@@ -178,9 +178,7 @@ def checked(
     )
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
-            finite(name, value)
-            if value <= 0:
-                raise InvalidValueError(f"{name} = {value!r}: must be > 0")
+            positive(name, value)
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
         chosen = checks.coupling(graph, settings.coupling)
@@ -290,7 +288,7 @@ def communication_points(
     """
     if times is not None:
         return _given(times, start_time, stop_time, step_size)
-    stop_time, step_size = _finite_span(start_time, stop_time, step_size)
+    stop_time, step_size = time_span(start_time, stop_time, step_size)
     check_memory(start_time, stop_time, step_size, signals)
     steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
     return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
@@ -301,22 +299,8 @@ def first_points(start_time: float, stop_time: float | None, step_size: float | 
 
     :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time.
     """
-    stop_time, step_size = _finite_span(start_time, stop_time, step_size)
+    stop_time, step_size = time_span(start_time, stop_time, step_size)
     return [float(start_time), float(min(start_time + step_size, stop_time)), float(stop_time)]
-
-
-def _finite_span(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
-    if stop_time is None or step_size is None:
-        raise InvalidValueError("give stop_time and step_size, or the communication points themselves as times")
-    for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
-        finite(name, value)
-    if step_size <= 0:
-        raise InvalidValueError(f"step_size = {step_size!r}: must be > 0")
-    if stop_time <= start_time:
-        raise InvalidValueError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
-    if stop_time - step_size == stop_time or start_time + step_size == start_time:
-        raise InvalidValueError(f"step_size = {step_size!r}: smaller than the rounding of times up to {stop_time!r} s")
-    return stop_time, step_size
 
 
 def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
