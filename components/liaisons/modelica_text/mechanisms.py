@@ -92,7 +92,7 @@ class _Motion:
             )
             yield from declared(*(named(name, "rad/s") for name in o.rates))
             yield from declared(*(named(f"{name}_dot", "rad/s2") for name in o.rates))
-            yield from declared(*(named(f"{_BODY}{axis}", "kg.m2/s") for axis in o.axes))
+            yield from declared(*(named(f"{_BODY}{axis}", "kg.m2/s") for axis in "xyz"))
             yield from declared(*(named(name, "kg.m2/s") for name in o.momenta))
         for state in m.internal_states:
             yield from declared(named(state.name, state.unit, state.description))
@@ -128,7 +128,8 @@ class _Motion:
     def _initial(self) -> list[str]:
         m = self.m
         names = [name for q in m.coordinates for name in (q.name, f"{q.name}_dot")]
-        names += [name for o in m.orientations for name in (*o.quaternion, *o.start_names)]
+        for o in m.orientations:
+            names += [*o.quaternion, *(o.rates if o.start == "rate" else o.momenta)]
         return [f"{name} = {name}_0;" for name in (*names, *(state.name for state in m.internal_states))]
 
     def _assertions(self) -> Iterator[str]:
@@ -159,7 +160,7 @@ class _Motion:
         for q, momentum in zip(m.coordinates, momenta, strict=False):
             self.section.add(f"p_{q.name}", momentum)
         for o in m.orientations:
-            in_body = ca.vertcat(*(ca.SX.sym(f"{_BODY}{axis}") for axis in o.axes))
+            in_body = ca.vertcat(*(ca.SX.sym(f"{_BODY}{axis}") for axis in "xyz"))
             for symbol, momentum in zip(ca.vertsplit(in_body), momenta[count:], strict=True):
                 self.section.add(str(symbol), momentum)
             turned = getattr(m, o.name).matrix @ in_body
@@ -185,7 +186,7 @@ class _Motion:
             section.add(f"der(p_{q.name})", rate)
         for o in m.orientations:  # Euler's equations: ṗ = p × ω + Rᵀ Ḣ in the body frame
             attitude = getattr(m, o.name)
-            in_body = ca.vertcat(*(ca.SX.sym(f"{_BODY}{axis}") for axis in o.axes))
+            in_body = ca.vertcat(*(ca.SX.sym(f"{_BODY}{axis}") for axis in "xyz"))
             torque = attitude.matrix.T @ ca.vertcat(*(forces[name] for name in o.momenta))
             balance = ca.cross(in_body, attitude.rate) + torque
             for rate, right in zip(rates[count:], ca.vertsplit(balance), strict=True):
