@@ -16,7 +16,7 @@ from liaisons.fmu.code import model_code
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
-from liaisons.operators import PlanError
+from liaisons.operators import PlanError, transcription
 from liaisons.operators.controllers import ReferenceTrajectory
 from liaisons.operators.feedback import backward, periodic, reachable, riccati
 from liaisons.operators.holding import _beside
@@ -372,19 +372,7 @@ def test_equilibria_are_held_alike_in_all_units(name: str) -> None:
 def in_units(name: str, scale: Scale) -> Plan:
     """A plan that is the same in other units: nothing is planned anew."""
     motion = planned(name)
-    goal, solution = motion.goal, motion.solution
-    of = sizes(goal.component, scale)
-    rows, controls = (
-        np.array([of[n] for n in names])[:, None] for names in (motion.problem.states, motion.problem.controls)
-    )
-    trajectory = solution.trajectory
-    trajectory = replace(
-        trajectory,
-        durations=trajectory.durations * scale[2],
-        knots=trajectory.knots * rows,
-        inner=trajectory.inner * rows,
-        controls=trajectory.controls * controls,
-    )
+    goal, of = motion.goal, sizes(motion.goal.component, scale)
     goal = replace(
         goal,
         start=scaled(goal.start, of),
@@ -392,7 +380,8 @@ def in_units(name: str, scale: Scale) -> Plan:
         duration=times(goal.duration, scale[2]),
         values=parameters(goal.component, scale, dict(goal.values), goal.moves),
     )
-    return Plan(goal, problem_of(goal), replace(solution, trajectory=trajectory))
+    problem = problem_of(goal)
+    return Plan(goal, problem, transcription.in_units(problem, transcription.relative(motion.problem, motion.solution)))
 
 
 @pytest.mark.slow
