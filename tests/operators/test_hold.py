@@ -16,7 +16,7 @@ from liaisons.fmu.code import model_code
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
-from liaisons.operators import PlanError, transcription
+from liaisons.operators import PlanError
 from liaisons.operators.controllers import ReferenceTrajectory
 from liaisons.operators.feedback import backward, periodic, reachable, riccati
 from liaisons.operators.holding import _beside
@@ -98,7 +98,7 @@ def test_the_fmus_have_the_multipliers_that_were_predicted(name: str) -> None:
     regulator = hold(name, **HELD[name])
     verified(regulator)
     assert regulator.conserved == CONSERVED[name]
-    assert regulator.reached == regulator.floquet_multipliers.size - len(regulator.conserved)
+    assert regulator.controlled.size == regulator.floquet_multipliers.size - len(regulator.conserved)
     np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-9)
     # Solver tolerance 1e-11 over a difference of 1e-5.
     np.testing.assert_allclose(regulator.measured(), regulator.loop, rtol=0, atol=2e-6 * np.abs(regulator.loop).max())
@@ -253,7 +253,7 @@ def test_the_fmus_have_the_monodromy_that_was_predicted(name: str) -> None:
     verified(regulator)
     assert regulator.conserved == REST[name]
     assert regulator.returns == (name not in ("crane", "constraints"))
-    assert regulator.reached == len(regulator.loop) - len(regulator.conserved)
+    assert regulator.controlled.size == len(regulator.loop) - len(regulator.conserved)
     if regulator.returns:
         np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-8)
         assert np.abs(regulator.controlled).max() < 0.99
@@ -365,14 +365,26 @@ def test_equilibria_are_held_alike_in_all_units(name: str) -> None:
             np.sort(np.abs(regulator.floquet_multipliers)), np.sort(np.abs(expected.floquet_multipliers)), atol=1e-5
         )
         np.testing.assert_allclose(regulator.loop, expected.loop, atol=1e-6 * np.abs(expected.loop).max())
-        assert (regulator.conserved, regulator.reached) == (expected.conserved, expected.reached)
+        assert (regulator.conserved, regulator.controlled.size) == (expected.conserved, expected.controlled.size)
 
 
 @cache
 def in_units(name: str, scale: Scale) -> Plan:
     """A plan that is the same in other units: nothing is planned anew."""
     motion = planned(name)
-    goal, of = motion.goal, sizes(motion.goal.component, scale)
+    goal, solution = motion.goal, motion.solution
+    of = sizes(goal.component, scale)
+    rows, controls = (
+        np.array([of[n] for n in names])[:, None] for names in (motion.problem.states, motion.problem.controls)
+    )
+    trajectory = solution.trajectory
+    trajectory = replace(
+        trajectory,
+        durations=trajectory.durations * scale[2],
+        knots=trajectory.knots * rows,
+        inner=trajectory.inner * rows,
+        controls=trajectory.controls * controls,
+    )
     goal = replace(
         goal,
         start=scaled(goal.start, of),
@@ -380,8 +392,7 @@ def in_units(name: str, scale: Scale) -> Plan:
         duration=times(goal.duration, scale[2]),
         values=parameters(goal.component, scale, dict(goal.values), goal.moves),
     )
-    problem = problem_of(goal)
-    return Plan(goal, problem, transcription.in_units(problem, transcription.relative(motion.problem, motion.solution)))
+    return Plan(goal, problem_of(goal), replace(solution, trajectory=trajectory))
 
 
 @pytest.mark.slow
