@@ -14,6 +14,7 @@ import pytest
 
 from liaisons import System, build, ensemble, fmu_path, grid, simulate, sweep
 from liaisons.errors import LiaisonsError
+from liaisons.library import variables
 from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum, PendulumChain
 from liaisons.project import ProjectError
@@ -174,12 +175,10 @@ def test_help_says_that_components_are_taken(function: Callable[..., object]) ->
 )
 def test_variables_of_a_file_complete(tmp_path: Path, version: str, entry: str) -> None:
     with ZipFile(tmp_path / "x.fmu", "w") as archive:
-        variables = f"<ModelVariables>{entry}</ModelVariables>"
-        archive.writestr(
-            "modelDescription.xml", f'<fmiModelDescription fmiVersion="{version}">{variables}</fmiModelDescription>'
-        )
+        head = f'<fmiModelDescription fmiVersion="{version}"><ModelVariables>'
+        archive.writestr("modelDescription.xml", f"{head}{entry}</ModelVariables></fmiModelDescription>")
     assert variables(str(tmp_path / "x.fmu")) == [("k", "parameter", "2")]
-    assert ("theta_0", "parameter", "0") in variables("Pendulum")
+    assert ("theta_0", "parameter", f"{Pendulum.theta.start:g}") in variables("Pendulum")
     (tmp_path / "x.fmu").write_bytes(b"no archive")
     for nothing in (str(tmp_path / "x.fmu"), str(tmp_path), "", "Pendulim", "mine.py"):
         assert variables(nothing) == []
