@@ -65,7 +65,7 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
                 ALL: lambda step=step, cases=cases: _sweep(fmu, cases, step, CORES),
                 ONE: lambda step=step, cases=cases: _sweep(fmu, cases, step, 1),
                 LOOP: lambda step=step: _loop(str(fmu), _cases(few), step, {}),
-                PREPARED: lambda step=step: _loop(folder, _cases(few), step, prepared),
+                PREPARED: lambda step=step: _loop(str(folder), _cases(few), step, prepared),
             }
             topic = f"Sweep of {cases.count} pendulums, {points} communication points each"
             rows += _rows(topic, interleaved(runs, rounds))

@@ -10,10 +10,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import casadi as ca
+import numpy as np
 import pytest
 
 from liaisons.fmu import build
-from liaisons.mechanics import assemble
+from liaisons.mechanics import Equations, assemble
 
 _SYMBOLIC = {"analysis", "expressions", "formulas", "language", "mechanics", "test_units.py"}
 
@@ -26,6 +28,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         slow = item.get_closest_marker("slow") is not None
         if item.path.relative_to(Path(__file__).parent).parts[0] in _SYMBOLIC and not builds and not slow:
             item.add_marker("symbolic")
+
+
+@pytest.fixture(params=range(10))
+def seed(request: pytest.FixtureRequest) -> int:
+    """Of random states; what has this argument runs for ten of them."""
+    return request.param
+
+
+@pytest.fixture(params=["native", "python"])
+def backend(request: pytest.FixtureRequest) -> Any:
+    """Each of the back ends."""
+    return request.param
 
 
 @pytest.fixture(scope="session")
@@ -46,6 +60,18 @@ def fmu(shared_folder: Path) -> Callable[..., Path]:
         return build(assemble(component), shared_folder, backend=backend, fmi=fmi)
 
     return built
+
+
+@pytest.fixture(scope="session")
+def number() -> Callable[[Equations, ca.SX, dict[str, float]], np.ndarray]:
+    """The value of an expression in a mechanism's symbols, at a state on its motion."""
+
+    def evaluate(equations: Equations, expression: ca.SX, state: dict[str, float]) -> np.ndarray:
+        numbers, symbols = equations.numbers({}) | state, equations.symbols
+        function = ca.Function("number", [*symbols.values()], [ca.densify(equations.in_motion(expression))])
+        return np.squeeze(np.asarray(function(*(numbers[name] for name in symbols))))
+
+    return evaluate
 
 
 class Markup(NamedTuple):

@@ -7,12 +7,14 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
 
 from liaisons import System, build, ensemble, fmu_path, grid, simulate, sweep
 from liaisons.errors import LiaisonsError
+from liaisons.library import variables
 from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum, PendulumChain
 from liaisons.project import ProjectError
@@ -162,3 +164,21 @@ def test_help_says_that_components_are_taken(function: Callable[..., object]) ->
     signature, below = inspect.signature(function), inspect.signature(inspect.unwrap(function))
     assert "type[Component]" in str(signature)
     assert list(signature.parameters) == list(below.parameters)
+
+
+@pytest.mark.parametrize(
+    ("version", "entry"),
+    [
+        ("2.0", '<ScalarVariable name="k" causality="parameter" valueReference="0"><Real start="2"/></ScalarVariable>'),
+        ("3.0", '<Float64 name="k" causality="parameter" valueReference="0" start="2"/>'),
+    ],
+)
+def test_variables_of_a_file_complete(tmp_path: Path, version: str, entry: str) -> None:
+    with ZipFile(tmp_path / "x.fmu", "w") as archive:
+        head = f'<fmiModelDescription fmiVersion="{version}"><ModelVariables>'
+        archive.writestr("modelDescription.xml", f"{head}{entry}</ModelVariables></fmiModelDescription>")
+    assert variables(str(tmp_path / "x.fmu")) == [("k", "parameter", "2")]
+    assert ("theta_0", "parameter", f"{Pendulum.theta.start:g}") in variables("Pendulum")
+    (tmp_path / "x.fmu").write_bytes(b"no archive")
+    for nothing in (str(tmp_path / "x.fmu"), str(tmp_path), "", "Pendulim", "mine.py"):
+        assert variables(nothing) == []

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
+from xml.etree import ElementTree
+from zipfile import BadZipFile, ZipFile
 
 from liaisons.arguments import as_path, shown, whole
 from liaisons.errors import BuildError, suggestion
@@ -45,6 +47,22 @@ def catalogue_names() -> list[str]:
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
     return sorted(public)
+
+
+def variables(target: str) -> list[tuple[str, str, str]]:
+    """Name, causality and start of the variables of a catalogue's component or an FMU file; none of anything else."""
+    if target in catalogue_names():
+        from liaisons import models
+
+        every = (scalar for v in getattr(models, target)().layout().variables for scalar in v.elements())
+        return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
+    try:
+        with ZipFile(target) as archive:
+            described = ElementTree.fromstring(archive.read("modelDescription.xml")).find("ModelVariables")
+    except (OSError, KeyError, BadZipFile, ElementTree.ParseError):
+        return []
+    entries = [v.attrib | {"start": v.get("start", v[0].get("start", "") if len(v) else "")} for v in described or ()]
+    return [(v["name"], v.get("causality", "local"), v["start"]) for v in entries]
 
 
 def components(target: Target) -> list[type[Component]]:

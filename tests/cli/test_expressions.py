@@ -157,6 +157,11 @@ def test_a_jump_is_no_slope() -> None:
     assert motion([0.75, 1.25], 1) == pytest.approx([1.5, -2.5], abs=1e-12)
 
 
+def test_values_that_agree_to_rounding_at_a_kink_are_equal() -> None:
+    table = knots([0, 0.5, 0.5, 1], [1, 1, np.nextafter(1, 2), 1.5], [0, 0, 1, 1], [0] * 4)
+    assert table[1:, 1:3].tolist() == [[1, 1], [0, 1], [0, 0]]
+
+
 @pytest.mark.parametrize(
     ("columns", "words"),
     [

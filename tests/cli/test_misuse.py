@@ -163,6 +163,10 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
         ("liaisons run pumped", ["pumped_swing"]),
         ("liaisons build --backend ", ["auto", "native", "python"]),
         ("liaisons simulate --st", ["--start", "--stop", "--step"]),
+        ("liaisons simulate Pendulum --set leng", ["length=1", "length_dot=0", "length_ddot=0"]),
+        ("liaisons simulate Pendulum --record theta,tens", ["theta,tension"]),
+        ("liaisons simulate --set leng", []),
+        ("liaisons simulate nowhere.fmu --record th", []),
         ("liaisons simulate my_", []),  # a shell completes files where there is nothing
     ],
 )

@@ -17,6 +17,7 @@ from handmade import fall, kick, pendulum, ring
 from wasm_driver import WasmLibrary
 
 from liaisons.fmu import build
+from liaisons.mechanics import Model, assemble
 
 TARGETS: dict[str, dict[str, Any]] = {
     "fmi2": {"backend": "native"},
@@ -27,6 +28,18 @@ TARGETS: dict[str, dict[str, Any]] = {
 MODELS = {"pendulum": pendulum, "fall": fall, "kick": kick, "ring": lambda: ring(3)}
 
 
+@pytest.fixture(params=range(3))
+def mode(request) -> int:
+    """Each input_reconstruction."""
+    return request.param
+
+
+@pytest.fixture(params=["fmi2", "python"])
+def target(request) -> str:
+    """Both back ends."""
+    return request.param
+
+
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("fmus")
@@ -35,14 +48,18 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def handmade(folder) -> Callable[[str, str], Library]:
     """The library of a component of handmade.py: ``handmade("pendulum", "fmi2")``."""
-    kinds = {"wasm": WasmLibrary}
-    return cache(lambda name, target: kinds.get(target, Library)(build(MODELS[name](), folder, **TARGETS[target])))
+    return cache(lambda name, target: _loaded(MODELS[name](), folder, target))
 
 
 @pytest.fixture(scope="session")
-def library(fmu) -> Callable[..., Library]:
+def library(shared_folder) -> Callable[..., Library]:
     """That of one of the catalogue: ``library(Swing)``, ``library(Swing, "fmi3")``."""
-    return cache(lambda component, target="fmi2": Library(fmu(component, **TARGETS[target])))
+    return cache(lambda component, target="fmi2": _loaded(assemble(component), shared_folder, target))
+
+
+def _loaded(model: Model, folder: Path, target: str) -> Library:
+    kind = WasmLibrary if target == "wasm" else Library
+    return kind(build(model, folder, **TARGETS[target]))
 
 
 def _library(name: str, *targets: str) -> Any:

@@ -106,6 +106,12 @@ _LOGGERS = {
 _UPDATE = c.CFUNCTYPE(None, c.c_void_p, c.c_double, *[c.c_bool] * 4, c.POINTER(c.c_bool), c.POINTER(c.c_double))
 
 
+def members(fmu: Path) -> dict[str, bytes]:
+    """The files in an FMU."""
+    with zipfile.ZipFile(fmu) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
 class Library:
     """The shared library of an FMU, and what its model description says."""
 
@@ -147,7 +153,7 @@ class Library:
     ) -> Instance:
         """An instance that has left initialization mode; values by name, settings among them."""
         instance = self.initializing(kind, tolerance=tolerance, options=options, **values)
-        assert instance.call("ExitInitializationMode") == OK, instance.messages
+        instance.exit_initialization()
         return instance
 
     def initializing(
@@ -155,11 +161,11 @@ class Library:
     ) -> Instance:
         """The same in initialization mode."""
         instance = self.instantiate(kind, **(options or {}))
-        assert instance.initialize(tolerance) == OK
+        instance.initialize(tolerance)
         for name in ("input_reconstruction", "symplectic_steps"):
             if name in values:
-                assert instance.set_integer(name, int(np.asarray(values.pop(name)))) == OK
-        assert instance.set(values) == OK
+                instance.set_integer(name, int(np.asarray(values.pop(name))))
+        instance.set(values)
         return instance
 
     def running(self, kind: str = MODEL_EXCHANGE, /, **options: Any) -> Instance:
@@ -171,7 +177,7 @@ class Library:
     def restored(self, content: bytes, kind: str = CO_SIMULATION, **options: Any) -> Instance:
         """A new instance with a saved state."""
         instance = self.instantiate(kind, **options)
-        assert instance.deserialize(content) == OK
+        instance.deserialize(content)
         return instance
 
 
@@ -258,6 +264,22 @@ class Instance:
         assert status == (FATAL if FATAL in refused else expected)
         return min(refused[-1], ERROR) if refused else OK
 
+    def do(self, function: str, *arguments: Any) -> None:
+        """A call that is not refused."""
+        self.expect(self.call(function, *arguments))
+
+    def expect(self, status: int, expected: int | None = OK, message: str | None = None) -> int:
+        """The status, which is the expected one (None: any), and said in this message alone."""
+        assert expected in (None, status), self.messages
+        if message is not None:
+            assert self.messages == [message]
+            self.messages.clear()
+        return status
+
+    def refuse(self, message: str, function: str, *arguments: Any, status: int = ERROR) -> None:
+        """A call that is refused with this message alone, in which {} is the name of the function."""
+        self.expect(self.call(function, *arguments), status, message.format(self.library.full(function)))
+
     def flags(self, n: int) -> Any:
         """What n booleans are written to."""
         return ((c.c_int if self._two else c.c_bool) * n)(*[True] * n)
@@ -268,12 +290,12 @@ class Instance:
         found = [self.library.references[element] for name in names for element in self.library.elements(name)]
         return (c.c_uint * len(found))(*found)
 
-    def set(self, values: Mapping[str, ArrayLike] | None = None, /, **more: ArrayLike) -> int:
+    def set(self, values: Mapping[str, ArrayLike] | None = None, /, *expected: Any, **more: ArrayLike) -> int:
         """Numbers, or columns of them for arrays."""
         values = {**(values or {}), **more}
         flat = [number for value in values.values() for number in np.ravel(value).tolist()]
         references = self.refs(values)
-        return self.call("SetFloat64", references, len(references), reals(flat), len(flat))
+        return self.expect(self.call("SetFloat64", references, len(references), reals(flat), len(flat)), *expected)
 
     def read(self, *names: str) -> tuple[int, NDArray]:
         """Status, and the numbers of all variables, one behind the other."""
@@ -283,18 +305,18 @@ class Instance:
 
     def get(self, *names: str) -> NDArray:
         status, values = self.read(*names)
-        assert status == OK, self.messages
+        self.expect(status)
         return values
 
     def __getitem__(self, name: str) -> float:
         return float(self.get(name)[0])
 
-    def set_integer(self, name: str, value: int) -> int:
-        return self.call("SetInt32", self.refs([name]), 1, (c.c_int32 * 1)(value), 1)
+    def set_integer(self, name: str, value: int, *expected: Any) -> int:
+        return self.expect(self.call("SetInt32", self.refs([name]), 1, (c.c_int32 * 1)(value), 1), *expected)
 
     def get_integer(self, name: str) -> int:
         value = (c.c_int32 * 1)()
-        assert self.call("GetInt32", self.refs([name]), 1, value, 1) == OK
+        self.do("GetInt32", self.refs([name]), 1, value, 1)
         return value[0]
 
     # ---- derivatives
@@ -312,29 +334,34 @@ class Instance:
     ) -> NDArray:
         unknown, known, result = self.refs(unknowns), self.refs(knowns), (c.c_double * self.library.count(*sought))()
         given = reals(np.concatenate([np.ravel(v) for v in seed]).tolist())
-        arguments = (unknown, len(unknown), known, len(known), given, len(given), result, len(result))
-        assert self.call(function, *arguments) == OK, self.messages
+        self.do(function, unknown, len(unknown), known, len(known), given, len(given), result, len(result))
         return np.array(result)
 
     def output_derivatives(self, *names: str) -> NDArray:
         """Of first order."""
         references, values = self.refs(names), (c.c_double * self.library.count(*names))()
         orders = (c.c_int32 * len(references))(*[1] * len(references))
-        status = self.call("GetOutputDerivatives", references, len(references), orders, values, len(values))
-        assert status == OK, self.messages
+        self.do("GetOutputDerivatives", references, len(references), orders, values, len(values))
         return np.array(values)
 
     # ---- life
 
-    def initialize(self, tolerance: float | None = None, start: float = 0.0, stop: float | None = None) -> int:
+    def initialize(
+        self, tolerance: float | None = None, start: float = 0.0, stop: float | None = None, *expected: Any
+    ) -> int:
         """Into initialization mode."""
         given = (tolerance is not None, tolerance or 0.0, start, stop is not None, stop or 0.0)
-        if not self._two:
-            return self.call("EnterInitializationMode", *given)
-        return self.call("SetupExperiment", *given) or self.call("EnterInitializationMode")
+        if self._two:
+            status = self.call("SetupExperiment", *given) or self.call("EnterInitializationMode")
+        else:
+            status = self.call("EnterInitializationMode", *given)
+        return self.expect(status, *expected)
 
-    def step(self, time: float, size: float) -> int:
-        return self.advance(time, size).status
+    def exit_initialization(self, *expected: Any) -> int:
+        return self.expect(self.call("ExitInitializationMode"), *expected)
+
+    def step(self, time: float, size: float, *expected: Any) -> int:
+        return self.expect(self.advance(time, size).status, *expected)
 
     def advance(self, time: float, size: float) -> Step:
         """fmi3DoStep; in FMI 2.0 what says the same."""
@@ -342,7 +369,7 @@ class Instance:
         pointers = [c.cast(c.byref(flags, i), BOOL) for i in range(3)]
         status = self.call("DoStep", time, size, True, *pointers, c.byref(reached))
         if self._two and status in (OK, DISCARD) and not self.library.python:
-            assert self.call("GetRealStatus", 2, c.byref(reached)) == OK
+            self.do("GetRealStatus", 2, c.byref(reached))
         return Step(status, flags[0], flags[2], reached.value)
 
     def follow(
@@ -356,61 +383,61 @@ class Instance:
     ) -> None:
         """Equal steps; before each, the inputs of its beginning are set, ahead those of its end."""
         for i in range(first, first + count):
-            assert inputs is None or self.set(inputs((i + ahead) * size)) == OK
-            assert self.step(i * size, size) == OK, self.messages
+            if inputs:
+                self.set(inputs((i + ahead) * size))
+            self.step(i * size, size)
 
     def update(self) -> Event:
         """fmi3UpdateDiscreteStates, fmi2NewDiscreteStates."""
         info, flags = _EventInfo(), (c.c_bool * 5)()
         pointers = [c.cast(c.byref(flags, i), BOOL) for i in range(5)]
         if self._two:
-            assert self.call("NewDiscreteStates", c.byref(info)) == OK, self.messages
+            self.do("NewDiscreteStates", c.byref(info))
             flags[:] = [bool(flag) for flag in (info.again, info.end, info.nominals, info.states, info.timed)]
         else:
             time = c.cast(c.byref(info, _EventInfo.time.offset), REALS)
-            assert self.call("UpdateDiscreteStates", *pointers, time) == OK, self.messages
+            self.do("UpdateDiscreteStates", *pointers, time)
         assert list(flags[:3]) == [False, False, False]
         return Event(flags[3], info.time if flags[4] else None)
 
     def go_on(self) -> Event:
         """From event mode into continuous-time mode, or in co-simulation into step mode."""
         event = self.update()
-        mode = "EnterContinuousTimeMode" if self._exchanges else "EnterStepMode"
-        assert self.call(mode) == OK, self.messages
+        self.do("EnterContinuousTimeMode" if self._exchanges else "EnterStepMode")
         return event
 
     def vector(self, function: str, n: int) -> NDArray:
         values = (c.c_double * n)()
-        assert self.call(function, values, n) == OK, self.messages
+        self.do(function, values, n)
         return np.array(values)
 
     # ---- saved states
 
     def save(self) -> c.c_void_p:
         state = c.c_void_p()
-        assert self.call("GetFMUState", c.byref(state)) == OK
+        self.do("GetFMUState", c.byref(state))
         return state
 
-    def restore(self, state: c.c_void_p) -> int:
-        return self.call("SetFMUState", state)
+    def restore(self, state: c.c_void_p, /, *expected: Any) -> int:
+        return self.expect(self.call("SetFMUState", state), *expected)
 
     def drop(self, state: c.c_void_p) -> None:
-        assert self.call("FreeFMUState", c.byref(state)) == OK
+        self.do("FreeFMUState", c.byref(state))
         assert state.value is None or self.library.python
 
     def serialize(self) -> bytes:
         state, size = self.save(), N()
-        assert self.call("SerializedFMUStateSize", state, c.byref(size)) == OK
+        self.do("SerializedFMUStateSize", state, c.byref(size))
         content = c.create_string_buffer(size.value)
-        assert self.call("SerializeFMUState", state, content, size) == OK
+        self.do("SerializeFMUState", state, content, size)
         self.drop(state)
         return content.raw
 
-    def deserialize(self, content: bytes) -> int:
+    def deserialize(self, content: bytes, /, *expected: Any) -> int:
         state = c.c_void_p()
-        status = self.call("DeserializeFMUState", content, len(content), c.byref(state)) or self.restore(state)
+        status = self.call("DeserializeFMUState", content, len(content), c.byref(state)) or self.restore(state, None)
         self.call("FreeFMUState", c.byref(state))
-        return status
+        return self.expect(status, *expected)
 
 
 def reals(values: Iterable[float]) -> Any:

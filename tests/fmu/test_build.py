@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 import fmpy
 import pytest
-from driver import CO_SIMULATION, MODEL_EXCHANGE, SCHEDULED_EXECUTION, SIGNATURES, Library
+from driver import CO_SIMULATION, MODEL_EXCHANGE, SCHEDULED_EXECUTION, SIGNATURES, Library, members
 from handmade import kick, pendulum
 
 from liaisons import compiler
@@ -26,11 +26,6 @@ from liaisons.fmu.code import source_files
 from liaisons.language import Experiment
 
 needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
-
-
-def members(fmu: Path) -> dict[str, bytes]:
-    with zipfile.ZipFile(fmu) as content:
-        return {name: content.read(name) for name in content.namelist()}
 
 
 # ---- the file ----------------------------------------------------------------------------------------------------

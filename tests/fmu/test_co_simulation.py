@@ -6,7 +6,7 @@ import ctypes as c
 
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, ERROR, OK, Instance, Library, reals
+from driver import Instance, Library, reals
 from handmade import GRAVITY, breathing, breathing_inputs, driven
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -39,10 +39,10 @@ def test_forces_are_interpolated_linearly(every_pendulum) -> None:
     """Weightless: p is the integral of the torque, which goes from 1 to 2 and on to -1 N.m."""
     instance = every_pendulum.start(gravity=0.0, theta_0=0.0, theta_force=1.0, input_reconstruction=INTERPOLATE)
     for i, (torque, momentum) in enumerate([(2.0, 0.75), (-1.0, 1.0)]):
-        assert instance.set(theta_force=torque) == OK
-        assert instance.step(0.5 * i, 0.5) == OK
+        instance.set(theta_force=torque)
+        instance.step(0.5 * i, 0.5)
         assert instance["p_theta"] == pytest.approx(momentum, rel=1e-14)  # exact up to rounding
-    assert instance.step(1.0, 0.5) == OK  # nothing new is set: it stays
+    instance.step(1.0, 0.5)  # nothing new is set: it stays
     assert instance["p_theta"] == pytest.approx(0.5, rel=1e-14)
 
 
@@ -50,28 +50,23 @@ def test_an_operator_that_rests_at_first_works_within_the_step(pendulum_library)
     """Weightless: the momentum stays, and pulled in to 0.8 m it has 1/0.8² times the energy."""
     instance = pendulum_library.start(gravity=0.0, theta_dot_0=1.0, input_reconstruction=INTERPOLATE, tolerance=1e-10)
     energy = instance["energy"]
-    assert instance.set(length=0.8) == OK
-    assert instance.step(0.0, 0.5) == OK
+    instance.set(length=0.8)
+    instance.step(0.0, 0.5)
     assert instance["work"] == pytest.approx(energy * (1 / 0.8**2 - 1), abs=1e-9)  # ten times the tolerance
 
 
-def test_default_is_extrapolation(pendulum_library) -> None:
-    assert pendulum_library.start().get_integer("input_reconstruction") == EXTRAPOLATE
-
-
-@pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE, INTERPOLATE])
 def test_inputs_read_back_as_they_were_set(every_pendulum, mode) -> None:
     instance = every_pendulum.start(input_reconstruction=mode)
-    assert instance.set(length=1.5, length_dot=0.25) == OK
+    instance.set(length=1.5, length_dot=0.25)
     np.testing.assert_array_equal(instance.get("length", "length_dot"), [1.5, 0.25])
-    assert instance.step(0.0, 0.1) == OK
+    instance.step(0.0, 0.1)
     np.testing.assert_array_equal(instance.get("length", "length_dot"), [1.5, 0.25])
 
 
 def test_outputs_after_a_step_belong_to_its_end(every_pendulum) -> None:
     """Length and rate by the Taylor polynomial."""
     instance = every_pendulum.start(length_dot=0.5, length_ddot=0.2)
-    assert instance.step(0.0, 0.1) == OK
+    instance.step(0.0, 0.1)
     theta, theta_dot = instance.get("theta", "theta_dot")
     length, rate = 1.0 + 0.05 + 0.001, 0.5 + 0.02
     kinetic = (rate**2 + (length * theta_dot) ** 2) / 2
@@ -82,7 +77,8 @@ def test_hold_ignores_the_rates(every_pendulum) -> None:
     moving, still = (
         every_pendulum.start(tolerance=1e-10, input_reconstruction=HOLD, length_dot=rate) for rate in (0.5, 0.0)
     )
-    assert moving.step(0.0, 0.1) == still.step(0.0, 0.1) == OK
+    moving.step(0.0, 0.1)
+    still.step(0.0, 0.1)
     # The work differs, and with it the internal steps: equal to the tolerance only.
     assert moving.get("theta", "p_theta") == pytest.approx(still.get("theta", "p_theta"), abs=1e-10)
     assert abs(moving["work"]) > 0.1
@@ -91,9 +87,9 @@ def test_hold_ignores_the_rates(every_pendulum) -> None:
 def test_forces_and_friction(every_pendulum) -> None:
     """p' = -m g l sin θ - η p + τ, with friction switched on at t = 1 s; against SciPy, work and heat too."""
     instance = every_pendulum.start(tolerance=1e-12, theta_0=1.0, theta_force=0.75)
-    assert instance.step(0.0, 1.0) == OK
+    instance.step(0.0, 1.0)
     rate, momentum = instance.get("p_theta_dot", "p_theta")
-    assert instance.set(friction=0.3) == OK
+    instance.set(friction=0.3)
     assert instance["p_theta_dot"] == pytest.approx(rate - 0.3 * momentum, rel=1e-15)
     instance.follow(1.0, 9, first=1)
 
@@ -109,18 +105,10 @@ def test_forces_and_friction(every_pendulum) -> None:
     assert abs(instance["energy_balance"]) <= 1e-10
 
 
-@pytest.mark.parametrize("target", ["fmi2", "python"])
 def test_component_without_state(library, target) -> None:
     instance = library(Sinusoid, target).start(offset=2.0)
     instance.follow(0.1, 10)
     assert instance.get("y", "y_dot", "y_ddot") == pytest.approx([2 + np.sin(1), np.cos(1), -np.sin(1)], abs=1e-15)
-
-
-def test_outputs_follow_the_inputs_at_once(pendulum_library) -> None:
-    instance = pendulum_library.start(theta_0=0.5)
-    before = instance["energy"]
-    assert instance.set(length=2.0) == OK  # p_theta stays: the potential energy is what changes
-    assert instance["energy"] - before == pytest.approx(-GRAVITY * np.cos(0.5), rel=1e-14)  # a few roundings
 
 
 # ---- jumps -------------------------------------------------------------------------------------------------------
@@ -131,22 +119,22 @@ def test_jump_of_a_rate_leaves_the_momentum_and_closes_the_balance(every_pendulu
     """A ramp switched on at t = 1 s: p_theta stays, an impulse does the work m/2 Δ(l'^2), the motion is right."""
     rate, jump_at, end = 0.3, 1.0, 2.0
     instance = every_pendulum.start(tolerance=1e-12, theta_0=0.8, input_reconstruction=mode)
-    assert instance.step(0.0, jump_at) == OK
+    instance.step(0.0, jump_at)
     momentum, work = instance.get("p_theta", "work")
-    assert instance.set(length_dot=rate) == OK
+    instance.set(length_dot=rate)
     # p_theta is a state, which a jump of the rate does not touch: continuous to the last bit.
     assert instance["p_theta"] == momentum
     assert instance["work"] - work == pytest.approx(rate**2 / 2, rel=1e-12)  # a difference of energies of 10 J
-    assert instance.step(jump_at, 1e-9) == OK
+    instance.step(jump_at, 1e-9)
     assert instance["p_theta"] == pytest.approx(momentum, abs=1e-8)  # |p'| = m g l sin θ < 10 N.m, for 1e-9 s
     assert instance["work"] - work == pytest.approx(rate**2 / 2, rel=1e-6)  # and 1e-9 s of power of 3 W
     if mode == HOLD:  # there l stays where it is while l' says that it moves: no balance can close
         return
     t, steps = jump_at + 1e-9, 100
     for i in range(steps):
-        assert instance.set(length=1.0 + rate * (t - jump_at)) == OK
+        instance.set(length=1.0 + rate * (t - jump_at))
         size = (end - t) / (steps - i)
-        assert instance.step(t, size) == OK
+        instance.step(t, size)
         t += size
     assert abs(instance["energy_balance"]) <= 1e-9  # 100 steps of 1e-12 * 10 J
     expected = driven([jump_at, end], lambda t: (1 + rate * max(t - jump_at, 0), 0, 0), theta_0=0.8)
@@ -157,8 +145,8 @@ def test_jump_of_a_rate_leaves_the_momentum_and_closes_the_balance(every_pendulu
 def test_energy_balance_through_jumps(every_pendulum) -> None:
     instance = every_pendulum.start(tolerance=1e-10, theta_0=1.0)
     for i in range(20):
-        assert instance.step(0.1 * i, 0.1) == OK
-        assert instance.set(length=1.0 + 0.1 * (-1) ** i, length_dot=0.5 * (-1) ** i) == OK
+        instance.step(0.1 * i, 0.1)
+        instance.set(length=1.0 + 0.1 * (-1) ** i, length_dot=0.5 * (-1) ** i)
         assert abs(instance["energy_balance"]) <= 1e-8  # energies of some 10 J, 10 tolerances each second
     assert abs(instance["work"]) > 0.1
 
@@ -168,8 +156,8 @@ def test_same_input_set_again_changes_nothing(pendulum_library) -> None:
         instance = pendulum_library.start(theta_0=0.8, theta_force=0.5)
         for i in range(20):
             if again:
-                assert instance.set(theta_force=0.5, length=1.0) == OK
-            assert instance.step(i * 0.1, 0.1) == OK
+                instance.set(theta_force=0.5, length=1.0)
+            instance.step(i * 0.1, 0.1)
         return list(instance.get("theta", "p_theta", "work", "energy_balance"))
 
     assert end(again=True) == end(again=False)
@@ -178,20 +166,19 @@ def test_same_input_set_again_changes_nothing(pendulum_library) -> None:
 def test_interpolated_jump_is_no_jump(pendulum_library) -> None:
     """What is set belongs to the end of the step: the outputs at its beginning do not move."""
     instance = pendulum_library.start(input_reconstruction=INTERPOLATE)
-    assert instance.step(0.0, 0.1) == OK
+    instance.step(0.0, 0.1)
     before = instance.get("energy", "work", "theta_dot")
-    assert instance.set(length=1.2, length_dot=0.1) == OK
+    instance.set(length=1.2, length_dot=0.1)
     np.testing.assert_array_equal(instance.get("energy", "work", "theta_dot"), before)
 
 
 # ---- derivatives of inputs and outputs ---------------------------------------------------------------------------
 
 
-def set_input_derivatives(instance: Instance, name: str, values: list[float]) -> int:
-    orders = (c.c_int * len(values))(*range(1, len(values) + 1))
-    return instance.call(
-        "SetRealInputDerivatives", instance.refs([name] * len(values)), len(values), orders, reals(values)
-    )
+def set_input_derivatives(instance: Instance, name: str, *values: float) -> None:
+    n = len(values)
+    orders = (c.c_int * n)(*range(1, n + 1))
+    instance.do("SetRealInputDerivatives", instance.refs([name] * n), n, orders, reals(values))
 
 
 def test_input_derivatives_are_a_taylor_polynomial_for_one_step(pendulum2) -> None:
@@ -199,26 +186,26 @@ def test_input_derivatives_are_a_taylor_polynomial_for_one_step(pendulum2) -> No
     for mode in (HOLD, EXTRAPOLATE):
         instance = pendulum2.start(gravity=0.0, theta_0=0.0, input_reconstruction=mode)
         coefficients = [0.3, -0.2, 0.5, 0.7, -1.1, 2.0]  # value and derivatives of order 1 to 5
-        assert instance.set(theta_force=coefficients[0]) == OK
-        assert set_input_derivatives(instance, "theta_force", coefficients[1:]) == OK
-        assert instance.step(0.0, 0.5) == OK
+        instance.set(theta_force=coefficients[0])
+        set_input_derivatives(instance, "theta_force", *coefficients[1:])
+        instance.step(0.0, 0.5)
         integral, factor = 0.0, 1.0
         for j, coefficient in enumerate(coefficients, start=1):
             factor *= 0.5 / j
             integral += coefficient * factor
         # Quadrature of a polynomial of degree 5 by a method of order 8: exact up to rounding.
         assert instance["p_theta"] == pytest.approx(integral, rel=1e-14)
-        assert instance.step(0.5, 0.5) == OK
+        instance.step(0.5, 0.5)
         assert instance["p_theta"] == pytest.approx(integral + 0.5 * coefficients[0], rel=1e-14)
 
 
 def test_input_derivatives_of_one_input_do_not_wake_old_ones_of_another(pendulum2) -> None:
     instance = pendulum2.start(gravity=0.0, theta_0=0.0, theta_force=1.0)
-    assert set_input_derivatives(instance, "theta_force", [2.0]) == OK
-    assert instance.step(0.0, 0.5) == OK
+    set_input_derivatives(instance, "theta_force", 2.0)
+    instance.step(0.0, 0.5)
     momentum = instance["p_theta"]
-    assert set_input_derivatives(instance, "length_ddot", [0.0]) == OK
-    assert instance.step(0.5, 0.5) == OK
+    set_input_derivatives(instance, "length_ddot", 0.0)
+    instance.step(0.5, 0.5)
     assert instance["p_theta"] - momentum == pytest.approx(0.5, rel=1e-14)  # the constant torque, exact to rounding
 
 
@@ -226,32 +213,24 @@ def test_output_derivatives_follow_the_input_derivatives_to_come(pendulum2) -> N
     """p' = τ in weightlessness: p'' is what the torque is told to do."""
     instance = pendulum2.start(gravity=0.0)
     assert instance.output_derivatives("p_theta_dot") == 0.0
-    assert set_input_derivatives(instance, "theta_force", [2.0]) == OK
+    set_input_derivatives(instance, "theta_force", 2.0)
     assert instance.output_derivatives("p_theta_dot") == 2.0
 
 
 def test_output_derivatives_are_the_rates_of_the_outputs(pendulum_library) -> None:
     """Against central differences over ±1e-3 s: their error is 1e-6/6 times third derivatives of some 1e2."""
     names = ["theta", "theta_dot", "p_theta", "length_force", "energy", "work", "dissipated", "energy_balance"]
-    h, start = 1e-3, {"theta_0": 0.9, "friction": 0.2, "length_dot": 0.3, "theta_force": 0.4}
+    h, start = 1e-3, {"theta_0": 0.9, "friction": 0.2, "length_dot": 0.3, "length_ddot": -0.8, "theta_force": 0.4}
 
     def at(t: float) -> NDArray:
         instance = pendulum_library.start(tolerance=1e-14, **start)
-        assert instance.step(0.0, t) == OK
+        instance.step(0.0, t)
         return instance.get(*names)
 
     central = (at(0.5 + h) - at(0.5 - h)) / (2 * h)
-    instance = pendulum_library.start(CO_SIMULATION, tolerance=1e-14, **start)
-    assert instance.step(0.0, 0.5) == OK
+    instance = pendulum_library.start(tolerance=1e-14, **start)
+    instance.step(0.0, 0.5)
     np.testing.assert_allclose(instance.output_derivatives(*names), central, atol=1e-4)
     rates = instance.get("theta_dot", "p_theta_dot", "power", "dissipation")
     derivatives = instance.output_derivatives("theta", "p_theta", "work", "dissipated")
     np.testing.assert_allclose(derivatives, rates, rtol=1e-13, atol=1e-14)  # the same sums in another order
-
-
-@pytest.mark.parametrize("order", [0, 2])
-def test_output_derivatives_of_other_orders_are_refused(pendulum_library, order: int) -> None:
-    instance = pendulum_library.start()
-    assert instance.step(0.0, 0.1) == OK
-    result, orders = (c.c_double * 1)(), (c.c_int32 * 1)(order)
-    assert instance.call("GetOutputDerivatives", instance.refs(["theta"]), 1, orders, result, 1) == ERROR

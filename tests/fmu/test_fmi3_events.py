@@ -24,15 +24,15 @@ def test_instant_inside_a_step_returns_early(kick3) -> None:
     """x' = 1 up to t_1, then 3: the value before the event first, after it that behind; then the rest of the step."""
     instance = kick3.start(options=WITH_EVENTS, t_1=0.7)
     assert instance.update().next_time == 0.7
-    assert instance.call("EnterStepMode") == OK
+    instance.do("EnterStepMode")
     assert instance.advance(0.0, 0.5) == (OK, False, False, 0.5)
     assert instance.advance(0.5, 0.5) == (OK, True, True, 0.7)
     assert instance.get("x_dot", "time").tolist() == [1.0, 0.7]
     assert instance["x"] == pytest.approx(0.7, rel=1e-14)
-    assert instance.call("EnterEventMode") == OK
+    instance.do("EnterEventMode")
     assert instance["x_dot"] == 3.0
     assert instance.update().next_time is None
-    assert instance.call("EnterStepMode") == OK
+    instance.do("EnterStepMode")
     step = instance.advance(0.7, 0.3)
     assert step == (OK, False, False, pytest.approx(1.0, rel=1e-15))
     assert instance["x"] == pytest.approx(0.7 + 3 * 0.3, rel=1e-14)
@@ -46,7 +46,7 @@ def test_instant_at_the_end_of_a_step(kick3, t_1, size) -> None:
     assert [step[:3] for step in steps] == [(OK, False, False)] * (len(steps) - 1) + [(OK, True, False)]
     assert steps[-1].time == t_1
     assert instance["x_dot"] == 1.0
-    assert instance.call("EnterEventMode") == OK
+    instance.do("EnterEventMode")
     assert instance["x_dot"] == 3.0
 
 
@@ -54,9 +54,9 @@ def test_operator_without_states_stops_too(library) -> None:
     instance = stepping(library(Ramp, "fmi3"), start_time=0.25)
     assert instance.advance(0.0, 1.0) == (OK, True, True, 0.25)
     assert instance.get("y", "y_dot").tolist() == [0.0, 0.0]
-    assert instance.call("EnterEventMode") == OK
+    instance.do("EnterEventMode")
     assert instance.get("y", "y_dot").tolist() == [0.0, 1.0]
-    assert instance.call("EnterStepMode") == OK
+    instance.do("EnterStepMode")
     assert instance.advance(0.25, 1.0) == (OK, False, False, 1.25)
     assert instance.get("y", "y_dot").tolist() == [1.0, 1.0]
 
@@ -65,7 +65,7 @@ def test_operator_without_states_stops_too(library) -> None:
 def test_instants_are_handled_inside_where_the_importer_cannot(kick3, options) -> None:
     instance = kick3.start(options=options, t_1=0.7)
     if "events" in options:
-        assert instance.call("EnterStepMode") == OK
+        instance.do("EnterStepMode")
     assert instance.advance(0.0, 1.0) == (OK, False, False, 1.0)
     assert instance["x"] == pytest.approx(0.7 + 3 * 0.3, rel=1e-14)
 
@@ -79,16 +79,16 @@ def test_jump_in_event_mode_while_inputs_are_interpolated(pendulum3) -> None:
     The jump does the work m/2 0.3² (M eq. 28 integrated); angle and momentum stay.
     """
     instance = stepping(pendulum3, input_reconstruction=2, theta_0=0.8)
-    assert instance.step(0.0, 0.5) == OK
+    instance.step(0.0, 0.5)
     before = instance.get("theta", "p_theta", "work")
-    assert instance.call("EnterEventMode") == OK
-    assert instance.set(length_dot=0.3) == OK
+    instance.do("EnterEventMode")
+    instance.set(length_dot=0.3)
     assert instance.get("theta", "p_theta").tolist() == before[:2].tolist()
     assert instance["work"] == pytest.approx(before[2] + 0.3**2 / 2, rel=1e-12)
     assert instance.update().states_changed
-    assert instance.call("EnterStepMode") == OK
-    assert instance.set(length=1.15) == OK  # at the end of the next step, at the same rate
-    assert instance.step(0.5, 0.5) == OK
+    instance.do("EnterStepMode")
+    instance.set(length=1.15)  # at the end of the next step, at the same rate
+    instance.step(0.5, 0.5)
     assert instance["length"] == 1.15
     assert abs(instance["energy_balance"]) <= 1e-7  # tolerance 1e-8 of energies of 10 J
 
@@ -103,11 +103,11 @@ def test_early_return_keeps_the_way_that_inputs_were_on(pendulum3) -> None:
         options = {"early": True, "observer": observer}
         start = breathing_inputs(0.0)
         instance = pendulum3.start(options=options, tolerance=1e-12, input_reconstruction=2, theta_0=0.8, **start)
-        assert instance.set(breathing_inputs(0.5)) == OK
+        instance.set(breathing_inputs(0.5))
         step = instance.advance(0.0, 0.5)
         if stop is not None:
             assert step == (OK, False, True, stop)
-            assert instance.step(stop, 0.5 - stop) == OK
+            instance.step(stop, 0.5 - stop)
         assert instance["length"] == breathing(0.5)[0]
         return instance.get("theta", "p_theta", "work", "energy_balance")
 
@@ -155,9 +155,9 @@ def test_importer_returns_early(pendulum3) -> None:
     assert instance["time"] == step.time
     while step.time < 3.0:
         step = instance.advance(step.time, 3.0 - step.time)
-        assert step.status == OK
+        assert not step.status
     reference = pendulum3.start(theta_0=2.0)
-    assert reference.step(0.0, 3.0) == OK
+    reference.step(0.0, 3.0)
     assert instance["theta"] == pytest.approx(reference["theta"], abs=1e-6)  # two solutions at 1e-8, amplified
     refused = pendulum3.start(options={"observer": observer}, theta_0=2.0)
     assert refused.advance(0.0, 3.0) == (OK, False, False, 3.0)
@@ -168,9 +168,9 @@ def test_failure_behind_a_request_to_return(pendulum3) -> None:
     options = {"observer": lambda *_: 0.9, "early": True}
     instance = pendulum3.start(options=options, theta_0=0.5, length_dot=-2.0)
     before = instance.get("theta", "p_theta", "length")
-    assert instance.step(0.0, 1.0) == DISCARD
+    instance.step(0.0, 1.0, DISCARD)
     np.testing.assert_array_equal(instance.get("theta", "p_theta", "length"), before)
-    assert instance.set(length_dot=0.0) == OK
+    instance.set(length_dot=0.0)
     assert instance.advance(0.0, 1.0)[:3] == (OK, False, True)
 
 
@@ -186,10 +186,11 @@ def test_what_is_refused_inside_a_step(pendulum3, wanted, calls, when, others) -
     statuses: list[int] = []
 
     def observer(instance: Instance, _: float) -> None:
-        statuses.extend([instance.set(theta=1.0), instance.set(mass=2.0), *map(instance.call, ("Terminate", "Reset"))])
+        statuses.extend([instance.set({name: 1.0}, None) for name in ("theta", "mass")])
+        statuses.extend(map(instance.call, ("Terminate", "Reset")))
 
     instance = pendulum3.start(options={"observer": observer, "wanted": wanted})
-    assert instance.step(0.0, 0.1) == OK
+    instance.step(0.0, 0.1)
     assert set(statuses) == {ERROR}
     assert set(instance.messages) == {f"fmi3{call} must not be called {when}" for call in calls} | others
 
@@ -206,7 +207,7 @@ def test_inputs_inside_a_step(pendulum3) -> None:
 
     def answer(instance: Instance, time: float) -> None:
         asked.append(time)
-        assert instance.set(at(time)) == OK
+        instance.set(at(time))
 
     start = at(0.0) | {"theta_0": 1.0}
     options = {"observer": answer, "wanted": given}
@@ -225,7 +226,8 @@ def test_inputs_that_are_asked_for_and_not_given_move_as_ever(pendulum3) -> None
     values = {"length_dot": 0.3, "theta_0": 1.0}
     asked = pendulum3.start(options={"observer": lambda *_: None, "wanted": ["length"]}, **values)
     plain = pendulum3.start(**values)
-    assert asked.step(0.0, 1.0) == plain.step(0.0, 1.0) == OK
+    asked.step(0.0, 1.0)
+    plain.step(0.0, 1.0)
     names = ("theta", "p_theta", "length")
     assert asked.get(*names).tobytes() == plain.get(*names).tobytes()
 
@@ -236,8 +238,7 @@ def test_states_of_an_event_belong_to_instances_with_event_mode(kick3) -> None:
     content = instance.serialize()
     other = kick3.restored(content, CO_SIMULATION, **WITH_EVENTS)
     assert other["x_dot"] == 1.0  # still before the event
-    assert other.call("EnterEventMode") == OK
+    other.do("EnterEventMode")
     assert other["x_dot"] == 3.0
-    plain = kick3.instantiate()
-    assert plain.deserialize(content) == ERROR
-    assert plain.messages == ["the saved state belongs to an instance for co-simulation with events"]
+    message = "the saved state belongs to an instance for co-simulation with events"
+    kick3.instantiate().deserialize(content, ERROR, message)

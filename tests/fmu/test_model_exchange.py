@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import fmpy
 import numpy as np
 import pytest
-from driver import DISCARD, MODEL_EXCHANGE, OK, Instance, reals
+from driver import DISCARD, MODEL_EXCHANGE, Instance, reals
 from handmade import breathing_inputs
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -16,8 +16,8 @@ Inputs = Callable[[float], dict[str, float]]
 
 
 def rates(instance: Instance, t: float, y: Sequence[float] | NDArray) -> NDArray:
-    assert instance.call("SetTime", t) == OK
-    assert instance.call("SetContinuousStates", reals(y), len(y)) == OK
+    instance.do("SetTime", t)
+    instance.do("SetContinuousStates", reals(y), len(y))
     return instance.vector("GetContinuousStateDerivatives", len(y))
 
 
@@ -26,7 +26,7 @@ def integrate(instance: Instance, span: tuple[float, float], y: NDArray, inputs:
 
     def right_hand_side(t: float, y: NDArray) -> NDArray:
         if inputs is not None:
-            assert instance.set(inputs(t)) == OK
+            instance.set(inputs(t))
         return rates(instance, t, y)
 
     y = solve_ivp(right_hand_side, span, y, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
@@ -50,7 +50,7 @@ def test_motion_with_a_driven_length_is_that_of_co_simulation(pendulum_library) 
 def test_completed_steps_ask_for_nothing(pendulum_library) -> None:
     instance = pendulum_library.running()
     event, end = instance.flags(1), instance.flags(1)
-    assert instance.call("CompletedIntegratorStep", True, event, end) == OK
+    instance.do("CompletedIntegratorStep", True, event, end)
     assert (event[0], end[0]) == (0, 0)
 
 
@@ -63,8 +63,8 @@ def test_jump_of_an_input_in_event_mode_is_booked(pendulum_library) -> None:
     """A jump of l' by 0.3 m/s does the work m/2 0.3²; angle and momentum stay."""
     instance = pendulum_library.running(theta_0=0.8, friction=0.3)
     y = integrate(instance, (0.0, 1.0), instance.vector("GetContinuousStates", 4))
-    assert instance.call("EnterEventMode") == OK
-    assert instance.set(length_dot=0.3) == OK
+    instance.do("EnterEventMode")
+    instance.set(length_dot=0.3)
     assert instance["work"] == pytest.approx(y[2] + 0.3**2 / 2, rel=1e-12)  # a difference of energies of 10 J
     assert instance.update() == (True, None)
     after = instance.vector("GetContinuousStates", 4)
@@ -82,7 +82,7 @@ def test_time_event(kick_library) -> None:
     assert rates(instance, 0.999, [0.999]) == 1.0
     assert rates(instance, 1.0, [1.0]) == 1.0
     assert instance["x_dot"] == 1.0
-    assert instance.call("EnterEventMode") == OK
+    instance.do("EnterEventMode")
     assert instance["x_dot"] == 3.0
     assert instance.go_on().next_time is None
     assert rates(instance, 1.0, [1.0]) == 3.0
@@ -97,9 +97,9 @@ def test_fmpy_finds_the_time_event(kick_library) -> None:
 
 def test_derivatives_that_do_not_exist_are_refused(fall_library) -> None:
     instance = fall_library.running()
-    assert instance.call("SetContinuousStates", reals([0.0, 0.0]), 2) == OK
-    assert instance.call("GetContinuousStateDerivatives", reals([0.0, 0.0]), 2) == DISCARD
-    assert instance.messages == ["x must stay > 0; at t = 0 it does not (0)"]
-    assert instance.call("SetContinuousStates", reals([1.0, float("nan")]), 2) == DISCARD
-    assert instance.messages[-1] == "v = nan: set a finite number"
+    instance.do("SetContinuousStates", reals([0.0, 0.0]), 2)
+    message = "x must stay > 0; at t = 0 it does not (0)"
+    instance.refuse(message, "GetContinuousStateDerivatives", reals([0.0, 0.0]), 2, status=DISCARD)
+    message = "v = nan: set a finite number"
+    instance.refuse(message, "SetContinuousStates", reals([1.0, np.nan]), 2, status=DISCARD)
     np.testing.assert_array_equal(instance.vector("GetContinuousStates", 2), [0.0, 0.0])

@@ -1,29 +1,20 @@
-"""The next event, announced: in initialization, of a table in a file, of a flattened system, in WebAssembly."""
+"""The next event, announced: in initialization, of a flattened system, in WebAssembly; of tables see test_table.py."""
 
 from __future__ import annotations
 
 import sys
-import zipfile
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from driver import OK, Library
-from wasm_driver import WasmLibrary
 
 from liaisons import System
 from liaisons.cosim import simulate
 from liaisons.flattening import flatten
-from liaisons.fmu import build
 from liaisons.fmu.description import Backend
 from liaisons.language import Operator, Parameter
-from liaisons.mechanics import assemble
-from liaisons.models import Flywheel, PlannedMotion, SmoothStep
-from liaisons.ssp.embedded_starts import with_table
-
-NONE = sys.float_info.max
+from liaisons.models import Flywheel, SmoothStep
 
 
 class Pulses(Operator):
@@ -40,44 +31,20 @@ class Pulses(Operator):
 
 
 @pytest.mark.parametrize("target", ["fmi2", "fmi3", "python", "wasm"])
-def test_from_initialization_on(library, target: str, folder: Path) -> None:
-    if target == "wasm":
-        made: Any = WasmLibrary(build(assemble(SmoothStep), folder, fmi="3", platforms="wasm"))
-    else:
-        made = library(SmoothStep, target)
-    instance = made.initializing(start_time=0.25, duration=0.5)
+def test_from_initialization_on(library, target: str) -> None:
+    instance = library(SmoothStep, target).initializing(start_time=0.25, duration=0.5)
     assert instance["next_event_time"] == 0.25
-    assert instance.set(start_time=0.5) == OK
+    instance.set(start_time=0.5)
     assert instance["next_event_time"] == 0.5
-    assert instance.set(start_time=0.25) == OK
-    assert instance.call("ExitInitializationMode") == OK
-    seen = [float(instance["next_event_time"])]
+    instance.set(start_time=0.25)
+    instance.exit_initialization()
+    seen = [instance["next_event_time"]]
     for t in (0.0, 0.25, 0.5):
-        assert instance.step(t, 0.25) == OK
-        seen.append(float(instance["next_event_time"]))
-    assert seen == [0.25, 0.75, 0.75, NONE]
+        instance.step(t, 0.25)
+        seen.append(instance["next_event_time"])
+    assert seen == [0.25, 0.75, 0.75, sys.float_info.max]
 
 
-@pytest.mark.parametrize("target", ["fmi2", "fmi3"])
-def test_of_a_table_in_a_file(library, target: str, tmp_path: Path) -> None:
-    """More knots than there are parameters for."""
-    instants = np.sort(np.append(np.linspace(0.0, 10.0, 501), 1.0))  # one of them twice
-    table = np.vstack([instants, np.sin(instants), np.cos(instants), -np.sin(instants)])
-    path = tmp_path / "PlannedMotion.fmu"
-    path.write_bytes(with_table(library(PlannedMotion, target).path, table))
-    with zipfile.ZipFile(path) as archive:
-        archive.extract("resources/starts.txt", tmp_path)
-    instance = Library(path).start(options={"resources": tmp_path / "resources"})
-    seen = [float(instance["next_event_time"])]
-    for t in (0.0, 1.0, 9.0):
-        if t == 9.0:
-            assert instance.step(2.0, 7.0) == OK
-        assert instance.step(t, 1.0) == OK
-        seen.append(float(instance["next_event_time"]))
-    assert seen == [instants[1], instants[52], instants[102], NONE]
-
-
-@pytest.mark.parametrize("backend", ["native", "python"])
 def test_recurring_events_in_a_flattened_system_with_states(fmu, backend: Backend, tmp_path: Path) -> None:
     """A wheel of 1 kg m2 under a torque that comes and goes: its momentum is the integral."""
     system = System("pulsed wheel")

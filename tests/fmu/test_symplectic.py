@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driver import OK, Instance, Library
+from driver import Instance, Library
 from handmade import libration
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
@@ -169,16 +169,9 @@ def test_uneven_communication_steps(pendulum_library) -> None:
     times = np.cumsum([0.0, *np.resize([0.1, 0.03, 0.25], 60)])
     instance = begin(pendulum_library, 10, theta_0=1.0)
     for begins, ends in pairwise(times):
-        assert instance.step(begins, ends - begins) == OK
+        instance.step(begins, ends - begins)
     # Steps of up to 25 ms: (0.025 * 3.1)^6 / 100800 = 2e-12 a radian, 20 of which pass
     assert instance["theta"] == pytest.approx(libration(times[-1], 1.0)[0], abs=1e-9)
-
-
-def test_both_versions_of_fmi_step_alike(pendulum2, pendulum3) -> None:
-    two, three = (begin(library, 5, theta_0=1.0) for library in (pendulum2, pendulum3))
-    for instance in (two, three):
-        instance.follow(0.1, 10)
-    np.testing.assert_array_equal(three.get(*STATES), two.get(*STATES))
 
 
 @pytest.mark.parametrize("steps", [0, 1, 3])
@@ -188,10 +181,10 @@ def test_the_work_of_a_rate_that_jumps_is_booked(pendulum_library, steps: int, s
     instance = pendulum_library.start(
         tolerance=1e-12, symplectic_steps=steps, input_reconstruction=2, theta_0=0.0, length=1.0
     )
-    assert instance.step(0.0, 0.5) == OK
+    instance.step(0.0, 0.5)
     shorter, rate, gravity = 1.0 - 0.03 * size, -2.0, instance["gravity"]
     instance.set(length=shorter, length_dot=rate)
-    assert instance.step(0.5, size) == OK
+    instance.step(0.5, size)
     # The power is a polynomial of degree 7 and 4: exact with five points; the solver's tolerance, otherwise.
     assert instance["work"] == pytest.approx(rate**2 / 2 - gravity * (shorter - 1), abs=1e-11)
     assert instance["energy_balance"] == pytest.approx(0.0, abs=1e-11)
@@ -202,6 +195,6 @@ def test_the_balance_of_a_swing_whose_length_begins_to_move_inside_a_step(pendul
     instance = pendulum_library.start(symplectic_steps=steps, input_reconstruction=2, theta_0=1.0)
     instance.follow(0.1, 5)
     instance.set(length=1.0, length_dot=1.0)
-    assert instance.step(0.5, 0.1) == OK
+    instance.step(0.5, 0.1)
     # By three points it is off by 15 % of m l'^2/2 with one step; what is left is of fourth order in the swing.
     assert abs(instance["energy_balance"]) < 1e-3 / steps**3

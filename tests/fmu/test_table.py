@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, MODEL_EXCHANGE, OK, Instance, Library
+from driver import CO_SIMULATION, MODEL_EXCHANGE, Instance, Library
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly
 
@@ -44,10 +45,10 @@ def planned(library: Callable[..., Library], request: pytest.FixtureRequest) -> 
     return library(PlannedMotion, request.param)
 
 
-def with_table(planned: Library, folder: Path, table: NDArray, kind: str = CO_SIMULATION) -> Instance:
+def with_table(planned: Library, folder: Path, table: NDArray, kind: str = CO_SIMULATION, **options: bool) -> Instance:
     bits = " ".join(struct.pack(">d", number).hex() for number in table.ravel())
     (folder / "starts.txt").write_text(f"t 0 {table.size} {bits} table\n")
-    return planned.instantiate(kind, token=f"{planned.token}-0123456789abcdef", resources=folder)
+    return planned.instantiate(kind, token=f"{planned.token}-0123456789abcdef", resources=folder, **options)
 
 
 def columns(planned: Library, table: NDArray) -> dict[str, NDArray]:
@@ -61,13 +62,15 @@ def columns(planned: Library, table: NDArray) -> dict[str, NDArray]:
 def test_values_between_knots_and_beyond(planned: Library, tmp_path: Path, count: int) -> None:
     table = knots(count)
     instance = with_table(planned, tmp_path, table) if count > MOST_KNOTS else planned.instantiate()
-    assert count > MOST_KNOTS or instance.set(columns(planned, table)) == OK
-    assert instance.initialize() == OK
-    assert instance.call("ExitInitializationMode") == OK
+    if count <= MOST_KNOTS:
+        instance.set(columns(planned, table))
+    instance.initialize()
+    instance.exit_initialization()
     times = np.sort(np.append(np.random.default_rng(1).uniform(0, table[0, -1] + 0.5, 100), table[0]))
     now = 0.0
     for t in times:
-        assert t == now or instance.step(now, t - now) == OK
+        if t > now:
+            instance.step(now, t - now)
         now = t
         found = instance.get(*TRIPLE)
         # two orders of evaluation: roundings of terms of size 100/h²
@@ -78,32 +81,65 @@ def test_values_between_knots_and_beyond(planned: Library, tmp_path: Path, count
 def test_knots_are_time_events(planned: Library, tmp_path: Path) -> None:
     table = knots(150)
     instance = with_table(planned, tmp_path, table, MODEL_EXCHANGE)
-    assert instance.initialize() == OK
-    assert instance.call("ExitInitializationMode") == OK
+    instance.initialize()
+    instance.exit_initialization()
     expected = np.unique(table[0])
     seen = [instance.go_on().next_time]
     while seen[-1] is not None:
-        assert instance.call("SetTime", seen[-1]) == OK
-        assert instance.call("EnterEventMode") == OK
+        instance.do("SetTime", seen[-1])
+        instance.do("EnterEventMode")
         seen.append(instance.go_on().next_time)
     np.testing.assert_array_equal(seen[:-1], expected)
+
+
+@pytest.mark.parametrize("from_file", [False, True])
+def test_steps_end_early_at_every_knot(library: Callable[..., Library], from_file: bool, tmp_path: Path) -> None:
+    planned, table = library(PlannedMotion, "fmi3"), knots(20)
+    options: dict[str, Any] = {"events": True, "early": True}
+    instance = with_table(planned, tmp_path, table, **options) if from_file else planned.instantiate(**options)
+    instance.initialize()
+    if not from_file:
+        instance.set(columns(planned, table))
+    instance.exit_initialization()
+    assert instance.go_on().next_time == table[0, 0]
+    seen, now = [], 0.0
+    while now < table[0, -1] + 1:
+        step = instance.advance(now, 20.0 - now)
+        now = step.time
+        if step.event:
+            seen.append(now)
+            instance.do("EnterEventMode")
+            instance.go_on()
+    np.testing.assert_array_equal(seen, np.unique(table[0]))
+
+
+def test_the_next_event_is_announced(planned: Library, tmp_path: Path) -> None:
+    instants = np.sort(np.append(np.linspace(0.0, 10.0, 501), 1.0))  # one of them twice
+    instance = with_table(planned, tmp_path, np.vstack([instants, np.sin(instants), np.cos(instants), -instants]))
+    instance.initialize()
+    instance.exit_initialization()
+    seen = [instance["next_event_time"]]
+    for t, size in ((0.0, 1.0), (1.0, 1.0), (2.0, 7.0), (9.0, 1.0)):
+        instance.step(t, size)
+        seen.append(instance["next_event_time"])
+    assert seen == [*instants[[1, 52, 102, 452]], sys.float_info.max]
 
 
 def test_derivatives_by_knots_are_differences_and_forth_and_back_agree(planned: Library) -> None:
     table = knots(20, jumps=False)
     instance = planned.instantiate()
     given = columns(planned, table)
-    assert instance.set(given) == OK
-    assert instance.initialize(start=float(table[0, 9] + 0.03)) == OK
+    instance.set(given)
+    instance.initialize(start=float(table[0, 9] + 0.03))
     direction = columns(planned, np.random.default_rng(2).normal(size=table.shape))
     derivative, h = instance.directional(TRIPLE, direction), 1e-6
     ends = []
     for way in (h, -h):
-        assert instance.set({name: given[name] + way * direction[name] for name in given}) == OK
+        instance.set({name: given[name] + way * direction[name] for name in given})
         ends.append(instance.get(*TRIPLE))
     np.testing.assert_allclose(derivative, (ends[0] - ends[1]) / (2 * h), rtol=1e-6, atol=1e-4)
     if planned.fmi == "3":
-        assert instance.set(given) == OK
+        instance.set(given)
         weights: dict[str, ArrayLike] = dict(zip(TRIPLE, (0.3, -0.2, 0.1), strict=True))
         back = instance.adjoint(weights, list(given))
         flat = np.concatenate([np.ravel(column) for column in direction.values()])

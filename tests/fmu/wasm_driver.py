@@ -161,8 +161,10 @@ class WasmInstance(Instance):
     def save(self) -> Any:
         return self.serialize()
 
-    def restore(self, state: Any) -> int:
-        return self.ask("set-fmu-state", state)
+    def restore(self, state: Any, /, *expected: Any) -> int:
+        return self.expect(self.ask("set-fmu-state", bytes(state)), *expected)
+
+    deserialize = restore
 
     def drop(self, state: Any) -> None:
         pass
@@ -171,9 +173,6 @@ class WasmInstance(Instance):
         found = self.ask("get-fmu-state")
         assert isinstance(found, bytes), self.messages
         return found
-
-    def deserialize(self, content: bytes) -> int:
-        return self.ask("set-fmu-state", bytes(content))
 
 
 def _plain(value: Any) -> Any:
@@ -188,7 +187,7 @@ def _listed(pointer: Any, n: int) -> list[Any]:
 
 _TYPE = r"(U?Int\d+|Float\d+|Boolean|String)"
 _FORMS: dict[str, Callable[..., int]] = {
-    ".*FMUState.*|.*(Binary|Clock|Interval.*|Shift.*)|GetVariableDependencies|ActivateModel.*": WasmInstance._skip,
+    ".*FMUState.*|SetUInt8|.*(Binary|Clock|Interval.*|Shift.*)|GetVariableDep.*|ActivateModel.*": WasmInstance._skip,
     "EnterInitializationMode": WasmInstance._initialize,
     "SetDebugLogging": WasmInstance._log,
     "GetNumberOf.*": WasmInstance._call,

@@ -81,7 +81,6 @@ def two_rods(n: dict[str, float], theta: NDArray, rate: NDArray) -> NDArray:
     return np.linalg.solve(A, [upper, lower])
 
 
-@pytest.mark.parametrize("backend", ["native", "python"])
 def test_fmu_with_a_damper_in_its_joint(tmp_path: Path, backend: Literal["native", "python"]) -> None:
     fmu = build(assemble(DampedJoint), tmp_path, backend=backend)
     result = simulate(fmu, stop_time=5.0, step_size=0.05, tolerance=1e-10)

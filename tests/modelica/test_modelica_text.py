@@ -9,18 +9,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import modelica
+from liaisons import System, modelica, modelica_files
 from liaisons.cosim import Result, simulate
-from liaisons.language import Chain, Mechanism, Operator, ParameterArray
+from liaisons.language import ActiveCoordinate, Chain, Mechanism, Operator, Parameter, ParameterArray, unchecked
 from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.mechanics import assemble
 from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,
+    FourierHoop,
     IsokineticOscillator,
     OscillatorChain,
     Pendulum,
@@ -160,7 +162,7 @@ def names_of(component: type[Component]) -> dict[str, str]:
     if issubclass(component, Operator):
         states = {state.name: f"m.{state.name}" for state in component.internal_states}
         return states | {name: f"m.y[{i}]" for i, name in enumerate(("y", "y_dot", "y_ddot"), start=1)}
-    return {v.name: f"m.{v.name}" for v in assemble(component).flat().outputs}
+    return {v.name: f"m.{v.name}" for v in assemble(component).flat().outputs if v.causality == "output"}
 
 
 @pytest.mark.parametrize("component", ALL)
@@ -190,3 +192,125 @@ def test_flanges_move_as_the_signals(component: type[MechanicalComponent]) -> No
     for name in shared:
         scale = max(1.0, float(np.max(np.abs(one[name]))))
         np.testing.assert_allclose(other[name], one[name], atol=BOUND * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("component", ALL)
+def test_declarations_are_those_of_the_component(component: type[Component]) -> None:
+    m = compiled(modelica(component) + signals(component), "Test")
+    parameters_of = {v.name: v for v in component().layout().parameters}
+    assert {f"m.{name}" for name, v in parameters_of.items() if v.dimension is None} <= {*m.parameters.names}
+    for name, v in parameters_of.items():
+        if v.dimension is None:
+            declared = m.parameters[f"m.{name}"]
+            assert (declared.unit or "", declared.min, declared.max) == (v.unit, v.minimum, v.maximum), name
+            assert declared.value == pytest.approx(parameters(component).get(name, v.start)), name
+            is_start = name not in {p.name for p in component.parameters}
+            assert is_start or declared.description == v.description, name
+    units = {v.name: v.unit for v in component().layout().outputs}
+    for found in (*m.states, *m.algebraics):
+        name = found.name.removeprefix("m.")
+        assert (found.unit or "") == units.get(name, found.unit or ""), name
+
+
+@pytest.mark.parametrize("component", ALL)
+def test_another_parser_reads_it(component: type[Component]) -> None:
+    tree = pymoca.parse(modelica(component))
+    assert tree is not None
+    assert component.__name__ in tree.classes
+    assert {"Signals"} <= {*tree.classes[component.__name__].classes}
+
+
+def test_a_pendulum_fits_on_a_screen() -> None:
+    text = modelica("Pendulum")
+    assert len(text.splitlines()) <= 60
+    assert max(len(line) for line in text.splitlines() if "annotation" not in line) <= 120
+    assert "p_theta = mass*length*(length*theta_dot + pivot_x_dot*cos(theta) + pivot_z_dot*sin(theta));" in text
+    assert "Source: K Ex. 3, Ex. 6" in text
+    assert "M eq. 27" in text
+    assert "Line(points={{-8, 75}, {8, -75}}), Ellipse(extent=" in text
+
+
+def test_what_is_too_long_is_named() -> None:
+    assert "// Too long, or not to be said in Modelica: star_shaped, xi, hoop_length." in modelica(FourierHoop)
+
+
+def test_a_violated_condition_stops_the_simulation() -> None:
+    text = modelica(Pendulum)
+    assert 'assert(length > 0, "length > 0 is needed");' in text
+    inputs = "u_length={1, 0, 0}, u_pivot_x=zeros(3), u_pivot_z=zeros(3)"
+    model = f"model Test\n  Pendulum.Signals m(mass=-1, {inputs});\nend Test;\n"
+    with pytest.raises(rumoca.SimulationError, match="mass > 0 is needed"):
+        simulated(text + model, np.linspace(0, 2, 21))
+    hoop = " ".join(modelica("EllipticHoop").split())
+    assert "assert(1 - centre_x^2/semi_axis_a^2 - centre_y^2/semi_axis_b^2 > 0," in hoop
+
+
+class Functions(Operator):
+    """All functions that the language has, or that can be said in it."""
+
+    end = Parameter(0.7, "1", "a reserved word")
+    offset = Parameter(-0.25, "1", 'a "quoted" text with a \\')
+
+    @unchecked("numbers for all functions")
+    def signal(self, t: ca.SX) -> ca.SX:
+        x = self.end * t + self.offset
+        smooth = ca.asinh(x) + ca.acosh(2 + x**2) + ca.atanh(x / 5) + ca.atan2(x, 1 + t) + (1 + t) ** x + ca.tanh(x)
+        steps = ca.floor(t) + ca.sign(x) + ca.fmod(5 * t, 2) + ca.fabs(x) + ca.if_else(t > 1, 1, 2)
+        either = ca.logic_or(t > 3, t < 0.5) + ca.logic_not(t > 2) + ca.logic_and(t > 1, t < 2)
+        return smooth + steps + either + ca.fmin(x, 0.3) + ca.fmax(x, 0.9) + np.pi * x - (x - (1 - x)) / (2 - (t - 9))
+
+    def events(self) -> list[Any]:
+        return []
+
+
+def test_every_function_is_printed_right() -> None:
+    text = modelica(Functions) + "model Test\n  Functions.Signals m;\nend Test;\n"
+    times = np.linspace(0, 4, 38)  # no event is among them
+    y = simulated(text, times)["m.y[1]"]
+    model = assemble(Functions)
+    k = ca.DM([v.starts[0] for v in model.parameters])
+    expected = [float(model.outputs_function.call([t, [], [], k, []])[0][0]) for t in times[1:]]
+    np.testing.assert_allclose(y[1:], expected, atol=1e-12)
+
+
+class Lever(Mechanism):
+    """Arm whose angle is prescribed: nothing moves by itself."""
+
+    inertia = Parameter(2.0, "kg.m2", "moment of inertia", above=0)
+    angle = ActiveCoordinate("rad", "angle")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.inertia / 2 * self.dot(self.angle) ** 2
+
+
+def test_inverse_dynamics() -> None:
+    text = modelica(Lever) + "model Test\n  Lever.Signals m(u_angle={time^2, 2*time, 2});\nend Test;\n"
+    found = simulated(text, np.linspace(0, 1, 11))
+    np.testing.assert_allclose(found["m.angle_force"], 4.0, rtol=1e-14)
+
+
+def composed() -> dict[str, System]:
+    """The examples of the library."""
+    systems = {}
+    for name, (parts, joined) in modelica_files._EXAMPLES.items():
+        system = System(name)
+        ports = {part: system.add(part, component, start_values=starts) for part, (component, starts) in parts.items()}
+        for target, source in joined.items():
+            (one, port), (other, signal) = target.split("."), source.split(".")
+            system.connect(ports[other][signal], ports[one][port])
+        systems[name] = system
+    return systems
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["PumpedSwing", "CoupledPendulums", "ClosedLoopSwing"])
+def test_a_system_moves_as_its_flattened_fmu(name: str, tmp_path: Path) -> None:
+    system = composed()[name]
+    run = simulate(system.flatten(tmp_path), stop_time=5.0, step_size=0.05, tolerance=1e-11)
+    result = simulated(modelica(system), run.time, f"{name}System.{name}")
+    theta = [
+        signal for signal in run if signal.endswith(("theta", "theta_dot", "_force", "energy")) and signal in result
+    ]
+    assert len(theta) > 4
+    for signal in theta:
+        np.testing.assert_allclose(result[signal], run[signal], atol=BOUND * max(1.0, np.max(np.abs(run[signal]))))

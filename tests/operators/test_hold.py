@@ -18,7 +18,7 @@ from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
 from liaisons.operators import PlanError
 from liaisons.operators.controllers import ReferenceTrajectory
-from liaisons.operators.feedback import backward, periodic, reachable, riccati
+from liaisons.operators.feedback import backward, periodic, reachable, riccati, steady
 from liaisons.operators.holding import _beside
 from liaisons.operators.problems import problem_of
 
@@ -82,6 +82,12 @@ def test_the_staircase_ends_where_control_does() -> None:
     assert V.shape == U.shape == (4, 2)
     np.testing.assert_allclose(V[2:], 0, atol=1e-15)
     np.testing.assert_allclose(np.hstack([V, U]) @ np.hstack([V, U]).T, np.eye(4), atol=1e-15)
+
+
+def test_what_cannot_be_moved_is_made_up_for() -> None:
+    V, U = np.eye(2)[:, :1], np.eye(2)[:, 1:]
+    target, missed = steady(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
+    assert (target.item(), missed.item()) == pytest.approx((-2, 0))
 
 
 def test_old_names_are_deprecated() -> None:
@@ -324,8 +330,8 @@ def test_what_acts_on_a_bounded_force_shares_it() -> None:
     regulator, sampled = hold(motion, bounds={"psi_1_force": (-20, 20)}), _beside(motion)
     trajectory, limits = regulator.trajectory, regulator.correction_limits
     least, most = limits["lowest"].T, limits["highest"].T
-    for x, sigma, low, high in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), least, most, strict=True):
-        forces, masses = sampled.forces(x[: len(sampled.names)], sigma)
+    for (x, sigma), low, high in zip(trajectory.points, least, most, strict=True):
+        forces, masses = np.hsplit(sampled.forces(x[: len(sampled.names)], sigma), [1])
         assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
 
 

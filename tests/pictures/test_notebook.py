@@ -69,6 +69,8 @@ def test_a_long_motion_of_many_balls_is_shown_with_fewer_frames(parsed: Parsed) 
         page = frame["srcdoc"]
         assert len(escape(page)) <= 300_000
         rates.append(float(re.findall(r'"rate":([0-9.]+)', page)[0]))
+        (frames,) = re.findall(r'"frames":(\d+)', page)
+        assert (int(frames) - 1) / rates[-1] == pytest.approx(20, abs=1 / rates[-1])  # [s]
     assert rates[0] == 30
     assert 1 < rates[1] < 10
 

@@ -144,9 +144,8 @@ def test_without_a_picture_points_are_shown() -> None:
     ],
 )
 def test_what_is_no_picture_is_refused_by_name(returned: Callable[[Any], Any], message: str) -> None:
-    component = type("_Wrong", (_Toy,), {"picture": returned, "__module__": __name__})
     with pytest.raises(ComponentError, match=message):
-        assemble(component)
+        assemble(type("_Wrong", (_Toy,), {"picture": returned, "__module__": __name__}))
 
 
 def test_turned_and_circle_are_right_handed() -> None:

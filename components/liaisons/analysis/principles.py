@@ -176,11 +176,6 @@ def _samples(
     return t, np.array([path[name] for name in needed], dtype=float).reshape(len(names), 2, -1)
 
 
-def _columns(equations: Equations, names: list[str]) -> ca.SX:
-    """Symbols of coordinates, then of their rates."""
-    return ca.vertcat(*(equations.symbols[f"{name}{end}"] for end in ("", "_dot") for name in names))
-
-
 def _cubic(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
     """Cubic through value, rate, value, rate at its ends, and its derivative; of numbers or expressions."""
     q_0, v_0, q_1, v_1 = ends
@@ -193,7 +188,7 @@ def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) 
     """Action of one interval as a function of its two ends, with gradient, Hessian and the norm ∫ δqᵀ A δq dt."""
     count, h = len(names), ca.SX.sym("h")
     ends = ca.SX.sym("ends", 4 * count)
-    symbols = _columns(equations, names)
+    symbols = ca.vertcat(*(equations.symbols[f"{name}{end}"] for end in ("", "_dot") for name in names))
     L = frozen(equations, equations.lagrangian, values, symbols)
     A = frozen(equations, equations.mass_matrix, values, symbols)
     S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)

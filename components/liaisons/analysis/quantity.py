@@ -72,9 +72,7 @@ def equations_of(source: Source) -> Equations:
     return source if isinstance(source, Equations) else _derived(source)
 
 
-@cache
-def _derived(component: type[Mechanism]) -> Equations:
-    return derive(component)
+_derived = cache(derive)
 
 
 def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from liaisons.library import catalogue_names
+from liaisons.library import catalogue_names, variables
 from liaisons.version import __version__
 
 if TYPE_CHECKING:
@@ -92,6 +92,22 @@ def subject(metavar: str, words: str = "a file, or a component, which is built i
     return typer.Argument(metavar=metavar, help=words, autocompletion=catalogue_names)
 
 
+def signals(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Completions of ``NAME,...`` by the variables of the component that the command is about."""
+    before, comma, _ = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name, *_ in _variables(ctx)]
+
+
+def _assignments(ctx: typer.Context) -> list[str]:
+    """Completions of ``NAME=VALUE``, with the values that hold by default."""
+    return [f"{name}={start}" for name, causality, start in _variables(ctx) if causality in ("parameter", "input")]
+
+
+def _variables(ctx: typer.Context) -> list[tuple[str, str, str]]:
+    words = [ctx.params.get("fmu"), *ctx.args]  # the latter while an option lacks its value
+    return variables(next(filter(None, words), ""))
+
+
 def option(metavar: str, words: str, *names: str, **more: Any) -> Any:
     """An option with a value."""
     return typer.Option(*names, metavar=metavar, help=words, **more)
@@ -146,6 +162,7 @@ Starts = Annotated[
         "start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
         "--set",
         parser=assignment,
+        autocompletion=_assignments,
     ),
 ]
 Inputs = Annotated[

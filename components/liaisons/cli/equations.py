@@ -6,9 +6,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons import interface, modelica_files, ssp
 from liaisons.cli._command import command, option, subject
-from liaisons.cli._subject import declared_system
 
 
 @command("""
@@ -29,6 +27,9 @@ def equations(
     """Show the equations of a component: Lagrangian, momenta, motion, forces of the operators, Hamiltonian."""
     if text + latex + html + modelica > 1 or (modelica and part):
         raise typer.BadParameter("choose one of --text, --latex, --html and --modelica, the last without --part")
+    from liaisons import interface, modelica_files, ssp
+    from liaisons.cli._subject import declared_system
+
     system = ssp.read(of, interface.System) if of.lower().endswith(".ssp") else declared_system(of)
     if modelica:
         print(modelica_files.modelica(system or of))

@@ -24,6 +24,7 @@ from liaisons.cli._command import (
     command,
     option,
     show,
+    signals,
     subject,
 )
 from liaisons.errors import SimulationError
@@ -69,7 +70,9 @@ def simulate(
     _limit: UnpackedLimit = None,
     given: Inputs,
     join: Join = "quintic",
-    record: Annotated[str, option("NAME,...", "show only these signals (default: outputs and inputs)")] = "",
+    record: Annotated[
+        str, option("NAME,...", "show only these signals (default: outputs and inputs)", autocompletion=signals)
+    ] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
     verify: Annotated[

@@ -1,4 +1,4 @@
-"""Statuses of FMI, where what FMUs say of them goes, and results with what was warned of."""
+"""Statuses of FMI, where what FMUs say of them goes, and results with what was warned of, among it not-a-numbers."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from dataclasses import replace
 from functools import wraps
 from typing import ParamSpec
 
+import numpy as np
+
 from liaisons.logs import collected_warnings, logger
 from liaisons.results import IncompleteError, Interrupted, Result
-
-__all__ = ["COMPLAINTS", "DISCARD", "ERROR", "FATAL", "STATUSES", "WARNING", "keeping_warnings", "logger"]
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 
 COMPLAINTS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 """The log categories that come with a status."""
+
+_MOST = 20  # variables that are named
 
 P = ParamSpec("P")
 
@@ -40,3 +42,18 @@ def keeping_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
 def _with(result: Result, warnings: tuple[str, ...]) -> Result:
     """A result with these warnings after its own."""
     return replace(result, warnings=tuple(dict.fromkeys((*result.warnings, *warnings)))) if warnings else result
+
+
+def warn_of_what_is_not_finite(result: Result) -> None:
+    """Warn of every signal with values that are not finite, with the first of them."""
+    count = 0
+    for name, values in zip(result.names, result.values, strict=True):
+        wrong = ~np.isfinite(values)
+        if wrong.any():
+            first, count = int(np.argmax(wrong)), count + 1
+            if count <= _MOST:
+                words = "%s: %s is %g at t = %.10g s, and not finite at %d of %d points"
+                said = result.title, name, values[first], result.time[first], wrong.sum(), len(values)
+                logger.warning(words, *said)
+    if count > _MOST:
+        logger.warning("%s: %d more signals are not finite", result.title, count - _MOST)

@@ -89,13 +89,10 @@ def _choice(c: str, function: Callable[..., Any]) -> Operation:
     return Operation(f"({c}) ? 1.0 : 0.0", lambda *arguments: function(*arguments).astype(float))
 
 
-def _special(name: str) -> Callable[[Any], Any]:
-    def call(x: Any) -> Any:
-        from scipy import special
+def _erf(x: Any) -> Any:
+    from scipy.special import erf
 
-        return getattr(special, name)(x)
-
-    return call
+    return erf(x)
 
 
 OPERATIONS: dict[int, Operation] = {
@@ -125,7 +122,7 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_ASINH: _call("asinh", np.arcsinh),
     ca.OP_ACOSH: _call("acosh", np.arccosh),
     ca.OP_ATANH: _call("atanh", np.arctanh),
-    ca.OP_ERF: _call("erf", _special("erf")),
+    ca.OP_ERF: _call("erf", _erf),
     ca.OP_FLOOR: _call("floor", np.floor),
     ca.OP_CEIL: _call("ceil", np.ceil),
     ca.OP_FABS: _call("fabs", np.abs),

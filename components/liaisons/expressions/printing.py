@@ -11,18 +11,15 @@ import casadi as ca
 from liaisons.expressions.programs import Program, program
 
 
-def c_statements(
-    inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]], *, temporary: str = "a"
-) -> list[str]:
+def c_statements(inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]]) -> list[str]:
     """C99 statements that evaluate expressions; they need ``math.h``.
 
     :param inputs: columns of symbols, and how their entries are read: ``"y[{}][i]"`` for ``y[0][i]``, ``y[1][i]``, ...
     :param outputs: columns of expressions, and how their entries are written.
-    :param temporary: names of temporaries begin with it.
     :returns: lines without indentation: reads, operations, writes.
     :raises ComponentError: as :func:`program` does.
     """
-    (lines,), _ = c_parts(inputs, outputs, spill="", most=sys.maxsize, temporary=temporary)
+    (lines,), _ = c_parts(inputs, outputs, spill="", most=sys.maxsize)
     return lines
 
 
@@ -33,7 +30,6 @@ def c_parts(
     spill: str,
     most: int,
     late: int | None = None,
-    temporary: str = "a",
 ) -> tuple[list[list[str]], int]:
     """C99 statements in parts for functions of their own, as compile time is superlinear in their number.
 
@@ -66,7 +62,7 @@ def c_parts(
     members: list[list[int]] = [[] for _ in range(count)]
     for number in calculated:
         members[part_of[number]].append(number)
-    parts = [_part(code, *part, sources, temporary) for part in zip(members, writes, strict=True)]
+    parts = [_part(code, *part, sources) for part in zip(members, writes, strict=True)]
     return parts, len(sources) - entries_read
 
 
@@ -75,13 +71,12 @@ def _part(
     calculated: Sequence[int],
     writes: Sequence[tuple[int, str]],
     sources: Mapping[int, str],
-    temporary: str,
 ) -> list[str]:
     names: dict[int, str] = {}
     lines: list[str] = []
 
     def declare(number: int, value: str) -> None:
-        names[number] = f"{temporary}{len(lines)}"
+        names[number] = f"a{len(lines)}"
         lines.append(f"const double {names[number]} = {value};")
 
     needed = {number for number, _ in writes}.union(*(code.nodes[number].arguments for number in calculated))

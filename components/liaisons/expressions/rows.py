@@ -177,15 +177,15 @@ def _constants(step: Step) -> list[tuple[ca.SX, ca.SX]]:
     while True:
         pairs = [(symbols[i], start) for i, start in assumed.items()]
         following = ca.vertsplit(substituted(step.following, pairs))
-        wrong = [i for i, start in assumed.items() if not _equal(following[i], start)]
+        wrong = [
+            i
+            for i, start in assumed.items()
+            if not (following[i].is_constant() and float(following[i]) == float(start))
+        ]
         if not wrong:
             return [*pairs, *((last[i], start) for i, start in assumed.items())]
         for i in wrong:
             del assumed[i]
-
-
-def _equal(expression: ca.SX, constant: ca.SX) -> bool:
-    return expression.is_constant() and float(expression) == float(constant)
 
 
 def renamed(steps: Sequence[Step], expression: ca.SX) -> tuple[list[Step], ca.SX]:

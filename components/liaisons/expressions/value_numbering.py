@@ -146,7 +146,7 @@ class Builder:
         if (scale < 0) == (other < 0):
             return scale, self._operation(ca.OP_ADD, *sorted((x, y)))
         plus, minus = (x, y) if scale > 0 else (y, x)
-        if self._find(ca.OP_SUB, minus, plus) is not None:
+        if Instruction.of(ca.OP_SUB, minus, plus) in self._numbers:
             return -abs(scale), self._operation(ca.OP_SUB, minus, plus)
         return abs(scale), self._operation(ca.OP_SUB, plus, minus)
 
@@ -177,9 +177,6 @@ class Builder:
 
     def _operation(self, code: int, *arguments: int) -> int:
         return self._number(Instruction.of(code, *arguments))
-
-    def _find(self, code: int, *arguments: int) -> int | None:
-        return self._numbers.get(Instruction.of(code, *arguments))
 
     def _number(self, node: Instruction) -> int:
         key = node if node.constant is None else node.constant.hex()  # tells 0 from -0

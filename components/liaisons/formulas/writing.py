@@ -56,19 +56,17 @@ WIDE = 60
 """Characters from which on a bracket gets a name even if it is not repeated: lines break outside of brackets."""
 
 
-def formula(
-    expression: ca.SX, notation: Notation, longest: float = LONGEST, *, looser: float = LOOSER
-) -> Formula | None:
+def formula(expression: ca.SX, notation: Notation, longest: float = LONGEST, *, breaks: bool = False) -> Formula | None:
     """The shortest form of a scalar expression; None if it takes more operations than ``longest``.
 
-    :param looser: how many times longer it may be if lines then break between terms.
+    :param breaks: whether a line may break inside of brackets.
     """
     symbols = ca.symvar(expression)
     function = ca.Function("f", symbols, ca.cse([ca.densify(expression)]))
     if function.n_instructions() > 2 * longest or not is_supported(function):
         return None
     names = [symbol.name() for symbol in symbols]
-    writers = [_Writer(function, names, Algebra(limit), notation, looser) for limit in EXPANSIONS]
+    writers = [_Writer(function, names, Algebra(limit), notation, breaks) for limit in EXPANSIONS]
     shortest = min(writers, key=lambda writer: writer.operations)
     return shortest.formula() if shortest.operations <= longest else None
 
@@ -77,8 +75,9 @@ class _Writer:
     """Writes one expression; repeated brackets of a long one get names."""
 
     def __init__(
-        self, function: ca.Function, names: list[str], algebra: Algebra, notation: Notation, looser: float
+        self, function: ca.Function, names: list[str], algebra: Algebra, notation: Notation, breaks: bool
     ) -> None:
+        self.breaks = breaks
         self.algebra = algebra
         self.notation = notation
         self.abbreviations: dict[int, Name] = {}
@@ -87,6 +86,7 @@ class _Writer:
         collected = algebra.collected(plain)
         short, long = self._counted(collected), self._counted(plain)
         # What fits on one line is best short; beyond that, lines break between terms only.
+        looser = 1 if breaks else LOOSER
         self.polynomial = collected if short < min(long, ONE_LINE) or looser * short < long else plain
         self.operations = self._counted(self.polynomial)
 
@@ -120,7 +120,7 @@ class _Writer:
             atom = self.algebra.atoms[index]
             term = self._factor(index)
             repeated = long and count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
-            if repeated or MathML(self.notation).width(term) > WIDE:
+            if repeated or (not self.breaks and MathML(self.notation).width(term) > WIDE):
                 name = Name(f"{letter}_{len(self.abbreviations) + 1}")
                 self.abbreviations[index] = name
                 self.where.append((name, term))

@@ -125,7 +125,8 @@ class Formulas:
 
     def internal_rates(self, states: Iterable[InternalState], symbols: Mapping[str, ca.SX]) -> None:
         """Check the rates of internal states."""
-        self.each("internal_rates", symbols, {state.name: units.rate(state.checked_unit) for state in states})
+        unit = {state.name: units.rate(units.ANY if state.unchecked else state.unit) for state in states}
+        self.each("internal_rates", symbols, unit)
 
     def check_units(self, variables: Iterable[Variable], symbols: Mapping[str, ca.SX], **more: str) -> None:
         """Refuse formulas whose units cannot be right.

@@ -99,7 +99,8 @@ class ClosedForm(Generic[R]):
         return bound
 
     def __call__(self, *arguments: Any, **values: Any) -> R:
-        assert self.owner is not None  # it is an attribute of a component
+        if self.owner is None:  # by another closed form: it is no attribute of a component
+            return self._function(*arguments, **values)
         label = f"{self.owner.__name__}.{self.__name__}"
         expected = self._signature.parameters
         own = {name: values.pop(name) for name in [*values] if name in expected}

@@ -59,11 +59,6 @@ class Declaration(ABC, Generic[T]):
         self.unit, self.description = unit, description
         self.unchecked = None if unchecked is None else _reason(unchecked)
 
-    @property
-    def checked_unit(self) -> str:
-        """Unit against which expressions are checked."""
-        return units.ANY if self.unchecked else self.unit
-
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
@@ -268,28 +263,26 @@ class InternalState(Symbol):
 
 
 class Size(Declaration[int]):
-    """A structural parameter: the number of links of a chain, fixed when the FMU is built.
+    """A structural parameter: the number of links of a chain, at least 2, fixed when the FMU is built.
 
     :param default: default value.
-    :param minimum: included lower bound.
     """
 
     example = 'Size(10, "number of links")'
 
-    def __init__(self, default: int, description: str, *, minimum: int = 2) -> None:
+    def __init__(self, default: int, description: str) -> None:
         super().__init__("1", description)
-        self.minimum = minimum
         self.default = self.checked("Size", default)
 
     def checked(self, owner: str, value: Any) -> int:
         """Value as an ``int``.
 
-        :raises ComponentError: unless it is a whole number >= ``minimum``.
+        :raises ComponentError: unless it is a whole number >= 2.
         """
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-        if not whole or int(value) < self.minimum:
+        if not whole or int(value) < 2:
             name = f"{owner}: {self.name} = {value!r} ({self.description})"
-            raise ComponentError(f"{name}: it must be a whole number >= {self.minimum}")
+            raise ComponentError(f"{name}: it must be a whole number >= 2")
         return int(value)
 
     def value_in(self, instance: Any) -> int:
@@ -370,7 +363,6 @@ class Orientation(Declaration[Attitude]):
     """
 
     example = 'Orientation("attitude of the body")'
-    axes = ("x", "y", "z")
     quaternion = ("q_w", "q_x", "q_y", "q_z")
     rates = ("omega_x", "omega_y", "omega_z")
     momenta = ("H_x", "H_y", "H_z")
@@ -378,11 +370,6 @@ class Orientation(Declaration[Attitude]):
     def __init__(self, description: str, *, start: Literal["rate", "momentum"] = "rate") -> None:
         super().__init__("1", description)
         self.start = start
-
-    @property
-    def start_names(self) -> tuple[str, str, str]:
-        """Names of the start values beside the quaternion."""
-        return self.rates if self.start == "rate" else self.momenta
 
     def value_in(self, instance: Any) -> Attitude:
         columns = (self.quaternion, self.rates, self.momenta)

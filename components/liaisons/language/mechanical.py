@@ -127,11 +127,12 @@ class MechanicalComponent(Component, abstract=True):
             yield replace(position, description=text, start=q.leading or q.start, dimension=size)
             yield layout.start(f"{q.name}_dot", units.rate(q.unit), q.start_rate, size)
         for orientation in self.orientations:
-            unit = "rad/s" if orientation.start == "rate" else "kg.m2/s"
+            by_rate = orientation.start == "rate"
+            names, unit = (orientation.rates, "rad/s") if by_rate else (orientation.momenta, "kg.m2/s")
             yield from (
                 layout.start(name, "1", float(name == orientation.quaternion[0])) for name in orientation.quaternion
             )
-            yield from (layout.start(name, unit, 0.0) for name in orientation.start_names)
+            yield from (layout.start(name, unit, 0.0) for name in names)
         yield from map(layout.start_of_internal, self.internal_states)
 
     def _inputs(self, units_at: Mapping[str, str]) -> Iterator[Variable]:

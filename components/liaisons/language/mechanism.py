@@ -82,19 +82,15 @@ class Mechanism(MechanicalComponent, abstract=True):
         rates, momenta = [f"{q}_dot" for q in free], [f"p_{q}" for q in free]
         for orientation in orientations:
             rates, momenta = [*rates, *orientation.rates], [*momenta, *orientation.momenta]
-        configuration = self._symbols([*free, *(name for item in orientations for name in item.quaternion)])
-        velocities = self._symbols(rates)
-        momentum_symbols = self._symbols(momenta)
-        attitudes = [getattr(self, orientation.name) for orientation in orientations]
         self.free = FreeColumns(
-            q=configuration,
-            q_dot=velocities,
+            q=self._symbols([*free, *(name for item in orientations for name in item.quaternion)]),
+            q_dot=self._symbols(rates),
+            p=self._symbols(momenta),
             q_ddot=self._symbols(
                 f"{name.removesuffix('_dot')}_{'ddot' if name.endswith('_dot') else 'dot'}" for name in rates
             ),
-            p=momentum_symbols,
-            kinematics=ca.diagcat(ca.SX.eye(len(free)), *(attitude.kinematics for attitude in attitudes)),
-            frame=ca.diagcat(ca.SX.eye(len(free)), *(attitude.matrix for attitude in attitudes)),
+            kinematics=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).kinematics for o in orientations)),
+            frame=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).matrix for o in orientations)),
         )
         active = [c.name for c in self.actives]
         self.active = ActiveColumns(

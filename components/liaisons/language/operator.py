@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise, takewhile
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 
@@ -121,12 +121,8 @@ class Operator(Component, abstract=True):
     @property
     def table(self) -> list[ParameterArray]:
         """Leading parameter arrays of one dimension: the columns of :meth:`interval`."""
-        first = next(iter(self.parameters), None)
-        return [
-            p
-            for p in takewhile(lambda p: isinstance(p, ParameterArray), self.parameters)
-            if isinstance(p, ParameterArray) and isinstance(first, ParameterArray) and p.dimension == first.dimension
-        ]
+        arrays: list[Any] = list(takewhile(lambda p: isinstance(p, ParameterArray), self.parameters))
+        return [p for p in arrays if p.dimension == arrays[0].dimension]
 
     def internal_rates(self) -> Mapping[str, ca.SX]:
         """Rates of the internal states, by name."""

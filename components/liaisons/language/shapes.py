@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import cos, pi, sin
 from typing import Any, Literal, TypeAlias, final
 
@@ -19,36 +19,45 @@ Named = Callable[[Number], float | str]
 """Number, or name of the variable with this value."""
 
 
+class Drawn:
+    """A shape; abstract."""
+
+    __slots__ = ()
+
+    def document(self, named: Named) -> dict[str, Any]:
+        """Entry of the picture's file."""
+        entry: dict[str, Any] = {"shape": type(self).__name__.lower()}
+        for field in fields(self):  # pyright: ignore[reportArgumentType] - those of the dataclass
+            name, value = field.name, getattr(self, field.name)
+            if name in _POINTS:
+                entry[_POINTS[name]] = _point(value, named)
+            elif name != "radius" or value is not None:
+                entry[name] = _written(value, named)
+        return entry
+
+
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Rod:
+class Rod(Drawn):
     """A straight rod between two points; its radius [m] is a fraction of the picture's extent unless given."""
 
     start: VariableReference
     end: VariableReference
     radius: Number | None = None
 
-    def document(self, named: Named) -> dict[str, Any]:
-        """Entry of the picture's file."""
-        return {"shape": "rod", "from": _point(self.start, named), "to": _point(self.end, named)} | _radius(self, named)
-
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Ball:
+class Ball(Drawn):
     """A ball about a point."""
 
     at: VariableReference
     radius: Number | None = None
 
-    def document(self, named: Named) -> dict[str, Any]:
-        """Entry of the picture's file."""
-        return {"shape": "ball", "at": _point(self.at, named)} | _radius(self, named)
-
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Box:
+class Box(Drawn):
     """A box about a point.
 
     :param axes: its own axes as the columns of a rotation matrix (3, 3), e.g. that of an orientation.
@@ -65,48 +74,31 @@ class Box:
                 "Box: axes are a rotation matrix (3, 3), e.g. turned('y', self.theta), and size has 3 lengths"
             )
 
-    def document(self, named: Named) -> dict[str, Any]:
-        """Entry of the picture's file."""
-        axes = [[named(self.axes[i, j]) for i in range(3)] for j in range(3)]
-        return {"shape": "box", "at": _point(self.at, named), "axes": axes, "size": [named(s) for s in self.size]}
-
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Wire:
+class Wire(Drawn):
     """A curve through points; closed: back to the first."""
 
     points: Sequence[VariableReference]
     closed: bool = False
 
-    def document(self, named: Named) -> dict[str, Any]:
-        """Entry of the picture's file."""
-        return {"shape": "wire", "points": [_point(p, named) for p in self.points], "closed": self.closed}
-
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Spring:
+class Spring(Drawn):
     """A coil spring between two points."""
 
     start: VariableReference
     end: VariableReference
 
-    def document(self, named: Named) -> dict[str, Any]:
-        """Entry of the picture's file."""
-        return {"shape": "spring", "from": _point(self.start, named), "to": _point(self.end, named)}
-
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Trail:
+class Trail(Drawn):
     """Path of a point."""
 
     at: VariableReference
-
-    def document(self, named: Named) -> dict[str, Any]:
-        """Entry of the picture's file."""
-        return {"shape": "trail", "at": _point(self.at, named)}
 
 
 Shape: TypeAlias = Rod | Ball | Box | Wire | Spring | Trail
@@ -135,9 +127,17 @@ def circle(centre: VariableReference, radius: Number, across: tuple[ca.SX, ca.SX
     return Wire([position(2 * pi * i / count) for i in range(count)], closed=True)
 
 
+_POINTS = {"start": "from", "end": "to", "at": "at"}
+
+
 def _point(position: VariableReference, named: Named) -> list[float | str]:
     return [named(position.get(axis, 0.0)) for axis in _AXES]
 
 
-def _radius(shape: Rod | Ball, named: Named) -> dict[str, float | str]:
-    return {} if shape.radius is None else {"radius": named(shape.radius)}
+def _written(value: Any, named: Named) -> Any:
+    """Points, numbers, a matrix by columns, or a number."""
+    if isinstance(value, Sequence):
+        return [_point(item, named) if isinstance(item, Mapping) else named(item) for item in value]
+    if getattr(value, "shape", ()) == (3, 3):
+        return [[named(value[i, j]) for i in range(3)] for j in range(3)]
+    return value if isinstance(value, bool) else named(value)

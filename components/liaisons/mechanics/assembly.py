@@ -86,7 +86,8 @@ def _table(operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced
     seen = stack([*(row for lookup in lookups for row in (lookup.begin, lookup.end)), behind])
     has_events = any(ca.is_equal(lookup.time, t) for lookup in lookups)
     seeing = [rates, outputs] if has_events else [rates, outputs, announced]
-    unseen = [name for name in map(str, ca.symvar(stack(seeing))) if name in _elements(operator)]
+    elements = {name for column in operator.table for name in column.names}
+    unseen = [name for name in map(str, ca.symvar(stack(seeing))) if name in elements]
     if unseen:
         raise ComponentError(f"{type(operator).__name__}: {unseen[0]} is part of a table: ask interval() for it")
     return LookupTable(
@@ -100,10 +101,6 @@ def _table(operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced
         has_events=has_events,
         draw=None if has_events or announced.is_empty() else ca.Function("draw", [t, x, u, seen], [announced]),
     )
-
-
-def _elements(operator: Operator) -> set[str]:
-    return {name for column in operator.table for name in column.names}
 
 
 def _of_all_rows(operator: Operator, *expressions: ca.SX) -> list[ca.SX]:

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.variables import Experiment, Terminal, TerminalMember, Variable
+from liaisons.language.variables import Terminal, TerminalMember, Variable
 from liaisons.mechanics.energy_accounting import function
 from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Equation, Model, State
 
@@ -27,17 +27,15 @@ def compose(
     connections: Mapping[str, str],
     *,
     starts: Mapping[str, float] | None = None,
-    experiment: Experiment | None = None,
 ) -> Model:
     """Model of several connected models, with the equations of the connections solved.
 
-    Its variables are called ``part.variable``.  Inputs that are connected become outputs, and the ports that
-    they belong to are closed.
+    Its variables are called ``part.variable``; its default experiment is that of the longest part.  Inputs that are
+    connected become outputs, and the ports that they belong to are closed.
 
     :param models: the models by the name of the part.
     :param connections: by input the output that it takes its value from, ``{"swing.length": "motor.y"}``.
     :param starts: start values of parameters and inputs where they differ from the models', ``{"swing.theta_0": 0.1}``.
-    :param experiment: default experiment; that of the longest part unless given.
     :raises ComponentError: for an unknown variable, or inputs that depend on each other in a way that is not linear.
     """
     parts = [_named(part, model.flat()) for part, model in models.items()]
@@ -66,7 +64,7 @@ def compose(
         start_only=sum(part.start_only for part in parts),
         active=tuple(a for a in _all(parts, "active") if a.value not in connections),
         ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
-        experiment=experiment or replace(longest, reference={}),  # the start values are those of the whole
+        experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_equations(models, connections)),
     )
 
@@ -89,16 +87,15 @@ def _named(part: str, model: Model) -> Model:
     def full(name: str) -> str:
         return f"{part}.{name}"
 
-    def variables(group: Iterable[Variable]) -> tuple[Variable, ...]:
-        return tuple(
-            replace(v, name=full(v.name), derivative_of=v.derivative_of and full(v.derivative_of)) for v in group
-        )
-
     return replace(
         model,
-        parameters=variables(model.parameters),
-        inputs=variables(model.inputs),
-        outputs=variables(model.outputs),
+        **{
+            group: tuple(
+                replace(v, name=full(v.name), derivative_of=v.derivative_of and full(v.derivative_of))
+                for v in getattr(model, group)
+            )
+            for group in ("parameters", "inputs", "outputs")
+        },
         states=tuple(State(full(s.name), full(s.derivative)) for s in model.states),
         memory=tuple(map(full, model.memory)),
         condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),

@@ -81,14 +81,9 @@ class Inertia:
         return ca.vertcat(right, ca.SX(self.system.shape[0] - right.shape[0], right.shape[1]))
 
 
-def mass_matrix(m: Mechanism, lagrangian: ca.SX) -> ca.SX:
-    """A = ∂²L/∂q̇∂q̇, the metric g_ij of M eq. 42; shape (f, f)."""
-    return ca.hessian(lagrangian, m.free.q_dot)[0]
-
-
 def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
-    """Mass matrix of a mechanism with the cheapest system to solve by it."""
-    A = mass_matrix(m, lagrangian)
+    """Mass matrix A = ∂²L/∂q̇∂q̇ (the metric g_ij of M eq. 42), with the cheapest system to solve by it."""
+    A = ca.hessian(lagrangian, m.free.q_dot)[0]
     if A.shape[0] < MANY:
         return Inertia(A, A)
     systems: list[tuple[ca.SX, dict[int, set[int]]]] = [(A, {})]

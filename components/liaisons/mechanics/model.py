@@ -172,10 +172,10 @@ class Model:
 
         return replace(
             self,
-            parameters=tuple(element for v in self.parameters for element in v.elements()),
-            inputs=tuple(element for v in self.inputs for element in v.elements()),
-            outputs=tuple(element for v in self.outputs for element in v.elements()),
-            drawn=tuple(element for v in self.drawn for element in v.elements()),
+            **{
+                group: tuple(element for v in getattr(self, group) for element in v.elements())
+                for group in ("parameters", "inputs", "outputs", "drawn")
+            },
             states=tuple(State(*pair) for s in self.states for pair in names((s.name, s.derivative))),
             active=tuple(
                 ActiveInput(*triple) for a in self.active for triple in names((a.value, a.rate, a.acceleration))

@@ -41,7 +41,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     return (
         Equation("lagrangian", "L", equations.lagrangian),
         Equation("energy", "energy", equations.energy),
-        *_friction("friction", "D", equations.friction.function),
+        *_friction("friction", equations.friction.function),
         *_rows("momenta", momenta, m.free.frame @ equations.momenta),
         *_rows("rates", rates, equations.unconstrained_velocities),  # the same on the constraints
         *_rows("rates", [f"{name}_dot" for name in names[len(m.coordinates) :]], turning[len(m.coordinates) :, 0]),
@@ -72,16 +72,16 @@ def of_chain(chain: Chain) -> tuple[Equation, ...]:
     return (
         Equation("link", "kinetic_energy", ca.SX(chain.kinetic_energy())),
         Equation("link", "potential_energy", ca.SX(chain.potential_energy()) + ca.SX(chain.bond_energy())),
-        *_friction("link", "D", dissipated),
+        *_friction("link", dissipated),
         *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
         *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
         *_rows("points", points, stack(points.values())),
     )
 
 
-def _friction(section: str, name: str, function: ca.SX) -> Iterator[Equation]:
+def _friction(section: str, function: ca.SX) -> Iterator[Equation]:
     if not function.is_zero():
-        yield Equation(section, name, function)
+        yield Equation(section, "D", function)
 
 
 def of_operators(equations: Equations) -> tuple[Equation, ...]:
@@ -167,13 +167,12 @@ def _applied(equations: Equations) -> tuple[ca.SX, ca.SX]:
     adapted = len(m.actives) - len(m.rheonomic_constraints)
     s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
     points = stack(equations.points.values())
-    passive = len(m.constraints)
     multipliers = ca.vertcat(m.multipliers, active.force[adapted:, 0])
 
     drives = ca.vertcat(equations.drives - equations.loads, ca.SX.zeros(free.q_dot.shape[0] - len(m.coordinates), 1))
     on_free = drives + constraints.matrix.T @ multipliers - equations.friction.against(free.q_dot)
     on_free -= free.kinematics.T @ (ca.jacobian(points, free.q).T @ equations.point_loads)
-    rigid = [i for i in constraints.holonomic if i < passive or i >= passive + len(m.non_holonomic)]
+    rigid = list(constraints.holonomic)
     on_active = ca.jacobian(constraints.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
     on_active -= equations.friction.against(s_dot) + ca.jacobian(points, s).T @ equations.point_loads
     return on_free, on_active

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable
 
 from liaisons.language import Chain, Mechanism, Operator
 from liaisons.language.component import Component
-from liaisons.mechanics import assemble
 from liaisons.modelica_text.annotations import annotation
 from liaisons.modelica_text.chains import chain_motion
-from liaisons.modelica_text.faces import flanges, interfaces, signals
+from liaisons.modelica_text.faces import faces, interfaces
 from liaisons.modelica_text.mechanisms import motion
 from liaisons.modelica_text.operators import operator_classes
-from liaisons.modelica_text.systems import Composition, composition_lines, default_experiment
+from liaisons.modelica_text.systems import Composition, composition, default_experiment
 from liaisons.modelica_text.text import indented, quoted
 
 LIBRARY = "Liaisons"
@@ -20,53 +19,42 @@ LIBRARY = "Liaisons"
 
 def component_text(component: type[Component]) -> str:
     """A package of the component's name, with the models ``Motion``, ``Signals`` and ``Flanges``."""
-    head, *lines = _package(component)
-    return _text([head, *indented(interfaces("\n".join(lines))), *lines])
+    head, *inside, end = _component(component)
+    return _text([head, *indented(interfaces(str(inside))), *inside, end])
 
 
 def system_text(whole: Composition) -> str:
     """A package with the components of a system, and the model of the system."""
-    components = {component.__name__: component for component, _ in whole.parts.values()}
-    lines = composition_lines(whole)
-    return _text(_library(f"{whole.name}System", whole.name, components.values(), lines))
+    components = dict.fromkeys(component for component, _ in whole.parts.values())
+    return _library(f"{whole.name}System", components, composition(whole))
 
 
-def library_text(components: Iterable[type[Component]], systems: Sequence[Composition] = ()) -> str:
+def library_text(components: Collection[type[Component]], systems: Iterable[Composition] = ()) -> str:
     """The package ``Liaisons`` with components, and their default experiments and some systems as ``Examples``."""
-    chosen = list(components)
-    examples = [line for c in chosen for line in default_experiment(c, f"{LIBRARY}.")]
-    examples += [line for whole in systems for line in composition_lines(whole, f"{LIBRARY}.")]
-    inner = ['package Examples "Default experiments, and systems"', *indented(examples), "end Examples;"]
-    return _text(_library(LIBRARY, "Components that were written from their Lagrangians", chosen, inner))
+    prefix = f"{LIBRARY}."
+    examples = [line for component in components for line in default_experiment(component, prefix)]
+    examples += [line for whole in systems for line in composition(whole, prefix)]
+    return _library(LIBRARY, components, _package("Examples", "Default experiments, and systems", examples))
 
 
-def _library(name: str, summary: str, components: Iterable[type[Component]], lines: list[str]) -> list[str]:
-    inside = [line for component in components for line in _package(component)] + lines
-    return [
-        f"package {name} {quoted(summary)}",
-        *indented([*interfaces("\n".join(inside)), *inside]),
-        f"end {name};",
-    ]
+def _library(name: str, components: Iterable[type[Component]], lines: list[str]) -> str:
+    inside = [*(line for component in components for line in _component(component)), *lines]
+    return _text(_package(name, "Written from Lagrangians", [*interfaces(str(inside)), *inside]))
+
+
+def _component(component: type[Component]) -> list[str]:
+    if issubclass(component, Operator):
+        classes = operator_classes(component)
+    else:
+        assert issubclass(component, Chain | Mechanism)
+        moving = chain_motion(component) if issubclass(component, Chain) else motion(component)
+        classes = [*moving, *faces(component())]
+    return _package(component.__name__, component.summary(), [*classes, annotation(component)])
+
+
+def _package(name: str, text: str, lines: list[str]) -> list[str]:
+    return [f"package {name} {quoted(text)}", *indented(lines), f"end {name};"]
 
 
 def _text(lines: Iterable[str]) -> str:
     return "\n".join([*lines, ""])
-
-
-def _package(component: type[Component]) -> list[str]:
-    name = component.__name__
-    classes = operator_classes(component) if issubclass(component, Operator) else _mechanical(component)
-    return [
-        f"package {name} {quoted(component.summary())}",
-        *indented([*classes, *annotation(component)]),
-        f"end {name};",
-    ]
-
-
-def _mechanical(component: type[Component]) -> list[str]:
-    assert issubclass(component, Chain | Mechanism)
-    model, m = assemble(component), component()
-    unit_of = {v.name: v.unit for v in model.variables}
-    points = {port.name: unit_of[port.name] for port in model.ports if port.kind == "point"}
-    moving = chain_motion(component) if issubclass(component, Chain) else motion(component)
-    return [*moving, *signals(m, list(points)), *flanges(m, points)]

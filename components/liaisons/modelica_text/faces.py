@@ -1,4 +1,4 @@
-"""The faces of a motion: signals, and flanges."""
+"""The faces of a motion: signals, and flanges; and the connectors of flanges."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import re
 
 from liaisons.language import Experiment
 from liaisons.language.mechanical import MechanicalComponent
-from liaisons.modelica_text.text import declared, filled, indented, number, packed
+from liaisons.modelica_text.text import declared, filled, model, number
 
-_ROLES = {"m": ("Translation", "s", "f"), "rad": ("Rotation", "phi", "tau")}
+ROLES = {"m": ("Translation", "s", "f"), "rad": ("Rotation", "phi", "tau")}
 _INTERFACES = """\
 connector Translation Real s(unit="m"); flow Real f(unit="N"); end Translation;
 connector Rotation Real phi(unit="rad"); flow Real tau(unit="N.m"); end Rotation;
@@ -19,7 +19,7 @@ model FixedRotation parameter Real phi_0(unit="rad") = 0; Rotation flange(phi=ph
 
 
 def interfaces(text: str) -> list[str]:
-    """Connectors that a text uses."""
+    """Lines of the connectors and models that a text uses."""
     return [line for line in _INTERFACES.splitlines() if re.search(rf"\b{line.split()[1]} ", text)]
 
 
@@ -29,43 +29,35 @@ def experiment(e: Experiment) -> str:
     return f"annotation(experiment({values}));"
 
 
-def signals(m: MechanicalComponent, points: list[str]) -> list[str]:
-    """Lines of the model ``Signals``: coordinates are prescribed by inputs."""
-    size = "[n]" if m.dimension else ""
-    inputs = [f"u_{s.name}[3]{f'(start={{{number(s.start)}, 0, 0}})' if s.start else ''}" for s in m.actives]
-    zero = " = zeros(n)" if m.dimension else " = 0"
-    inputs += [f"{q.name}{end}{size}{zero}" for q in m.coordinates for end in ("_force", "_load")]
-    inputs += [f"{name}_load{size}{zero}" for name in points]
+def faces(m: MechanicalComponent) -> list[str]:
+    """Lines of the models ``Signals``, whose inputs prescribe coordinates, and ``Flanges``."""
+    layout = m.layout()
+    unit = {v.name: v.unit for v in layout.variables}
+    points = {port.name: unit[port.name] for port in layout.ports if port.kind == "point"}
+    size, zero = ("[n]", "zeros(n)") if m.dimension else ("", "0")
+    inputs = [f"u_{s.name}[3]{f'(start={{{number(s.start)}, 0, 0}})' * bool(s.start)}" for s in m.actives]
+    inputs += [f"{q.name}{end}{size}\0=\0{zero}" for q in m.coordinates for end in ("_force", "_load")]
+    inputs += [f"{name}_load{size}\0=\0{zero}" for name in points]
     outer = [f"Q_{q.name}={q.name}_force - {q.name}_load" for q in m.coordinates]
     outer += [f"Q_{name}=-{name}_load" for name in points]
-    prescribed = filled(f"{{{s.name}, {s.name}_dot, {s.name}_ddot}} = u_{s.name};" for s in m.actives)
-    return [
-        'model Signals "Inputs u_s prescribe value, rate and acceleration of a coordinate s"',
-        *indented(packed([f"extends Motion({outer[0]}", *outer[1:]], ", ", ");") if outer else ["extends Motion;"]),
-        *indented(declared(*inputs, head="input Real")),
-        *(["equation", *indented(prescribed)] if prescribed else []),
-        f"  {experiment(m.experiment)}",
-        "end Signals;",
-    ]
-
-
-def flanges(m: MechanicalComponent, points: dict[str, str]) -> list[str]:
-    """Lines of the model ``Flanges``: coordinates are connectors.
-
-    :param points: units of the components of points.
-    """
-    ports = [(s.name, s.unit, f"{s.name}_force") for s in m.actives]
-    ports += [(q.name, q.unit, f"Q_{q.name}") for q in m.coordinates]
-    ports += [(name, unit, f"Q_{name}") for name, unit in points.items()]
+    ports = [(s.name, s.unit, "", f"{s.name}_force") for s in m.actives]
+    ports += [(q.name, q.unit, size, f"Q_{q.name}") for q in m.coordinates]
+    ports += [(name, unit, size, f"Q_{name}") for name, unit in points.items()]
     kinds: dict[str, list[str]] = {}
-    for name, unit, force in ports:
-        kind, position, effort = _ROLES.get(unit, ("Generalised", "q", "Q"))
-        size = "[n]" if m.dimension and force == f"Q_{name}" else ""
-        kinds.setdefault(kind, []).append(f"flange_{name}{size}({position}={name}, {effort}={force})")
-    rates = (f"{s.name}_{d}dot = der({s.name}{'_dot' if d else ''});" for s in m.actives for d in ("", "d"))
+    for name, unit, count, force in ports:
+        kind, position, effort = ROLES.get(unit, ("Generalised", "q", "Q"))
+        kinds.setdefault(kind, []).append(f"flange_{name}{count}({position}={name}, {effort}={force})")
+    rates = (f"{s.name}_{d}dot = der({s.name}{'_dot' * bool(d)});" for s in m.actives for d in ("", "d"))
     return [
-        'model Flanges "Coordinates and points as connectors" extends Motion;',
-        *(line for kind, names in kinds.items() for line in indented(declared(*names, head=kind))),
-        *(["equation", *indented(filled(rates))] if m.actives else []),
-        "end Flanges;",
+        *model(
+            'model Signals "Inputs u_s prescribe value, rate and acceleration of a coordinate s"',
+            [f"extends Motion({', '.join(outer)});", *declared("input Real", inputs)],
+            filled(f"{{{s.name}, {s.name}_dot, {s.name}_ddot}} = u_{s.name};" for s in m.actives),
+            annotation=experiment(m.experiment),
+        ),
+        *model(
+            'model Flanges "Coordinates and points as connectors" extends Motion;',
+            [line for kind, names in kinds.items() for line in declared(kind, names)],
+            filled(rates),
+        ),
     ]

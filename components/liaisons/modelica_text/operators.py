@@ -1,20 +1,21 @@
-"""Operators: the signal and its derivatives, and a flange that follows it."""
+"""Operators: the signal with its derivatives, and flanges that follow it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
+from functools import partial
 
 import casadi as ca
 
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import interpret
 from liaisons.formulas import Notation
-from liaisons.language import Operator, ParameterArray
+from liaisons.language import Operator, Variable
 from liaisons.mechanics import assemble
 from liaisons.modelica_text.faces import experiment
-from liaisons.modelica_text.text import Section, bounds, declared, filled, indented, named, number, quoted
+from liaisons.modelica_text.text import Section, asserted, declared, filled, initial, model, named, number, parameters
 
-ENTRY = """\
+_ENTRY = """\
 function entry "Of a column of a table: in the row where the interval of a time begins (ahead = 0), or ends (1)"
   input Real t, instant[:], column[size(instant, 1)];
   input Integer ahead;
@@ -34,91 +35,70 @@ algorithm
     end if;
   end for;
   value := column[min(max(k, 1) + ahead, last)];
-end entry;
-"""
+end entry;"""
+_FOLLOWER = 'model {0} "A flange that follows the signal" extends Signals; {1} flange({2}=y[1]); end {0};'
 
 
 def operator_classes(component: type[Operator]) -> list[str]:
     """Lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
-    operator = component()
+    operator, layout = component(), component().layout()
     operator.lookups = []
-    whole = operator.signal
-    operator.signal = lambda t: chosen(ca.SX(whole(t)))  # type: ignore[method-assign]
-    triple, rates, inputs = operator.triple(), operator.rates(), component.inputs
+    vars(operator)["signal"] = partial(_chosen, operator.signal)
+    columns = [stack(map(ca.SX, column)) for column in (operator.triple(), operator.rates())]
     # Rows of a table change without an event.
     section = Section(Notation.from_model(assemble(component)), {"t": "time"}, events=not operator.lookups)
-    symbols, rows, declarations = [], [], [*_parameters(operator)]
-    read = {x.element_hash() for x in ca.symvar(stack(map(ca.SX, [*triple, *rates])))}
+    symbols, entries = [], []
+    read = {x.element_hash() for x in ca.symvar(stack(columns))}
     for count, lookup in enumerate(operator.lookups, start=1):
-        t = f"instant_{count}"
-        declarations += declared(named(t, "s", "where the table is read"))
-        section.add(t, lookup.time)
-        for ahead, (entries, end) in enumerate(((lookup.begin, "begin"), (lookup.end, "end"))):
-            for symbol, column in zip(ca.vertsplit(entries), lookup.columns, strict=True):
+        section.add(f"instant_{count}", lookup.time)
+        for ahead, row in enumerate((lookup.begin, lookup.end)):
+            for symbol, column in zip(ca.vertsplit(row), lookup.columns, strict=True):
                 if symbol.element_hash() in read:
-                    name = f"{column}_{end}"
-                    call = f"entry({t}, {operator.table[0].name}, {column}, {ahead}, {str(lookup.rests).lower()})"
-                    declarations += declared(named(name, ""))
-                    section.lines.append(f"{name} = {call};")
                     symbols.append(symbol)
-                    rows.append(ca.SX.sym(name))
-    triple, rates = (
-        ca.vertsplit(ca.substitute(stack(map(ca.SX, x)), stack(symbols), stack(rows))) for x in (triple, rates)
-    )
+                    entries.append(ca.SX.sym(f"{column}_{('begin', 'end')[ahead]}"))
+                    call = f"entry(instant_{count}, {operator.table[0].name}, {column}, {ahead}, {lookup.rests})"
+                    section.statements.append(
+                        f"{entries[-1]} = {call.replace('True', 'true').replace('False', 'false')};"
+                    )
+    triple, rates = (ca.vertsplit(ca.substitute(x, stack(symbols), stack(entries))) for x in columns)
     for state, rate in zip(component.internal_states, rates, strict=False):
         section.add(f"der({state.name})", rate)
     for i, y in enumerate(triple, start=1):
         section.add(f"y[{i}]", y)
-    for state in component.internal_states:
-        declarations += declared(named(state.name, state.unit, state.description, start=f"{state.name}_0"))
-    for item in inputs:
-        declarations += declared(
-            f"{named(item.name, item.unit)} = {number(item.start)} {quoted(item.description)}", head="input Real"
-        )
-    initial = filled(f"{state.name} = {state.name}_0;" for state in component.internal_states)
-    asserted = [
-        f"assert({p.name} > {number(p.minimum)}, {quoted(f'{p.name} > {number(p.minimum)} is needed')});"
-        for p in component.parameters
-        if p.strict and p.minimum is not None
+
+    rows = max((len(p.leading) for p in operator.table if len({*p.leading}) > 1), default=2)
+
+    def value(v: Variable) -> str:
+        return f"{{{', '.join(map(number, v.starts[:rows]))}}}" if v.dimension else number(v.starts[0])
+
+    own = [p.name for p in component.parameters]
+    states = {state.name: state for state in component.internal_states}
+    given = [v.name for v in (*layout.parameters, *layout.inputs)]
+    declarations = [
+        *parameters(layout.parameters, own, value, "[:]"),
+        *(f'input Real {named(v.name, v.unit)} = {number(v.starts[0])} "{v.description}";' for v in layout.inputs),
+        *(f"Real {named(x.name, x.unit, x.description, start=f'{x.name}_0')};" for x in states.values()),
+        *declared("Real", section.further(*given, *states, "time", "y")),
+        'output Real y[3] "signal, first and second derivative";',
     ]
     return [
-        *(ENTRY.splitlines() if operator.lookups else []),
-        'model Signals "The signal and its two derivatives"',
-        *indented([*declarations, 'output Real y[3] "signal, first and second derivative";', *section.declared]),
-        *(["initial equation", *indented(initial)] if initial else []),
-        "equation",
-        *indented(filled([*asserted, *section.lines])),
-        f"  {experiment(component.experiment)}",
-        "end Signals;",
-        'model Translational "A flange that follows the signal" extends Signals;',
-        "  Translation flange(s=y[1]);",
-        "end Translational;",
-        'model Rotational "A flange that follows the signal" extends Signals;',
-        "  Rotation flange(phi=y[1]);",
-        "end Rotational;",
+        *(_ENTRY.splitlines() if symbols else []),
+        *model(
+            'model Signals "The signal and its two derivatives"',
+            declarations,
+            filled([*asserted(component.parameters), *section.statements]),
+            initial(layout.parameters, own),
+            experiment(component.experiment),
+        ),
+        _FOLLOWER.format("Translational", "Translation", "s"),
+        _FOLLOWER.format("Rotational", "Rotation", "phi"),
     ]
 
 
-def _parameters(operator: Operator) -> Iterator[str]:
-    rows = max((len(p.leading) for p in operator.table if len(set(p.leading)) > 1), default=2)
-    for p in operator.parameters:
-        size, value = "", number(p.start)
-        if isinstance(p, ParameterArray):
-            values = (p.leading + (0.0,) * rows)[:rows]
-            size, value = "[:]", f"{{{', '.join(map(number, values))}}}"
-        limits = bounds(p.variable("parameter", "fixed"))
-        text = f"{named(p.name, p.unit, size=size, **limits)} = {value} {quoted(p.description)}"
-        yield from declared(text, head="parameter Real")
-    for state in operator.internal_states:
-        yield from declared(
-            f'{named(f"{state.name}_0", state.unit)} = {number(state.start)} "at the start"', head="parameter Real"
-        )
-
-
-def chosen(expression: ca.SX) -> ca.SX:
-    """The expression with choices in the place of minima and maxima: their derivatives need no division."""
+def _chosen(signal: Callable[[ca.SX], ca.SX], t: ca.SX) -> ca.SX:
+    """The signal with choices in the place of minima and maxima: their derivatives need no division."""
+    expression = ca.SX(signal(t))
     symbols = ca.symvar(expression)
-    function = ca.Function("f", symbols, [expression])
 
     def operation(code: int, x: list[ca.SX]) -> ca.SX:
         if code in (ca.OP_FMIN, ca.OP_FMAX):
@@ -126,5 +106,5 @@ def chosen(expression: ca.SX) -> ca.SX:
             return ca.if_else(x[0] < x[1], less, more)
         return ca.SX.unary(code, *x) if len(x) == 1 else ca.SX.binary(code, *x)
 
-    ((result,),) = interpret(function, entry=lambda i, _: symbols[i], constant=ca.SX, operation=operation)
-    return result
+    function = ca.Function("f", symbols, [expression])
+    return interpret(function, entry=lambda i, _: symbols[i], constant=ca.SX, operation=operation)[0][0]

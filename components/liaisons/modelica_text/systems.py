@@ -1,121 +1,83 @@
-"""Systems: components, and flanges that are connected."""
+"""Systems: components whose flanges are connected."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 from liaisons.errors import ComponentError
 from liaisons.language import Experiment, Operator
 from liaisons.language.component import Component
-from liaisons.language.mechanical import MechanicalComponent
 from liaisons.modelica_text.faces import experiment
-from liaisons.modelica_text.text import indented, number, quoted
+from liaisons.modelica_text.text import model, number
 
-Starts = Mapping[str, float | tuple[float, ...]]
-Variable = tuple[str, str]  # part, name
+Starts = Mapping[str, Any]
 
 
 @final
 @dataclass(frozen=True)
 class Composition:
-    """Components with start values, and the inputs that are connected.
-
-    :param parts: component and start values by the name of the part.
-    :param connections: (part, input) by (part, output).
-    """
+    """Components with start values by the names of parts, and connections: ``{"swing.length": "motor.y"}``."""
 
     name: str
     parts: Mapping[str, tuple[type[Component], Starts]]
-    connections: Mapping[Variable, Variable]
+    connections: Mapping[str, str]
     experiment: Experiment
 
 
-def composition_lines(whole: Composition, prefix: str = "") -> list[str]:
+def composition(whole: Composition, prefix: str = "") -> list[str]:
     """Lines of a model of the parts.
 
     :param prefix: of the names of their classes.
     :raises ComponentError: if a connection is none of coordinates, points, signals and inputs of operators.
     """
-    feeding = dict(whole.connections)
-    joined: list[str] = []
-    held: list[str] = []
-    kinds: dict[str, str] = {}
+    sources, faces = dict(whole.connections), dict[str, str]()
+    fixed, joined, parts = list[str](), list[str](), list[str]()
     for part, (component, starts) in whole.parts.items():
-        if not issubclass(component, MechanicalComponent):
-            continue
-        for s in component.actives:
-            feeding.pop((part, f"{s.name}_dot"), None)
-            feeding.pop((part, f"{s.name}_ddot"), None)
-            source = feeding.pop((part, s.name), None)
-            kind = "Rotational" if s.unit == "rad" else "Translational"
-            if source is None:
-                at = starts.get(s.name, s.start)
-                assert isinstance(at, float | int)
-                fixed, at_start = ("FixedRotation", "phi_0") if s.unit == "rad" else ("FixedTranslation", "s_0")
-                held.append(f"{prefix}{fixed} {part}_{s.name}({at_start}={number(at)});")
-                joined.append(f"connect({part}_{s.name}.flange, {part}.flange_{s.name});")
-                continue
-            other, name = source
-            feeding.pop((other, f"{name}_load"), None)
-            if issubclass(whole.parts[other][0], Operator):
-                if kinds.setdefault(other, kind) != kind:
-                    raise ComponentError(f"{whole.name}: {other} moves coordinates of two kinds; use one operator each")
-                joined.append(f"connect({other}.flange, {part}.flange_{s.name});")
+        for s in getattr(component, "actives", ()):
+            kind, at = ("Rotation", "phi_0") if s.unit == "rad" else ("Translation", "s_0")
+            own = f"{part}.{s.name}"
+            source, *_ = (sources.pop(f"{own}{end}", "") for end in ("", "_dot", "_ddot"))
+            other, _, name = source.partition(".")
+            sources.pop(f"{source}_load", "")
+            if not source:
+                fixed.append(f"{prefix}Fixed{kind} {part}_{s.name}({at}={_literal(starts.get(s.name, s.start))});")
+                flange = f"{part}_{s.name}.flange"
+            elif not issubclass(whole.parts[other][0], Operator):
+                flange = f"{other}.flange_{name}"
+            elif faces.setdefault(other, f"{kind}al") == f"{kind}al":
+                flange = f"{other}.flange"
             else:
-                joined.append(f"connect({other}.flange_{name}, {part}.flange_{s.name});")
-    lines = [*_parts(whole, feeding, kinds, prefix), *held]
-    if feeding:
-        (part, name), source = next(iter(feeding.items()))
-        raise ComponentError(f"{whole.name}: {'.'.join(source)} -> {part}.{name} cannot be said in Modelica")
-    return [
-        f"model {whole.name} {quoted(', '.join(f'{p}: {c.__name__}' for p, (c, _) in whole.parts.items()))}",
-        *indented(lines),
-        "equation",
-        *indented(joined),
-        f"  {experiment(whole.experiment)}",
-        f"end {whole.name};",
-    ]
-
-
-def _parts(
-    whole: Composition, feeding: dict[Variable, Variable], kinds: Mapping[str, str], prefix: str
-) -> Iterator[str]:
+                raise ComponentError(f"{whole.name}: {other} moves coordinates of two kinds; use an operator for each")
+            joined.append(f"connect({flange}, {part}.flange_{s.name});")
     for part, (component, starts) in whole.parts.items():
-        actives = [s.name for s in component.actives] if issubclass(component, MechanicalComponent) else []
-        prescribed = {f"{s}{end}" for s in actives for end in ("", "_dot", "_ddot")}
-        modified = {name: _literal(value) for name, value in starts.items() if name not in prescribed}
-        for item in component.inputs if issubclass(component, Operator) else ():
-            if source := feeding.pop((part, item.name), None):
-                modified[item.name] = ".".join(source)
-        face = kinds.get(part, "Signals") if issubclass(component, Operator) else "Flanges"
-        values = ", ".join(f"{name}={value}" for name, value in modified.items())
-        yield f"{prefix}{component.__name__}.{face} {part}{f'({values})' if values else ''};"
-
-
-def _literal(value: float | tuple[float, ...]) -> str:
-    return f"{{{', '.join(map(number, value))}}}" if isinstance(value, tuple) else number(value)
+        values = {p.name: _literal(starts[p.name]) for p in component().layout().parameters if p.name in starts}
+        inputs = (item.name for item in getattr(component, "inputs", ()))
+        values |= {name: sources.pop(f"{part}.{name}") for name in inputs if f"{part}.{name}" in sources}
+        face = faces.get(part, "Signals") if issubclass(component, Operator) else "Flanges"
+        modified = ", ".join(f"{name}={value}" for name, value in values.items())
+        parts.append(f"{prefix}{component.__name__}.{face} {part}({modified});")
+    if sources:
+        target, source = sources.popitem()
+        raise ComponentError(f"{whole.name}: {source} -> {target} connects no flanges, and is not said in Modelica")
+    return model(f"model {whole.name}", [*parts, *fixed], joined, annotation=experiment(whole.experiment))
 
 
 def default_experiment(component: type[Component], prefix: str = "") -> list[str]:
     """Lines of a model of the default experiment: a prescribed coordinate moves by its start, rate and acceleration."""
-    e, m = component.experiment, component()
-    modified = {}
-    layout = m.layout()
-    starts = {v.name: v.start for v in (*layout.parameters, *layout.inputs) if isinstance(v.start, float | int)}
-    starts |= e.reference
+    e, layout = component.experiment, component().layout()
+    starts = {v.name: v.starts[0] for v in layout.inputs} | dict(e.reference)
+    values = {name: number(value) for name, value in e.reference.items()}
     for triple in layout.active:
-        s, v, a = (number(starts.get(name) or 0.0) for name in (triple.value, triple.rate, triple.acceleration))
-        s, v, a = (f"({x})" if x.startswith("-") else x for x in (s, v, a))
-        modified[f"u_{triple.value}"] = f"{{{s} + {v}*time + {a}/2*time^2, {v} + {a}*time, {a}}}"
-    prescribed = {name for t in layout.active for name in (t.value, t.rate, t.acceleration)}
-    modified |= {name: number(value) for name, value in e.reference.items() if name not in prescribed}
-    values = ", ".join(f"{name}={value}" for name, value in modified.items())
+        s, v, a = (f"({number(starts[name])})" for name in (triple.value, triple.rate, triple.acceleration))
+        values = {k: x for k, x in values.items() if k not in (triple.value, triple.rate, triple.acceleration)}
+        values[f"u_{triple.value}"] = f"{{{s} + {v}*time + {a}/2*time^2, {v} + {a}*time, {a}}}"
+    modified = ", ".join(f"{name}={value}" for name, value in values.items())
     name = component.__name__
-    return [
-        f'model {name} "Default experiment"',
-        f"  {prefix}{name}.Signals signals{f'({values})' if values else ''};",
-        f"  {experiment(e)}",
-        f"end {name};",
-    ]
+    part = f"{prefix}{name}.Signals signals({modified});"
+    return model(f'model {name} "Default experiment"', [part], [], annotation=experiment(e))
+
+
+def _literal(value: float | tuple[float, ...]) -> str:
+    return f"{{{', '.join(map(number, value))}}}" if isinstance(value, tuple) else number(value)

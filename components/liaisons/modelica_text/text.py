@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Callable, Container, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import final
 
 import casadi as ca
 
-from liaisons.formulas import Formula, Notation, formula
-from liaisons.formulas.terms import Name
+from liaisons.formulas import Notation, formula
 from liaisons.language import Variable
+from liaisons.language.declarations import Symbol
 from liaisons.modelica_text.printer import UnsupportedError, expression, identifier
 
-WIDTH = 120
+WIDTH = 116
+MOTION = 'partial model Motion "Equations of motion"'
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
 def number(value: float) -> str:
@@ -26,48 +28,74 @@ def number(value: float) -> str:
 
 def quoted(text: str) -> str:
     """A string."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
+    return '"' + re.sub(r'([\\"])', r"\\\1", text) + '"'
 
 
-def bounds(variable: Variable) -> dict[str, str]:
-    """Its attributes ``min`` and ``max``."""
-    pairs = (("min", variable.minimum), ("max", variable.maximum))
-    return {name: number(value) for name, value in pairs if value is not None}
+def named(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
+    """A variable in a declaration: name, attributes, description."""
+    modified = {"unit": quoted(unit)} | attributes if unit else attributes
+    values = ", ".join(f"{attribute}={value}" for attribute, value in modified.items())
+    return identifier(name) + f"({values})" * bool(values) + f" {quoted(text)}" * bool(text)
 
 
-def named(name: str, unit: str, description: str = "", size: str = "", **others: str) -> str:
-    """A variable in a list of them: name, size, attributes, description."""
-    pairs = ({"unit": quoted(unit)} if unit else {}) | others
-    modified = ", ".join(f"{attribute}={value}" for attribute, value in pairs.items())
-    return (
-        f"{identifier(name)}{size}{f'({modified})' if pairs else ''}{f' {quoted(description)}' if description else ''}"
+def declared(kind: str, variables: Iterable[str]) -> list[str]:
+    """A declaration of several variables; nothing if there are none."""
+    listed = ", ".join(variables)
+    return [f"{kind} {listed};"] if listed else []
+
+
+def parameters(
+    variables: Iterable[Variable],
+    symbols: Container[str],
+    value: Callable[[Variable], str] = lambda v: number(v.starts[0]),
+    size: str = "",
+) -> list[str]:
+    """Declarations of parameters, and of all start values together.
+
+    :param symbols: names of those that are no start values.
+    :param size: of arrays.
+    """
+    declarations, starts = list[str](), list[str]()
+    for v in variables:
+        pairs = (("min", v.minimum), ("max", v.maximum))
+        limits = {name: number(bound) for name, bound in pairs if bound is not None}
+        text = f"{named(v.name + size * bool(v.dimension), v.unit, **limits)} = {value(v)}"
+        if v.name in symbols:
+            declarations.append(f"parameter Real {text} {quoted(v.description)};")
+        else:
+            starts.append(text)
+    return declarations + declared(
+        "parameter Real", [*starts[:-1], *(f'{last} "at the start"' for last in starts[-1:])]
     )
 
 
-def declared(*variables: str, head: str = "Real") -> list[str]:
-    """One declaration of some variables."""
-    return packed([f"{head} {variables[0]}", *variables[1:]], ", ") if variables else []
+def initial(variables: Iterable[Variable], symbols: Container[str]) -> list[str]:
+    """Statements that give variables their start values."""
+    return [f"{v.name[:-2]} = {v.name};" for v in variables if v.name not in symbols]
 
 
-def packed(pieces: Iterable[str], between: str = "; ", end: str = ";") -> list[str]:
-    """Pieces that stay whole, as many on a line as fit."""
-    lines: list[str] = []
-    *parts, last = pieces
-    for piece in (*(part + between.rstrip() for part in parts), last + end):
-        if lines and len(lines[-1]) + len(piece) < WIDTH - 4:
-            lines[-1] += f" {piece}"
-        else:
-            lines.append(piece if not lines else f"  {piece}")
-    return lines
+def asserted(symbols: Iterable[Symbol]) -> list[str]:
+    """Statements that keep to bounds that are excluded, which ``min`` and ``max`` cannot say."""
+    bounds = [(s, sign, bound) for s in symbols if s.strict for sign, bound in ((">", s.minimum), ("<", s.maximum))]
+    limits = [f"{s.name} {sign} {number(bound)}" for s, sign, bound in bounds if bound is not None]
+    return [f"assert({limit}, {quoted(f'{limit} is needed')});" for limit in limits]
+
+
+def wrapped(statement: str) -> list[str]:
+    """Lines of one statement; strings stay whole."""
+    text = _STRING.sub(lambda string: string[0].replace(" ", "\0"), statement)
+    lines = textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return [line.replace("\0", " ") for line in lines]
 
 
 def filled(statements: Iterable[str]) -> list[str]:
-    """Lines of statements, short ones on one line as long as it lasts."""
+    """Lines of statements, as many on a line as fit."""
     lines: list[str] = []
     for statement in statements:
-        short = wrapped(f"{lines[-1]} {statement}") if lines and not lines[-1].startswith("  ") else []
-        lines[-1:] = short if len(short) == 1 else [*lines[-1:], *wrapped(statement)]
+        if lines and len(lines[-1] + statement) < WIDTH and not lines[-1].startswith(" "):
+            lines[-1] += f" {statement}"
+        else:
+            lines += wrapped(statement)
     return lines
 
 
@@ -76,13 +104,27 @@ def indented(lines: Iterable[str]) -> list[str]:
     return [f"  {line}" for line in lines]
 
 
+def model(
+    head: str, declarations: Iterable[str], equations: list[str], initial: Iterable[str] = (), annotation: str = ""
+) -> list[str]:
+    """Lines of a model from statements.
+
+    :param head: the first line.
+    :param equations: lines.
+    """
+    lines = [head, *indented(line for statement in declarations for line in wrapped(statement))]
+    for title, block in (("initial equation", filled(initial)), ("equation", equations)):
+        lines += [title, *indented(block)] if block else []
+    return [*lines, *indented([annotation] * bool(annotation)), f"end {head.split()[head.split().index('model') + 1]};"]
+
+
 @final
 @dataclass(eq=False)
 class Section:
-    """Equations of a class, and the names of what long formulas repeat.
+    """Equations, the variables in them, and names of what long formulas repeat.
 
     :param names: what some symbols are written as.
-    :param index: of the elements, in a loop.
+    :param index: of elements, in a loop.
     :param events: whether relations are events.
     """
 
@@ -90,69 +132,46 @@ class Section:
     names: Mapping[str, str] = field(default_factory=dict)
     index: str = ""
     events: bool = True
-    lines: list[str] = field(default_factory=list)  # one a statement
+    statements: list[str] = field(default_factory=list)
     unsaid: list[str] = field(default_factory=list)
-    abbreviations: dict[str, str] = field(default_factory=dict)  # names by what they stand for
-
-    @property
-    def _letter(self) -> str:
-        return self.notation.free_letter()
-
-    @property
-    def declared(self) -> list[str]:
-        """Declarations of the abbreviations, and what is missing."""
-        missing = [f"// too long, or not to be said in Modelica: {', '.join(self.unsaid)}"] if self.unsaid else []
-        size = "[n]" * bool(self.index)
-        names = [name + size for name in self.abbreviations.values()]
-        return missing + (declared(*names, head="protected Real") if names else [])
+    variables: dict[str, None] = field(default_factory=dict)  # in the order of their first use
+    _abbreviations: dict[str, str] = field(default_factory=dict)  # names by what they stand for
 
     def written(self, right: ca.SX, longest: float = math.inf) -> str | None:
-        """A formula, after the equations of its abbreviations; None if it is too long or cannot be said."""
-        tree = formula(right, self.notation, longest, looser=1)
+        """A formula, after equations of its abbreviations; None if it is too long or cannot be said."""
+        tree = formula(right, self.notation, longest, breaks=True)
         if tree is None:
             return None
-        local, uses = dict(self.names), Counter(_names(tree))
-        definitions: dict[str, str] = {}
+        local = dict(self.names)
         try:
             for name, term in tree.where:
                 text = expression(term, local, events=self.events)
-                known = self.abbreviations | definitions
-                if uses[name.name] > 1 or text in known:
-                    definitions |= {} if text in known else {text: f"{self._letter}_{len(known) + 1}"}
-                    local[name.name] = (known | definitions)[text] + self.index
-                else:  # only too wide for a page
-                    local[name.name] = f"({text})"
+                if text not in self._abbreviations:
+                    short = f"{self.notation.free_letter()}_{len(self._abbreviations) + 1}"
+                    self._abbreviations[text] = short
+                    self.statements.append(f"{short}{self.index} = {text};")
+                local[name.name] = self._abbreviations[text] + self.index
             result = expression(tree.term, local, events=self.events)
         except UnsupportedError:
             return None
-        self.abbreviations |= definitions
-        for text, name in definitions.items():
-            self.lines.append(f"{name}{self.index} = {text};")
+        self.variables |= dict.fromkeys(map(str, ca.symvar(right)))
         return result
 
-    def add(self, left: str, right: ca.SX, longest: float = math.inf) -> bool:
-        """Write an equation unless its right side is too long or cannot be said; whether it is written."""
+    def add(self, left: str, right: ca.SX, longest: float = math.inf) -> None:
+        """Write an equation, unless its right side is too long or cannot be said."""
         text = self.written(right, longest)
         if text is None:
             self.unsaid.append(left)
-            return False
-        self.lines.append(f"{left} = {text};")
-        return True
+        else:
+            self.variables |= dict.fromkeys(re.findall(r"^(?:der\()?(\w+)[\[\w\s+\])]*$", left))
+            self.statements.append(f"{left} = {text};")
 
+    def further(self, *without: str) -> list[str]:
+        """Names of its variables, and of abbreviations."""
+        names = dict.fromkeys([*self.variables, *self._abbreviations.values()])
+        return [name for name in names if name not in {*without, "t"}]
 
-def wrapped(equation: str) -> list[str]:
-    """Lines of one equation."""
-    return textwrap.wrap(equation, WIDTH - 4, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
-
-
-def _names(tree: Formula) -> Iterator[str]:
-    """Names in a formula and in the definitions of its abbreviations, as often as they stand there."""
-    waiting: list[object] = [tree.term, *(term for _, term in tree.where)]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, Name):
-            yield node.name
-        elif isinstance(node, tuple):
-            waiting += node
-        elif is_dataclass(node):
-            waiting += [getattr(node, member.name) for member in fields(node)]
+    @property
+    def comment(self) -> list[str]:
+        """What is missing."""
+        return [f"// Too long, or not to be said in Modelica: {', '.join(self.unsaid)}."] if self.unsaid else []

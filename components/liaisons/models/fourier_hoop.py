@@ -31,21 +31,16 @@ class FourierHoop(ParametrisedHoop):
     """
 
     radius = Parameter(1.0, "m", "mean of r over θ", above=0)
-    cos_1 = Parameter(0.0, "1", "coefficient of cos θ in r/radius")
-    cos_2 = Parameter(0.0, "1", "coefficient of cos 2θ in r/radius")
-    cos_3 = Parameter(0.0, "1", "coefficient of cos 3θ in r/radius")
-    cos_4 = Parameter(0.0, "1", "coefficient of cos 4θ in r/radius")
-    sin_1 = Parameter(0.0, "1", "coefficient of sin θ in r/radius")
-    sin_2 = Parameter(0.0, "1", "coefficient of sin 2θ in r/radius")
-    sin_3 = Parameter(0.0, "1", "coefficient of sin 3θ in r/radius")
-    sin_4 = Parameter(0.0, "1", "coefficient of sin 4θ in r/radius")
+    cos_1, cos_2, cos_3, cos_4, sin_1, sin_2, sin_3, sin_4 = (
+        Parameter(0.0, "1", f"coefficient of {wave} {angle} in r/radius")
+        for wave in ("cos", "sin")
+        for angle in ("θ", "2θ", "3θ", "4θ")
+    )
     theta = Coordinate("rad", "polar angle of the bead as seen from O, relative to OA", start_rate=1.0)
 
     @property
-    def _coefficients(self) -> tuple[tuple[int, ca.SX, ca.SX], ...]:
-        cosines = self.cos_1, self.cos_2, self.cos_3, self.cos_4
-        sines = self.sin_1, self.sin_2, self.sin_3, self.sin_4
-        return tuple(zip(range(1, 5), cosines, sines, strict=True))
+    def _coefficients(self) -> list[tuple[int, ca.SX, ca.SX]]:
+        return [(k, self.symbols[f"cos_{k}"], self.symbols[f"sin_{k}"]) for k in range(1, 5)]
 
     @assertion("r must be > 0 all around: reduce cos_k, sin_k until O lies well inside the hoop")
     def star_shaped(self) -> ca.SX:

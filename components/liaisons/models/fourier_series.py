@@ -15,24 +15,19 @@ class FourierSeries(Operator):
 
     offset = Parameter(0.0, ANY, "mean value")
     angular_frequency = Parameter(1.0, "rad/s", "angular frequency of the first harmonic")
-    cos_1 = Parameter(0.0, ANY, "coefficient of the cosine of the first harmonic")
-    cos_2 = Parameter(0.0, ANY, "coefficient of the cosine of the second harmonic")
-    cos_3 = Parameter(0.0, ANY, "coefficient of the cosine of the third harmonic")
-    cos_4 = Parameter(0.0, ANY, "coefficient of the cosine of the fourth harmonic")
-    sin_1 = Parameter(0.0, ANY, "coefficient of the sine of the first harmonic")
-    sin_2 = Parameter(0.0, ANY, "coefficient of the sine of the second harmonic")
-    sin_3 = Parameter(0.0, ANY, "coefficient of the sine of the third harmonic")
-    sin_4 = Parameter(0.0, ANY, "coefficient of the sine of the fourth harmonic")
+    cos_1, cos_2, cos_3, cos_4, sin_1, sin_2, sin_3, sin_4 = (
+        Parameter(0.0, ANY, f"coefficient of the {wave} of the {ordinal} harmonic")
+        for wave in ("cosine", "sine")
+        for ordinal in ("first", "second", "third", "fourth")
+    )
 
     experiment = Experiment(reference={"cos_1": 1.0, "sin_2": 0.5})
 
     def signal(self, t: ca.SX) -> ca.SX:
-        cosines = self.cos_1, self.cos_2, self.cos_3, self.cos_4
-        sines = self.sin_1, self.sin_2, self.sin_3, self.sin_4
         y = self.offset
-        for k, (a, b) in enumerate(zip(cosines, sines, strict=True), 1):
+        for k in range(1, 5):
             phase = k * self.angular_frequency * t
-            y += a * ca.cos(phase) + b * ca.sin(phase)
+            y += self.symbols[f"cos_{k}"] * ca.cos(phase) + self.symbols[f"sin_{k}"] * ca.sin(phase)
         return y
 
     @closed_form("phasors that each derivative turns and stretches")

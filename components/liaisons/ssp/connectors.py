@@ -36,11 +36,8 @@ def inner(
     part: SystemComponent, connections: Iterable[Connection], shown: Iterable[VariableReference]
 ) -> dict[str, Entry]:
     """Connectors of a component: those connected inside, and those exposed by the system."""
-    ends = (end for connection in connections for end in (connection.source, connection.target))
-    names = [end.name for end in ends if end.part.name == part.name] + [
-        name for owner, name in shown if owner == part.name
-    ]
-    entries = (connector(part, name)[0] for name in names)
+    ends = (end.place for connection in connections for end in (connection.source, connection.target))
+    entries = (connector(part, name)[0] for owner, name in (*ends, *shown) if owner == part.name)
     return {entry.like.name: entry for entry in entries}
 
 

@@ -168,14 +168,11 @@ def _starts(
 
 def _bound(archive: Archive, element: VariableReference, binding: Element) -> Iterable[tuple[str, Quantity]]:
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
-    source = binding.get("source")
+    source, values = binding.get("source"), binding.find(path("ssd:ParameterValues", "ssv:ParameterSet"))
     if source is not None:
         values = _xml(archive, source, owner, "ssv:ParameterSet")
-    else:
-        inline = binding.find(path("ssd:ParameterValues", "ssv:ParameterSet"))
-        if inline is None:
-            raise SimulationError(f"{owner} has neither a source nor values")
-        values = inline
+    if values is None:
+        raise SimulationError(f"{owner} has neither a source nor values")
     entries: list[Element] = []
     for mapping in binding.iterfind(tag("ssd:ParameterMapping")):
         source = mapping.get("source")

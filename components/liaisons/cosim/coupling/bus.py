@@ -10,12 +10,12 @@ from ctypes import Array, addressof, c_double
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Action, Call
 from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
+from liaisons.cosim.structure.sources import Vector
 
 
 @final
@@ -91,7 +91,7 @@ class Bus:
         """What is read from a component to be recorded only."""
         return self._recorded_only[name]
 
-    def view(self, references: Sequence[VariableReference]) -> NDArray[np.float64]:
+    def view(self, references: Sequence[VariableReference]) -> Vector:
         """View of places that lie side by side."""
         first = self.index[references[0]]
         return self.values[first : first + len(references)]
@@ -104,7 +104,7 @@ class Bus:
         """Where what feeds an input stands; None if nothing does."""
         return self.index[self._feeds[input_]] if input_ in self._feeds else None
 
-    def room(self, size: int) -> tuple[int, NDArray[np.float64], Array[c_double]]:
+    def room(self, size: int) -> tuple[int, Vector, Array[c_double]]:
         """Further numbers without names, recorded with the rest: where the first is, and both views of them."""
         first = len(self.values)
         self.values = self._store[: first + size]

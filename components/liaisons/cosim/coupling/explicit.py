@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from numpy.typing import NDArray
-
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.schedule import Operation
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS, Drive
+from liaisons.cosim.structure.sources import SIGNALS, Drive, Vector
 
 Calls = list[Call]
 
@@ -59,5 +57,5 @@ def _lowered(
     yield prepare([variables[variable] for _, variable in references], bus.buffer(references))
 
 
-def _evaluate(drive: Drive, bus: Bus, values: NDArray) -> None:
+def _evaluate(drive: Drive, bus: Bus, values: Vector) -> None:
     values[:] = drive(bus.end.value)

@@ -8,7 +8,6 @@ from ctypes import addressof, byref, c_double
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call
@@ -16,7 +15,7 @@ from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.node import INSIDE, Node, Phase
 from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponentRecord, SystemRecord
 from liaisons.cosim.coupling.signal_history import Past, SignalHistory
-from liaisons.cosim.coupling.signals import Curve, Signals, State
+from liaisons.cosim.coupling.signals import Curve, Signals, State, Vector
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.structure.schedule import VariableReference
@@ -212,7 +211,7 @@ class Coupled:
                 self.signals.now[slope] = 0.0 if other is None else _jerk(values, drive(other), time - other)
 
 
-def _jerk(end: NDArray[np.float64], start: NDArray[np.float64], size: float) -> float:
+def _jerk(end: Vector, start: Vector, size: float) -> float:
     """Third derivative at the end of the quintic through value, rate and acceleration at both ends, ``size`` apart."""
     change = (60 * (end[0] - start[0]) / size - 36 * end[1] - 24 * start[1]) / size
     return float((change + 9 * end[2] - 3 * start[2]) / size)

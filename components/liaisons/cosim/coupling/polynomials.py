@@ -9,9 +9,8 @@ from functools import cache, lru_cache
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.cosim.coupling.signals import Curve, Indices
+from liaisons.cosim.coupling.signals import Curve, Indices, Vector
 
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
@@ -29,7 +28,7 @@ _LAST = {
 
 
 @cache
-def coefficients(count: int) -> NDArray[np.float64]:
+def coefficients(count: int) -> Vector:
     """Coefficients of the powers of θ, shape (2 count, 2 count), from ``count`` data at θ = 0 and as many at θ = 1.
 
     The data are derivatives with respect to θ, those of order 0 first.
@@ -56,7 +55,7 @@ class Polynomials:
     signals: Indices
     scaling: Indices
     terms: Indices
-    factors: NDArray[np.float64]
+    factors: Vector
     after: Indices
 
 

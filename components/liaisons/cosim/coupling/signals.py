@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
-from liaisons.cosim.structure.sources import SIGNALS
+from liaisons.cosim.structure.sources import SIGNALS, Vector
 
-Vector = NDArray[np.float64]
 Indices = NDArray[np.intp]
 State = tuple[Vector, Vector, float]
 
@@ -163,7 +162,7 @@ class Signals:
             if len(names) == len(self.sloped):
                 return self.sloped
 
-    def _units(self) -> NDArray[np.intp]:
+    def _units(self) -> Indices:
         """Outputs of one unit share one size."""
         owners = [driven(self._feeds, r) if r[0] == SIGNALS else r for r in self.references]
         units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]

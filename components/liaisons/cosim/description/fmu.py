@@ -130,11 +130,6 @@ class Fmu:
         marked = (event.type, event.causality, event.continuous, event.unit) == ("Real", "local", False, "s")
         return event if marked else None
 
-    def references_of(self, causality: str) -> list[int]:
-        """Value references of real scalars and arrays of a causality."""
-        variables = (entry.like for entry in self.variables.entries.values())
-        return [like.reference for like in variables if like.causality == causality and like.type == "Real"]
-
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
         """Whether an output depends directly on an input, in step mode or in initialization mode."""
         variable = self.variables[output]

@@ -87,7 +87,8 @@ class CoSimulation3(Instance3):
 
     def __init__(self, name: str, fmu: Fmu, directory: Path, *, requests_intermediate_update: bool = False) -> None:
         self._update = _UPDATE(lambda *_: self._answer())
-        self._asked = fmu.references_of("input") if requests_intermediate_update else []
+        inputs = (entry.like for entry in fmu.variables.entries.values() if entry.like.causality == "input")
+        self._asked = [like.reference for like in inputs if like.type == "Real" and requests_intermediate_update]
         self._answers: list[list[Transfer]] = []
         self._count = 0  # of answers in the present step
         self._worst_answer = 0

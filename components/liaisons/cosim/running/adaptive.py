@@ -17,12 +17,11 @@ from itertools import pairwise
 from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import Vector
+from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.deviations import Deviations
@@ -231,7 +230,7 @@ def _divided(
         estimate.rewind(snapshot)
 
 
-def kinds(simulation: Simulation, bus: Bus) -> NDArray[np.intp]:
+def kinds(simulation: Simulation, bus: Bus) -> Indices:
     """Number of the unit of each value on the bus; other than Reals of FMUs, each is compared with itself only."""
     variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
 

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.polynomials import coefficients
-from liaisons.cosim.structure.sources import Drive, rounding
+from liaisons.cosim.structure.sources import Drive, Vector, rounding
 from liaisons.errors import SimulationError
 
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -67,7 +67,7 @@ class Deviations:
         self._overrun = [0] * len(self._drives)
         self._end = -math.inf
 
-    def integrate_steps(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def integrate_steps(self, times: Vector) -> Vector:
         """The integrals of steps from each of these instants [s] to the next, up to the first that may have a break.
 
         :returns: shape (steps, columns), of the columns :attr:`span` of the bus; no steps if a function raises.
@@ -105,7 +105,7 @@ class Deviations:
                 self._breaks[k] = 0
         return np.hstack(integrals)[:many]
 
-    def _allowed(self, size: ArrayLike) -> NDArray[np.float64]:
+    def _allowed(self, size: ArrayLike) -> Vector:
         """Largest deviation without a break, of a function of some size."""
         return self._tolerance * np.where(np.asarray(size) > 0, size, 1.0)
 
@@ -142,7 +142,7 @@ class Deviations:
         return instant
 
 
-def _integrals(off: NDArray[np.float64], size: ArrayLike) -> NDArray[np.float64]:
+def _integrals(off: Vector, size: ArrayLike) -> Vector:
     """∫ and ∫∫ of deviations at the nodes, all taken with the sign of their mean, so that nothing cancels."""
     size = np.asarray(size)
     sizes = np.copysign(np.abs(off), (off @ _WEIGHTS)[..., None])
@@ -162,7 +162,7 @@ def _located(drive: Drive, start: float, end: float, deviation: float, nothing: 
     return end
 
 
-def _deviation(drive: Drive, start: float, end: float) -> NDArray[np.float64]:
+def _deviation(drive: Drive, start: float, end: float) -> Vector:
     """Deviation, at the nodes, from the quintic through both ends of a port, else from the cubic through the thirds."""
     size = end - start
     values = np.array([drive(start + size * node)[0] for node in _NODES])

@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim.coupling.polynomials import coefficients
+from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.schedule import VariableReference
 
-Vector = NDArray[np.float64]
-Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Integrals = tuple[Vector, Vector]
 

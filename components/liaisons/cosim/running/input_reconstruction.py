@@ -7,11 +7,10 @@ from ctypes import c_double
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import curve
+from liaisons.cosim.coupling.signals import Vector, curve
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
 from liaisons.cosim.structure import schedule
@@ -38,7 +37,7 @@ class InitialDerivatives:
         self.gains: dict[tuple[VariableReference, VariableReference], int] = {}
         solved_inputs = {input_ for _, input_ in solved}
         width = len(bus.values)
-        parts: list[NDArray[np.float64]] = []
+        parts: list[Vector] = []
         seed = (c_double * 1)(1.0)
         for name, part in simulation.parts.items():
             fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
@@ -57,7 +56,7 @@ class InitialDerivatives:
         self._parts = parts
 
     @property
-    def values(self) -> NDArray[np.float64]:
+    def values(self) -> Vector:
         """The derivatives, as they were taken last."""
         return np.concatenate([np.empty(0), *self._parts])
 

@@ -14,11 +14,11 @@ from itertools import pairwise
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import Call, Record
 from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
@@ -58,9 +58,7 @@ class Loop:
         self.after_break.clear()
         self._result_times.clear()
 
-    def add(
-        self, time: float, values: NDArray[np.float64], *, result_time: float | None = None, after_break: bool = False
-    ) -> None:
+    def add(self, time: float, values: Vector, *, result_time: float | None = None, after_break: bool = False) -> None:
         """Record a point that was reached without :meth:`advance`.
 
         :param result_time: its time in the result [s], which may differ by rounding; None: it is not in the result.
@@ -76,7 +74,7 @@ class Loop:
         self.rows[self.done], self.times[self.done] = values, time
         self.done += 1
 
-    def result_rows(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    def result_rows(self) -> tuple[Indices, Vector]:
         """Indices of the rows in the result, and their times [s]."""
         rows = np.delete(np.arange(self.done), sorted(self.internal))
         times = self.times[: self.done].copy()

@@ -18,21 +18,19 @@ from time import perf_counter
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling import explicit
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import Vector, watched
+from liaisons.cosim.coupling.signals import Indices, Vector, watched
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.instances.texts import text
-from liaisons.cosim.messages import keeping_warnings, logger
+from liaisons.cosim.messages import keeping_warnings, logger, warn_of_what_is_not_finite
 from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.finite import warn_of_what_is_not_finite
 from liaisons.cosim.running.input_reconstruction import InitialDerivatives, input_reconstructions
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
@@ -100,7 +98,10 @@ class Run:
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
             self._divides = self._breaks.divides and self._estimate.looks and not reads_samples
             self._loop = Loop(self._step, self._bus, len(times))
-            self._back = self._saved() if self.repeats else []
+            self._back: Sequence[Call] = []
+            if self.repeats:
+                saves, self._back = zip(*(instance.states() for instance in self._instances.values()), strict=True)
+                self._bus.perform(saves)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Run:
@@ -277,7 +278,7 @@ class Run:
             self._estimate.worst.warn(float(np.nansum(self._error)))
         return result
 
-    def _estimated(self, in_result: NDArray[np.intp]) -> Vector:
+    def _estimated(self, in_result: Indices) -> Vector:
         """What has been added since the communication point before, of the rows that belong to the result."""
         if self._errors:
             return np.array([0.0, *self._errors])
@@ -315,12 +316,6 @@ class Run:
         variables = self._simulation.parts[name].fmu.variables
         read = [variables[variable] for _, variable in places]
         return [self._instances[name].getter(read, self._bus.buffer(places))] if places else []
-
-    def _saved(self) -> list[Call]:
-        """Calls that bring the present states back."""
-        states = [instance.states() for instance in self._instances.values()]
-        self._bus.perform(save for save, _ in states)
-        return [restore for _, restore in states]
 
 
 @contextmanager

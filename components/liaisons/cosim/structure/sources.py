@@ -26,6 +26,8 @@ _KEPT = 4096
 _ROUNDING = 1e-12
 """Relative tolerance of instants, as in FMUs of liaisons."""
 
+Vector = NDArray[np.float64]
+
 Function = Callable[[float], float | Sequence[float]]
 """A function of time [s]."""
 
@@ -68,20 +70,20 @@ class Drive:
     function: Function
     inputs: tuple[VariableReference, ...]
     among: tuple[int, int] | None = None
-    breaks: NDArray[np.float64] = field(default_factory=lambda: np.empty(0), compare=False)
-    _begins: dict[float, NDArray[np.float64]] = field(default_factory=dict, compare=False, repr=False)
-    _known: dict[float, NDArray[np.float64]] = field(default_factory=dict, compare=False, repr=False)
+    breaks: Vector = field(default_factory=lambda: np.empty(0), compare=False)
+    _begins: dict[float, Vector] = field(default_factory=dict, compare=False, repr=False)
+    _known: dict[float, Vector] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def places(self) -> list[VariableReference]:
         """References of its values on the bus."""
         return [(SIGNALS, f"{part}.{variable}") for part, variable in self.inputs]
 
-    def right(self, t: float) -> NDArray[np.float64]:
+    def right(self, t: float) -> Vector:
         """Limits of its values from the right of t, to rounding, shape (inputs,)."""
         return self(t + float(self.rounding(t)))
 
-    def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sample(self, times: Vector) -> Vector:
         """Its values at instants inside of steps, shape (*times, inputs).
 
         :raises SimulationError: as a call does.
@@ -95,7 +97,7 @@ class Drive:
             values = np.array([self(t) for t in instants])
         return values.reshape(*times.shape, -1)
 
-    def rounding(self, t: ArrayLike) -> NDArray[np.float64]:
+    def rounding(self, t: ArrayLike) -> Vector:
         """Distance [s] from t beyond which a function is past a break at t, whatever it rounds."""
         return 8 * np.spacing(np.maximum(np.abs(t), np.max(np.abs(self.breaks), initial=0.0)))
 
@@ -115,7 +117,7 @@ class Drive:
         index = int(np.searchsorted(self.breaks, time + rounding(time), side="right"))
         return float(self.breaks[index]) if index < len(self.breaks) else None
 
-    def __call__(self, t: float) -> NDArray[np.float64]:
+    def __call__(self, t: float) -> Vector:
         """Its values, shape (inputs,).
 
         :raises SimulationError: if the function raises, or returns other than so many finite numbers or integers.
@@ -128,7 +130,7 @@ class Drive:
             values = self._known[t] = self._evaluated(float(t))
         return values
 
-    def _evaluated(self, t: float) -> NDArray[np.float64]:
+    def _evaluated(self, t: float) -> Vector:
         name = self.inputs[0][1]
         values = evaluate(self.function, name, t)
         if values.size != len(self.inputs) or not np.isfinite(values).all():
@@ -183,7 +185,7 @@ def drives(
     return found
 
 
-def _instants(label: str, breaks: object) -> NDArray[np.float64]:
+def _instants(label: str, breaks: object) -> Vector:
     """Instants [s], sorted and unique.
 
     :raises SimulationError: unless they are a list of finite numbers.
@@ -198,7 +200,7 @@ def _instants(label: str, breaks: object) -> NDArray[np.float64]:
     return np.unique(instants)
 
 
-def evaluate(function: Function, name: str, t: float) -> NDArray[np.float64]:
+def evaluate(function: Function, name: str, t: float) -> Vector:
     """Value of a function of time, shape () or (n,).
 
     :param name: of its input, for messages.

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from .calls import Array, Call, view
-from .table import Table
+from .table import Table, violation
 from .vectors import Vectors
 
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
@@ -86,14 +86,15 @@ class Step:
         self._long = Call(long, (self._x, np.zeros(0), p), (self._x_next,))
         self._events = Events(table.functions["events"], v.k)
 
-    def advance(self) -> bool:
-        """Compute y and u at t + H; False if that fails."""
+    def advance(self) -> str:
+        """Compute y and u at t + H; returns what made that fail, and when, or an empty text."""
         if not self._vectors.size.size:
             self._inputs.run()
-            return True
+            return ""
         self._short.run()
         smooth = not self._events.any
-        return (smooth and self._error[0] <= self._largest_error) or self._integrate(1.0)
+        done = (smooth and self._error[0] <= self._largest_error) or self._integrate(1.0)
+        return "" if done else self._obstacle()
 
     def _integrate(self, fraction: float) -> bool:
         """Integrate over a fraction of the step, from event to event, with error control."""
@@ -116,16 +117,14 @@ class Step:
         self._y_next[:] = self._x * v.size
         return bool(np.isfinite(self._y_next).all())
 
-    def obstacle(self) -> str:
-        """What made :meth:`advance` fail, and when."""
+    def _obstacle(self) -> str:
+        """Why :meth:`_integrate` fails, and when."""
         t, H = self._vectors.t[0], self._vectors.H[0]
-        bounded = [(i, entry) for i, entry in enumerate(self._table.inputs) if entry.domain]
         for fraction in np.linspace(0.0, 1.0, 1025):
             self._tau[0] = fraction
             self._inputs.run()
-            for i, entry in bounded:
-                if not entry.allows(self._u_next[i]):
-                    return entry.violation(self._u_next[i], t + fraction * H)
+            if problem := violation(self._table.inputs, self._u_next, t + fraction * H):
+                return problem
         if self._long.internal_steps >= _MOST_STEPS:
             return f"more than {_MOST_STEPS} internal steps are needed: choose a smaller step"
         return self._singularity()

@@ -44,10 +44,9 @@ class Prescribed:
         self._leaping = np.zeros(len(table.active))  # whether each σ jumps at the end of an interpolated step
         last_step = v.past_H, v.past_u, v.u
         if self._checks:
-            self._m_next, self._went_next, self._largest = np.zeros(v.m.size), np.zeros(v.went.size), np.zeros(1)
+            self._largest = np.zeros(1)
             ends = (v.H, v.u, v.given) if mode == INTERPOLATE else last_step
-            results = self._m_next, self._went_next, self._largest, self._leaping
-            self._compare = Call(_comparison(table), (*ends, v.m), results)
+            self._compare = Call(_comparison(table), (*ends, v.m), (v.m, v.went, self._largest, self._leaping))
         self.contradicted = self._checks  # whether σ may differ from what its rates said
         self._moves_states = any(map(any, table.jumps))
         if self._moves_states:
@@ -77,7 +76,6 @@ class Prescribed:
         if not self._checks or (v.past_H[0] == 0 and not interpolating):
             return False
         self._compare.run()
-        v.m[:], v.went[:] = self._m_next, self._went_next
         v.compared_at[:] = v.t + H if interpolating else v.t
         self.contradicted = bool(self._largest[0] > 0)
         return interpolating and bool(self._leaping.any())

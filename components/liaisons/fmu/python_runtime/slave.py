@@ -28,7 +28,7 @@ from .calls import Call, view
 from .motion import EXTRAPOLATE, HOLD, INTERPOLATE, LOOSEST, TIGHTEST, Events, Step
 from .prescribed import Prescribed
 from .states import ARRAYS, SCALARS, State, from_bytes, to_bytes, usable
-from .table import load, starts
+from .table import load, starts, violation
 from .vectors import Vectors
 
 held: list[dict[str, Any]] = []  # see python_backend
@@ -91,15 +91,14 @@ class Slave(Fmi2Slave):
 
         f, self._v = table.functions, (v := Vectors(table))
         self._number, self._now = view(v.values), view(v.now)
-        self._y_next, self._m_next = v.y.copy(), v.m.copy()
         point = (v.t, v.y, v.u, v.k)
         self._start = Call(f["start"], (v.t, v.u, v.k), (v.y, v.m))
         self._measure = Call(f["nominals"], point, (v.size,))
         self._output = Call(f["outputs"], (*point, v.m), (v.z,))
         self._draw = Call(f["draw"], point, (v.drawn,)) if "draw" in f else None
-        self._jump = Call(f["jump"], (*point, v.m), (self._y_next,))
-        self._remember = Call(f["remember"], (*point, v.m), (self._m_next,))
-        self._project = Call(f["project"], point, (self._y_next,)) if "project" in f else None
+        self._jump = Call(f["jump"], (*point, v.m), (v.y,))
+        self._remember = Call(f["remember"], (*point, v.m), (v.m,))
+        self._project = Call(f["project"], point, (v.y,)) if "project" in f else None
         self._events = Events(f["events"], v.k)
         self._read_starts(resources)
 
@@ -109,8 +108,7 @@ class Slave(Fmi2Slave):
             if kind != "z":
                 (self.set_real if kind == "r" else self.set_integer)([vr], [value])
             else:
-                entries = [(index, self._table.inputs[index]) for index, _, _ in self._table.active]
-                excluded = [index for index, entry in entries if not entry.allows(0.0)]
+                excluded = [index for index, _, _ in self._table.active if not self._table.inputs[index].allows(0.0)]
                 self._kept_starts = {self._first_input + index: self._v.given[index] for index in excluded}
 
     # ---- initialization ---------------------------------------------------------------------------------------
@@ -172,9 +170,8 @@ class Slave(Fmi2Slave):
     def _bad_start(self) -> str:
         """What forbids this initialization; empty if nothing does."""
         v, t = self._v, self._now[0]
-        for entry, value in zip(self._table.settable, v.values[self._first :], strict=False):
-            if not entry.allows(value):
-                return entry.violation(value, t)
+        if problem := violation(self._table.settable, v.values[self._first : self._first_output], t):
+            return problem
         if not np.isfinite(v.y).all():
             return "the initial state is not finite"
         failed = self._table.failed_condition(t, v.y, v.u, v.k, 0.0, start=True)
@@ -238,63 +235,51 @@ class Slave(Fmi2Slave):
             problem = "; ".join(self._refused.values())
             self._refused.clear()
             return problem
-        if not (0 < H < math.inf and abs(t - now[0]) <= 1e-6 * H + 1e-12 * abs(t) and t < t + H < math.inf):
-            return self._wrong_times(t, H)
-        if prescribed.contradicted:
-            self._warn()
+        if problem := self._wrong_times(t, H):
+            return problem
+        self._warn()
         now[0], self._v.H[0] = t, H
         self._set_present_inputs()
         compares = prescribed.contradicted or self._jumped or self._mode == INTERPOLATE
         jumps_at_end = compares and prescribed.compare(H)
         if self._jumped:
             prescribed.jump()
-            self._replace_states(self._jump)
-        if jumps_at_end:
-            obstacle = self._extrapolate(step, prescribed, t, H)
-        else:
-            obstacle = "" if step.advance() else step.obstacle()
-        if obstacle:
+            self._jump.run()
+        if obstacle := self._extrapolate(step, prescribed, t, H) if jumps_at_end else step.advance():
             return f"{obstacle}; the step from t = {t:.9g} is taken back"
         prescribed.arrive(H)
         step.next[0] = self._at_instant(t + H)
         now[:] = step.next
         if self._project is not None:  # back onto constraints and unit quaternions
-            self._replace_states(self._project)
+            self._project.run()
         if jumps_at_end:
-            self._remember_step()
+            self._remember.run()
             prescribed.jump_to_inputs()
-            self._replace_states(self._jump)
+            self._jump.run()
         self._remembered = self._jumped = self._evaluated = False
         return ""
-
-    def _replace_states(self, call: Call) -> None:
-        call.run()
-        self._v.y[:] = self._y_next
-
-    def _remember_step(self) -> None:
-        self._remember.run()
-        self._v.m[:] = self._m_next
 
     def _extrapolate(self, step: Step, prescribed: Prescribed, t: float, H: float) -> str:
         """Do a step with extrapolated inputs, which jump at its end; returns why it failed, or an empty text."""
         given = self._v.given
-        for entry, value in zip(self._table.inputs, given.tolist(), strict=True):
-            if not entry.allows(value):
-                return entry.violation(value, t + H)
+        if obstacle := violation(self._table.inputs, given, t + H):
+            return obstacle
         ends = given.copy()
         prescribed.extrapolate(H)
-        obstacle = "" if step.advance() else step.obstacle()
+        obstacle = step.advance()
         given[:] = ends
         return obstacle
 
     def _wrong_times(self, t: float, H: float) -> str:
-        """Why there is no step from t to t + H."""
+        """Why there is no step from t to t + H; empty if there is one."""
         if not 0 < H < math.inf:
             return f"step size = {H:g}: it must be > 0 and finite"
         if not math.isfinite(t):
             return f"step from t = {t:g}: it must be finite"
         if not abs(t - self._now[0]) <= 1e-6 * H + 1e-12 * abs(t):  # rounding of the importer's clock
             return f"step from t = {t:.15g}: the instance is at t = {self._now[0]:.15g}"
+        if t < t + H < math.inf:
+            return ""
         return f"step from t = {t:.15g} of size {H:g}: it must end later, at a finite time"
 
     def _at_instant(self, end: float) -> float:
@@ -313,7 +298,7 @@ class Slave(Fmi2Slave):
     def _close_step(self) -> None:
         """Remember the end of the last step; deferred until it matters."""
         if not self._remembered:
-            self._remember_step()
+            self._remember.run()
             self._remembered = True
 
     # ---- variables --------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -41,9 +41,6 @@ class Entry:
     def allows(self, value: float) -> bool:
         """Whether the value lies in the domain."""
         return all(margin > 0 or (margin == 0 and not self.strict) for margin in self.margins(value))
-
-    def violation(self, value: float, t: float) -> str:
-        return f"{self.name} = {value:.9g} at t = {t:.9g}: it must be {self.domain}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +89,14 @@ class Table:
             if not margin > least:
                 return f"{text}; at t = {t:.9g} it {'hardly does' if margin > 0 else 'does not'} ({margin:.3g})"
         return ""
+
+
+def violation(entries: Iterable[Entry], values: Array, t: float) -> str:
+    """What is said of the first value outside of its domain at a time; empty if there is none."""
+    for entry, value in zip(entries, values.tolist(), strict=True):
+        if not entry.allows(value):
+            return f"{entry.name} = {value:.9g} at t = {t:.9g}: it must be {entry.domain}"
+    return ""
 
 
 def load(resources: str) -> Table:

@@ -36,7 +36,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
     """Model of a chain of n links, laid out as variables and functions; names: docs/reference/fmu.md.
 
     :param component: a subclass of Chain.
-    :param n: how many links, at least ``component.n.minimum``.
+    :param n: how many links, at least 2.
     """
     m = component(n)
     layout = m.layout()

@@ -13,7 +13,7 @@ from liaisons.models.solutions import rotations
 from liaisons.models.solutions.euler_top import euler_top
 from liaisons.models.solutions.integration import integrate
 from liaisons.models.solutions.linear import free_fall
-from liaisons.models.solutions.validity import positive_definite, require
+from liaisons.models.solutions.validity import require
 
 _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
 
@@ -21,7 +21,10 @@ _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz
 
 
 def _tensor(where: str, at: Values) -> NDArray:
-    return positive_definite(f"Satellite.{where}: J", at.array(*_TENSOR).reshape(3, 3))
+    J = at.array(*_TENSOR).reshape(3, 3)
+    definite = bool(np.all(np.linalg.eigvalsh(J) > 0))
+    require(definite, f"Satellite.{where}: J = {J.tolist()} must be positive definite")
+    return J
 
 
 @closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
@@ -73,21 +76,17 @@ def steered(t: NDArray, at: Values, *, wheels: Callable[[float], ArrayLike]) -> 
 # ---- SpatialCat ----------------------------------------------------------------------------------------------------
 
 
-def _turn(at: Values, bend: float) -> float:
-    c, s = np.cos(bend / 2), np.sin(bend / 2)
-    return float(2 * np.pi * at.inertia_axial * c / (at.inertia_transverse * s**2 + at.inertia_axial * c**2))
-
-
 @closed_form("the angle Φ [rad] by which χ turns the cat about a + b, once round at constant bend")
 def turn(bend: float, at: Values) -> float:
-    return _turn(at, bend)
+    c, s = np.cos(bend / 2), np.sin(bend / 2)
+    return float(2 * np.pi * at.inertia_axial * c / (at.inertia_transverse * s**2 + at.inertia_axial * c**2))
 
 
 @closed_form("free fall, and without momentum and twist, at constant bend, a turn that χ alone determines")
 def bent(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
     """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
     chi = np.asarray(azimuth, dtype=float)
-    psi = _turn(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
+    psi = turn(at.bend, at) * (chi - azimuth_0) / (2 * np.pi)
     start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
     back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
     q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)

@@ -15,25 +15,22 @@ Modes = tuple[NDArray, NDArray]  # frequencies [rad/s], (n,), and modes as colum
 # ---- OscillatorChain: both ends are free ---------------------------------------------------------------------------
 
 
-def _free(at: Values) -> Modes:
+@closed_form("frequencies [rad/s] from 0 upward, (n,), and modes φ_k(j) as columns, (n, n)")
+def free_modes(at: Values) -> Modes:
     k, j = np.arange(at.n), np.arange(1, at.n + 1)[:, None]
     return 2 * np.sqrt(at.stiffness / at.mass) * np.sin(k * np.pi / (2 * at.n)), np.cos(k * np.pi * (j - 0.5) / at.n)
 
 
 @closed_form("superposition of the normal modes", t=">= 0")
 def free(t: NDArray, at: Values) -> dict[str, NDArray]:
-    return dict(zip(("u", "u_dot"), superposition(t, *_free(at), at.u_0, at.u_dot_0), strict=True))
-
-
-@closed_form("frequencies [rad/s] from 0 upward, (n,), and modes φ_k(j) as columns, (n, n)")
-def free_modes(at: Values) -> Modes:
-    return _free(at)
+    return dict(zip(("u", "u_dot"), superposition(t, *free_modes(at), at.u_0, at.u_dot_0), strict=True))
 
 
 # ---- DrivenChain: an operator holds the left end -------------------------------------------------------------------
 
 
-def _driven(at: Values) -> Modes:
+@closed_form("with the grip at rest: frequencies [rad/s], (n,), and modes φ_k(j) as columns, (n, n)")
+def driven_modes(at: Values) -> Modes:
     j = np.arange(1, at.n + 1)
     alpha = (2 * j - 1) * np.pi / (2 * at.n + 1)
     return 2 * np.sqrt(at.stiffness / at.mass) * np.sin(alpha / 2), np.sin(alpha * j[:, None])
@@ -43,14 +40,9 @@ def _driven(at: Values) -> Modes:
 def driven(t: NDArray, at: Values, *, amplitude: float = 0.1, angular_frequency: float = 1.0) -> dict[str, NDArray]:
     push = np.where(np.arange(at.n) == 0, at.stiffness / at.mass, 0.0)  # only the first mass feels the grip
     sine = (-1j * amplitude, angular_frequency)  # Re(-i e^(iωt)) = sin ωt
-    u, u_dot = superposition(t, *_driven(at), 0.0, 0.0, push=push, forces=[sine])
+    u, u_dot = superposition(t, *driven_modes(at), 0.0, 0.0, push=push, forces=[sine])
     sigma = amplitude * np.sin(angular_frequency * t)
     return {"u": u, "u_dot": u_dot, "drive_force": at.stiffness * (sigma - u[..., 0])}
-
-
-@closed_form("with the grip at rest: frequencies [rad/s], (n,), and modes φ_k(j) as columns, (n, n)")
-def driven_modes(at: Values) -> Modes:
-    return _driven(at)
 
 
 @closed_form("a bound of what precedes a sudden unit push at mass j before j Δx/c, J_2j(x)/√(1 - (x/2j)²)")
@@ -64,7 +56,8 @@ def forerunner(t: NDArray, j: ArrayLike, at: Values) -> NDArray:
 # ---- PendulumChain, DoublePendulum: small angles -------------------------------------------------------------------
 
 
-def _hanging(at: Values) -> Modes:
+@closed_form("frequencies [rad/s] from the slowest, (n,), and modes as columns of angles, (n, n)", gravity="> 0")
+def hanging_modes(at: Values) -> Modes:
     zeros = roots_laguerre(at.n)[0]
     displacements = eval_laguerre(np.arange(at.n, -1, -1)[:, None], zeros)  # of pivot and bobs, from the top
     return np.sqrt(zeros * at.gravity / at.length), np.diff(displacements, axis=0) / at.length
@@ -72,15 +65,13 @@ def _hanging(at: Values) -> Modes:
 
 @closed_form("the motion for sin θ ≈ θ with fixed pivot: the sum of the normal modes", t=">= 0", gravity="> 0")
 def hanging(t: NDArray, at: Values) -> dict[str, NDArray]:
-    return dict(zip(("theta", "theta_dot"), superposition(t, *_hanging(at), at.theta_0, at.theta_dot_0), strict=True))
+    return dict(
+        zip(("theta", "theta_dot"), superposition(t, *hanging_modes(at), at.theta_0, at.theta_dot_0), strict=True)
+    )
 
 
-@closed_form("frequencies [rad/s] from the slowest, (n,), and modes as columns of angles, (n, n)", gravity="> 0")
-def hanging_modes(at: Values) -> Modes:
-    return _hanging(at)
-
-
-def _two(at: Values) -> Modes:
+@closed_form("frequencies [rad/s] (2,), the slow one first, and modes (1, θ_2/θ_1) as columns (2, 2)", gravity="> 0")
+def double_pendulum_modes(at: Values) -> Modes:
     """In the slow mode both bobs swing to the same side, in the fast one to opposite sides."""
     # λ = g/Ω² solves λ² - (l_1 + l_2) λ + l_1 l_2 m_1/(m_1 + m_2) = 0 and θ_2/θ_1 = l_1/(λ - l_2); of the two
     # roots each of λ and of λ - l_2 the one with cancellation follows from the product.
@@ -98,11 +89,6 @@ def _two(at: Values) -> Modes:
 @closed_form("the motion for sin θ ≈ θ with fixed pivot: the sum of two normal modes", t=">= 0", gravity="> 0")
 def double_pendulum(t: NDArray, at: Values) -> dict[str, NDArray]:
     start, rates = at.array("theta_1_0", "theta_2_0"), at.array("theta_1_dot_0", "theta_2_dot_0")
-    theta, theta_dot = superposition(t, *_two(at), start, rates)
+    theta, theta_dot = superposition(t, *double_pendulum_modes(at), start, rates)
     names = ("theta_1", "theta_2", "theta_1_dot", "theta_2_dot")
     return dict(zip(names, (*np.moveaxis(theta, -1, 0), *np.moveaxis(theta_dot, -1, 0)), strict=True))
-
-
-@closed_form("frequencies [rad/s] (2,), the slow one first, and modes (1, θ_2/θ_1) as columns (2, 2)", gravity="> 0")
-def double_pendulum_modes(at: Values) -> Modes:
-    return _two(at)

@@ -28,21 +28,17 @@ def normal_coordinates(u: Sequence[Any], m: Any, M: Any) -> tuple[Any, Any, Any]
     )
 
 
-def _modes(m: float, M: float) -> NDArray:
-    columns = np.array([[1, 1, 1], [-1, 0, 1], [1, -2 * m / M, 1]]).T
-    return columns / np.linalg.norm(columns, axis=0)
-
-
 @closed_form("the unit vectors u_k of K eq. 158 as columns, shape (3, 3)")
 def unit_modes(at: Values) -> NDArray:
-    return _modes(at.mass_outer, at.mass_inner)
+    columns = np.array([[1, 1, 1], [-1, 0, 1], [1, -2 * at.mass_outer / at.mass_inner, 1]]).T
+    return columns / np.linalg.norm(columns, axis=0)
 
 
 @closed_form("superposition of the three modes (K eq. 148 and 150)", t=">= 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     m, M, rest = at.mass_outer, at.mass_inner, at.spacing * np.arange(3)
     start, rates = at.array("x_1_0", "x_2_0", "x_3_0") - rest, at.array("x_1_dot_0", "x_2_dot_0", "x_3_dot_0")
-    u, u_dot = superposition(t, np.array(frequencies(m, M, at.stiffness)), _modes(m, M), start, rates)
+    u, u_dot = superposition(t, np.array(frequencies(m, M, at.stiffness)), unit_modes(at), start, rates)
     names = [f"{form}_{k}{rate}" for form, rate in (("x", ""), ("x", "_dot"), ("mode", "")) for k in (1, 2, 3)]
     modes = normal_coordinates(list(np.moveaxis(u, -1, 0)), m, M)
     columns = (*np.moveaxis(u + rest, -1, 0), *np.moveaxis(u_dot, -1, 0), *modes)
