@@ -108,9 +108,14 @@ def algebra(value: ArrayLike, rounding: float = 1e-12) -> Any:
     return pytest.approx(value, rel=rounding, abs=rounding)
 
 
-def vector(n: Mapping[str, Any], form: str = "{}", axes: str = "xyz") -> NDArray:
+def vector(n: Any, form: str = "{}", axes: str = "xyz") -> NDArray:
     """The numbers of one vector: ``vector(n, "{}_dot")`` is the velocity."""
     return np.array([n[form.format(axis)] for axis in axes])
+
+
+def curl(A: ca.SX, r: ca.SX) -> ca.SX:
+    J = ca.jacobian(A, r)
+    return ca.vertcat(J[2, 1] - J[1, 2], J[0, 2] - J[2, 0], J[1, 0] - J[0, 1])
 
 
 def dot(a: Any, b: Any) -> Any:

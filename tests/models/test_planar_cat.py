@@ -95,6 +95,8 @@ def test_line_integral_of_the_connection_is_the_area_integral_of_its_curvature()
 
     area = dblquad(ring, 0, 2 * np.pi, 0, 1, epsabs=1e-10)[0]
     assert line_integral() == pytest.approx(area, abs=1e-9)  # ten times the quadrature's
+    around = analysis.holonomy(PlanarCat, lambda s: {"psi_1": x + a * ca.cos(s), "psi_2": y + b * ca.sin(s)}, **CAT)
+    assert around["phi"] == pytest.approx(line_integral(), abs=1e-10)  # integration at 1e-12
     assert abs(area) > 0.01  # and it is a turn worth falling for
 
 

@@ -163,7 +163,7 @@ def test_wheels_that_return_leave_the_satellite_turned(fmu, backend: str) -> Non
         by = -0.1 * sign * size / (10.0, 12.0)[axis]
         expected = expected * Rotation.from_rotvec(by * np.eye(3)[axis])
         attitude = numbers(Satellite.slew(*(sign * size * np.eye(3)[axis]), start=attitude), QUATERNION)
-    end = turns({name: result[name][-1] for name in QUATERNION})
+    end = turns(result)[-1]
     assert max_error(end, expected.as_matrix()) <= 1e-8  # a hundred tolerances, and quintics of 0.02 s
     assert max_error(turns(dict(zip(QUATERNION, attitude, strict=True))), expected.as_matrix()) <= 1e-15
     assert expected.magnitude() > 0.2  # rad: far from where it was
@@ -259,7 +259,7 @@ def test_rademaker_and_ter_braak_turn_the_cat_by_phi(fmu, bend: float, backend: 
     c, s = np.cos(bend / 2), np.sin(bend / 2)
     phi = 2 * np.pi * 0.02 * c / (0.10 * s**2 + 0.02 * c**2)
     bisector = np.array([0, -s, c])  # a + b for χ = 0
-    end = turns({name: result[name][-1] for name in QUATERNION})
+    end = turns(result)[-1]
     assert max_error(end, Rotation.from_rotvec(phi * bisector).as_matrix()) <= 1e-9
     # The bisector keeps its direction in space: e = R (Rz(χ) Rx(κ/2) z).
     in_a = np.stack([s * np.sin(result["azimuth"]), -s * np.cos(result["azimuth"]), 0 * result.time + c], axis=-1)
@@ -331,7 +331,7 @@ def test_kane_and_schers_cat_turns_by_their_quadrature(fmu, backend: str) -> Non
     half = start["bend"] / 2
     in_plane = Rotation.from_rotvec([0, 0, start["azimuth"]])
     bisector = in_plane.apply([0, -np.sin(half), np.cos(half)])
-    end = turns({name: result[name][-1] for name in QUATERNION})
+    end = turns(result)[-1]
     # Quintics of 0.005 s: (0.005 · 10)⁶/46080 = 3e-13; solver tolerance 1e-10.
     assert max_error(end, Rotation.from_rotvec(psi * bisector).as_matrix()) <= 1e-8
 
