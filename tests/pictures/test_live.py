@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, Result, System, compiler, operator
+from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator
 from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.structure.connections import connect_scalars
 from liaisons.errors import BuildError, SimulationError
@@ -27,7 +27,7 @@ from liaisons.live import live_page
 from liaisons.pictures.camera import Camera
 
 from . import _browser as tools
-from .conftest import Fmu
+from .conftest import Fmu, Moved
 
 SECONDS = 10.0
 AGREEMENT = 1e-12  # no component needs more: none has lost its digits to chaos after 10 s
@@ -274,7 +274,7 @@ def test_the_bars_of_the_account_end_at_the_same_place(opened: Opened, fmu: Fmu)
 
 
 @in_a_browser
-def test_a_recorded_motion_is_played(browser: Any, moved: Callable[[str], Result], tmp_path: Path) -> None:
+def test_a_recorded_motion_is_played(browser: Any, moved: Moved, tmp_path: Path) -> None:
     path = tmp_path / "Pendulum.html"
     moved("Pendulum").animate(path, speed=0.5)
     session = browser.new_context()
