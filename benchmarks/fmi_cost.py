@@ -33,7 +33,7 @@ CONFORMANCE = HERE.parent / "tests" / "conformance"
 RUNTIME = HERE.parent / "components" / "liaisons" / "fmu" / "runtime"
 sys.path.insert(0, str(CONFORMANCE))
 
-from trial import VERSIONS, Trial, compile_program, unpack  # noqa: E402 - it lies with the tests
+from trial import VERSIONS, Trial, compile_program, unpack  # noqa: E402 # pyright: ignore[reportMissingImports] - it lies with the tests
 
 ASKED = "<= 1.1"  # times the yardstick
 STEPS = {0.01: 100_000, 1.0: 10_000, 10.0: 1_000}  # sizes [s], and how many are timed at once

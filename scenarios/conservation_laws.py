@@ -78,10 +78,11 @@ def main(claim: Claims) -> None:
     constants = {"x p_y - y p_x": momentum, "eccentricity, x": planet["eccentricity_x"], "energy": planet["energy"]}
     left, right = panels(
         ("a planet: what changes, and what does not", "t [s]", "J.s, or 1, or J"),
-        ("constants", "t [s]", "change since the start"),
+        ("the constants: roundings", "t [s]", "largest change so far [2⁻⁵²]"),
     )
     changing = {"x p_y": planet["x"] * planet["p_y"], "p·r": p_r.evaluate(**at)}
     for label, values in (changing | constants).items():
         left.plot(planet.time, values, label=label)
     for label, values in constants.items():
-        right.semilogy(planet.time, np.maximum(np.abs(values - values[0]), 1e-17), linewidth=0.7, label=label)
+        change = np.maximum.accumulate(np.abs(values - values[0]))
+        right.plot(planet.time, change / np.finfo(float).eps, label=label)

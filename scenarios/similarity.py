@@ -19,7 +19,7 @@ from liaisons.scenarios import Claims, dots, panels, scenario, within
 RATIO, TAU, STEPS = 3.0, 2 * np.pi, 400  # λ, duration of the first motion [s]
 SYSTEMS: Any = {
     PlanarOscillator: (2, {"x_0": 1.0, "y_dot_0": 0.5}),
-    FreeParticle: (1, {"x_0": 0.0, "z_0": 0.0, "x_dot_0": 4.0, "z_dot_0": 20.0}),
+    FreeParticle: (1, {"x_0": 0.0, "z_0": 0.0, "x_dot_0": 20.0, "z_dot_0": 30.8}),
     KeplerOrbit: (-1, {"x_0": 1.0, "y_dot_0": 1.2}),
 }
 

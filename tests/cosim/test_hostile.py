@@ -107,10 +107,6 @@ def _made(kind: str, name: str, folder: Path) -> tuple[Path, str]:
     return path, words
 
 
-def _marked(cases: list[tuple[str, str]], fast: Callable[[str], bool]) -> list[object]:
-    return [pytest.param(*case, marks=[] if fast(case[1]) else [pytest.mark.slow]) for case in cases]
-
-
 @pytest.fixture
 def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder for passing files, of this test's own, and a cache likewise."""
@@ -172,11 +168,10 @@ def _started(words: list[str]) -> tuple[int, int, str]:
     return status, memory, done.stderr
 
 
-def test_there_are_many() -> None:
-    assert len(CASES) >= 40
-
-
-@pytest.mark.parametrize(("kind", "name"), _marked(CASES, lambda name: name not in hostile.SLOW))
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [pytest.param(kind, name, marks=[pytest.mark.slow] * (name in hostile.SLOW)) for kind, name in CASES],
+)
 def test_in_python(kind: str, name: str, tmp_path: Path, outcome: Callable[[Path], Outcome]) -> None:
     path, words = _made(kind, name, tmp_path)
     message, status, memory, left = outcome(path)
@@ -386,26 +381,20 @@ def _runs(process: int) -> bool:
 
 
 @pytest.mark.parametrize("first", [0, 2])
-def test_command_that_is_terminated_while_an_fmu_hangs(hanging: Start, first: int, temporary: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_command_that_is_ended_while_an_fmu_hangs(
+    hanging: Start, first: int, number: signal.Signals, temporary: Path
+) -> None:
     command = hanging(first)
     wait_for(command.stands)
     assert list(temporary.iterdir()) != []
-    command.process.terminate()
+    command.process.send_signal(number)
     _, said = command.process.communicate(timeout=60.0)
-    assert command.process.returncode == 128 + signal.SIGTERM
-    assert b"Traceback" not in said
     wait_for(lambda: not list(temporary.iterdir()))
-    wait_for(lambda: not _runs(command.hanging_process()))
-
-
-@pytest.mark.parametrize("first", [0, 2])
-def test_command_that_is_killed(hanging: Start, first: int, temporary: Path) -> None:
-    command = hanging(first)
-    wait_for(command.stands)
-    command.process.kill()
-    command.process.communicate(timeout=60.0)
-    wait_for(lambda: not list(temporary.iterdir()))
-    wait_for(lambda: not _runs(command.hanging_process()))
+    if number == signal.SIGTERM:
+        assert command.process.returncode == 128 + number
+        assert b"Traceback" not in said
+        wait_for(lambda: not _runs(command.hanging_process()))
 
 
 @pytest.mark.usefixtures("interruptible")

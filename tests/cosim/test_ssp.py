@@ -76,11 +76,9 @@ def test_both_ways_of_a_port_are_known_again(system: System, tmp_path: Path, for
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("times", [(0.1, 2.1, 0.05), (0.0, 10 / 3, 1 / 3)])
 def test_experiment_is_kept(system: System, tmp_path: Path, form: Form, times: tuple[float, float, float]) -> None:
-    path, (start, stop, step) = tmp_path / "system.ssp", times
-    system.write_ssp(path, form=form, start_time=start, stop_time=stop, step_size=step)
-    assert ssp.read(path, System).experiment == DefaultExperiment(*times)
-    System.from_ssp(path).write_ssp(path, form=form)
-    assert ssp.read(path, System).experiment == DefaultExperiment(*times)
+    path, given = tmp_path / "system.ssp", dict(zip(("start_time", "stop_time", "step_size"), times, strict=True))
+    assert _experiment(system, path, form=form, **given) == DefaultExperiment(*times)
+    assert _experiment(System.from_ssp(path), path, form=form) == DefaultExperiment(*times)
 
 
 def _experiment(system: System, path: Path, **given: Any) -> DefaultExperiment:

@@ -147,8 +147,8 @@ ROD = {"length": "distance", "length_force": "pull"}
 @pytest.mark.parametrize(("flow", "sign"), [("outflow", 1.0), ("inflow", -1.0)])
 def test_terminals_of_other_tools_connect_by_members(renamed: Renamed, flow: str, sign: float) -> None:
     """Of flows into both components one is the opposite of the other, as in Kirchhoff's law."""
-    flange = renamed("Mass", FLANGE, _document(_terminal("flange", dict(zip("xF", FLANGE.values(), strict=True)), "")))
-    rod = renamed("Spring", ROD, _document(_terminal("flange", dict(zip("xF", ROD.values(), strict=True)), "")))
+    flange = renamed("Mass", FLANGE, _document(_terminal("flange", _members(FLANGE, "x", "F"), "")))
+    rod = renamed("Spring", ROD, _document(_terminal("flange", _members(ROD, "x", "F"), "")))
     flange = _replaced(flange, b'memberName="F" variableName="push" variableKind="signal"', flow)
     rod = _replaced(rod, b'memberName="F" variableName="pull" variableKind="signal"', "inflow")
     system = wired("mass.flange -> spring.flange", mass=flange, spring=rod)
@@ -171,8 +171,8 @@ def _replaced(path: Path, member: bytes, flow: str) -> Path:
     ],
 )
 def test_terminals_that_do_not_match_are_refused(renamed: Renamed, other: dict[str, Any], words: str) -> None:
-    flange = renamed("Mass", FLANGE, _document(_terminal("flange", dict(zip("xF", FLANGE.values(), strict=True)))))
-    members = dict(zip("xF", ROD.values(), strict=True))
+    flange = renamed("Mass", FLANGE, _document(_terminal("flange", _members(FLANGE, "x", "F"))))
+    members = _members(ROD, "x", "F")
     rod = renamed("Spring", ROD, _document(_terminal("flange", **{"members": members, **other})))
     with pytest.raises(ConnectError, match=words):
         wired("mass.flange -> spring.flange", mass=flange, spring=rod)

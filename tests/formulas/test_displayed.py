@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 import sys
@@ -295,6 +296,12 @@ def test_without_a_hamiltonian_a_line_says_why(component, reason) -> None:
     assert reason in shown["hamiltonian"].text(200)
     assert reason in shown["hamiltonian"].latex()
     assert reason in shown["hamiltonian"]._repr_html_()
+
+
+def test_a_reason_in_latex_has_its_underscores_escaped() -> None:
+    shown = equations(Flywheel)
+    noted = dataclasses.replace(shown, equations=(), notes={"hamiltonian": "hinge_1 is no coordinate."})
+    assert noted.latex().endswith("hinge\\_1 is no coordinate.")
 
 
 def test_multipliers_of_a_non_holonomic_constraint_are_solved_for() -> None:

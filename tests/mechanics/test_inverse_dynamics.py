@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -66,8 +68,8 @@ def test_torques_of_an_arm_are_those_of_newton_and_euler(tmp_path, backend, fmi)
 
 def test_an_arm_moves_a_load(tmp_path) -> None:
     """What hangs at the hand is felt by both joints."""
-    fmu, at = build(Arm, tmp_path), {"shoulder": 0.3, "elbow": 0.4, "stop_time": 0.1, "step_size": 0.1}
-    still, loaded = simulate(fmu, **at), simulate(fmu, **at, hand_z_load=5.0)
+    run = partial(simulate, build(Arm, tmp_path), shoulder=0.3, elbow=0.4, stop_time=0.1, step_size=0.1)
+    still, loaded = run(), run(hand_z_load=5.0)
     lever = 1.5 * np.sin(0.7)
     assert loaded["elbow_force"] - still["elbow_force"] == pytest.approx(5.0 * lever, rel=1e-12)
 

@@ -8,7 +8,7 @@ construction; of very many numbers they are left out, which FMI defines as "all"
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, repeat
 from typing import Literal
 
 import casadi as ca
@@ -185,6 +185,14 @@ def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
     return attributes | {name: repr(float(value)) for name, value in numbers.items() if value is not None}
 
 
+def start_attribute(variable: Variable) -> dict[str, str]:
+    """Start value; one number for all elements."""
+    if variable.start is None:
+        return {}
+    values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
+    return {"start": " ".join(repr(float(value)) for value in values)}
+
+
 def nominals(model: Model) -> dict[str, list[float]]:
     """Nominal values of the states at the default start, by name; 1 where there is none."""
     u, k = start_vectors(model)
@@ -214,17 +222,15 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
         attributes = size_attributes(dimension, references[dimension.name], "local", "constant")
         yield from _scalar(attributes, "Integer", {"start": str(dimension.count)})
     for variable in model.variables:
-        first = references_of[variable.name].start
-        of_derivative = references_of[variable.derivative_of].start if variable.derivative_of else 0
         reinit = {"reinit": "true"} if variable.name in jumping else {}
         common = real_attributes(variable, 1.0)
-        for i, (scalar, start) in enumerate(zip(variable.elements(), variable.starts, strict=True)):
-            size = sizes[variable.name][i] if variable.name in sizes else 1.0
+        columns = references_of[variable.name], variable.elements(), sizes.get(variable.name, repeat(1.0))
+        for i, (reference, scalar, size) in enumerate(zip(*columns, strict=False)):
             real = common if size == 1 else real_attributes(variable, size)
-            real = real | ({} if variable.start is None else {"start": repr(float(start))}) | reinit
+            real = real | start_attribute(scalar) | reinit
             if variable.derivative_of:
-                real["derivative"] = str(of_derivative + i)
-            yield from _scalar(general_attributes(scalar, first + i), "Real", real)
+                real["derivative"] = str(references_of[variable.derivative_of][i])
+            yield from _scalar(general_attributes(scalar, reference), "Real", real)
     for reference, setting in settings(model, "2").items():
         if backend == "native" or setting is not SYMPLECTIC_STEPS:
             yield from _scalar(general_attributes(setting.variable, reference), "Integer", integer_attributes(setting))

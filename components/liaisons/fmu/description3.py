@@ -17,6 +17,7 @@ from liaisons.fmu.description import (
     real_attributes,
     root_attributes,
     size_attributes,
+    start_attribute,
     unit_definitions,
     unknown_elements,
     unknowns,
@@ -24,7 +25,7 @@ from liaisons.fmu.description import (
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
-from liaisons.language.variables import Dimension, Variable
+from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
 
 _STATES = ("canGetAndSetFMUState", "canSerializeFMUState")
@@ -75,7 +76,7 @@ def _variables(model: Model) -> Iterator[str]:
         yield from element("UInt64", attributes | dict.fromkeys(("min", "max", "start"), str(size.count)))
     for variable in model.variables:
         attributes = general_attributes(variable, reference[variable.name])
-        attributes |= real_attributes(variable, max(sizes.get(variable.name, (1.0,)))) | _start(variable)
+        attributes |= real_attributes(variable, max(sizes.get(variable.name, (1.0,)))) | start_attribute(variable)
         if variable.derivative_of:
             attributes["derivative"] = str(reference[variable.derivative_of])
         if variable.name in jumping:
@@ -91,14 +92,6 @@ def _variables(model: Model) -> Iterator[str]:
     for reference_of_setting, setting in settings(model, "3").items():
         attributes = general_attributes(setting.variable, reference_of_setting)
         yield from element("Int32", attributes | integer_attributes(setting))
-
-
-def _start(variable: Variable) -> dict[str, str]:
-    """Start value; one number for all elements."""
-    if variable.start is None:
-        return {}
-    values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
-    return {"start": " ".join(repr(float(value)) for value in values)}
 
 
 def _extent(size: Dimension, references: Mapping[str, int]) -> dict[str, str]:

@@ -62,13 +62,11 @@ def jump_effects(model: Model) -> Jumps:
     numbers = [i for a in model.active for i in zip(inputs[a.rate], inputs[a.acceleration], strict=True)]
     a, states = len(numbers), model.start.numel_out(0)
     moves, moved = np.zeros(a, dtype=bool), np.zeros(states, dtype=bool)
-    unknown = Jumps(moves, np.broadcast_to(True, (a, a)), moved)
-    if a > _MOST:
-        return unknown
-    mixes, size = np.zeros((a, a), dtype=bool), coupled(model) if a else 0
-    samples = _samples(model, size) if a else []
-    if a and len(samples) < _SAMPLES:
-        return unknown
+    size = coupled(model) if 0 < a <= _MOST else 0
+    samples = _samples(model, size) if 0 < a <= _MOST else []
+    if a and len(samples) < _SAMPLES:  # unknown
+        return Jumps(moves, np.broadcast_to(True, (a, a)), moved)
+    mixes = np.zeros((a, a), dtype=bool)
     for sample in samples:
         resting = sample.u.copy()
         resting[[rate for rate, _ in numbers]] = 0

@@ -152,19 +152,18 @@ def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArra
         return
     rate = _rate(model, motion, k)
     nominals = np.array(model.nominals.call([ca.DM(0), y, motion(0.0), k])[0]).ravel()
-    corners = []
-    while not corners or corners[-1] < times[-1]:
-        corners.append(min(model.next_event(k, corners[-1] if corners else 0.0), float(times[-1])))
     t, waiting = 0.0, list(times[1:])
-    for corner in corners:
+    while t < times[-1]:
+        corner = min(model.next_event(k, t), float(times[-1]))
         solver = DOP853(rate, t, y, corner, rtol=TOLERANCE, atol=cast(Any, TOLERANCE * nominals))
         while solver.status == "running":
             solver.step()
             if solver.status == "failed":
                 raise _GivenUpError
-            between = solver.dense_output() if waiting and waiting[0] < solver.t else None
-            while between is not None and waiting and waiting[0] < solver.t:
-                yield between(waiting.pop(0))
+            if waiting and waiting[0] < solver.t:
+                between = solver.dense_output()
+                while waiting and waiting[0] < solver.t:
+                    yield between(waiting.pop(0))
         t, y = corner, solver.y
     yield y
 

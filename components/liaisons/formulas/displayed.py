@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,8 @@ from liaisons.formulas.latex import LaTeX
 from liaisons.formulas.laws import LAWS, Law
 from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
-from liaisons.formulas.terms import Formula, Term
+from liaisons.formulas.printing import Printer
+from liaisons.formulas.terms import Formula, Name, Term
 from liaisons.formulas.unicode import Unicode, width, wrapped
 from liaisons.formulas.writing import formula
 from liaisons.language import Component, Mechanism
@@ -57,47 +58,44 @@ class DisplayedEquations:
     def _formulas(self) -> list[tuple[Equation, Formula | None]]:
         return [(equation, formula(equation.right, self.notation)) for equation in self.equations]
 
-    def _sections(self) -> Iterator[tuple[Law, str, list[tuple[str, Formula]], list[str]]]:
-        """Of each part its law, a note, its equations, and the left sides of those that are too long."""
+    def _sections(self, printer: Printer, inline: str) -> Iterator[tuple[Law, str, list[tuple[str, Formula]], str]]:
+        """Of each part its law, that in its general form, its equations, and why some are missing."""
         for part in self.parts:
-            own = [(equation.left, right) for equation, right in self._formulas if equation.section == part]
-            shown = [(left, right) for left, right in own if right is not None]
-            yield LAWS[part], self.notes.get(part, ""), shown, [left for left, right in own if right is None]
+            law, own = LAWS[part], [(e.left, right) for e, right in self._formulas if e.section == part]
+            dropped = ", ".join(inline.format(printer.name(left)) for left, right in own if right is None)
+            remark = self.notes.get(part, "") or (dropped and _TOO_LONG.format(dropped))
+            general = inline.format(law.written(printer)) if law.formula else ""
+            yield law, general, [(left, right) for left, right in own if right is not None], remark
 
     def html(self) -> list[str]:
         """Lines of HTML with MathML: each law in its general form, then for this component."""
         printer, lines = MathML(self.notation), list[str]()
-        for law, note, equations, dropped in self._sections():
-            general = f'<math display="block">{law.written(printer)}</math>' if law.formula else ""
+        for law, general, equations, remark in self._sections(printer, "<math>{}</math>"):
+            general = general.replace("<math>", '<math display="block">')  # noqa: PLW2901
             lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{general}</p>"]
             shown = [line for left, right in equations for line in _paragraphs(left, right, printer)]
             lines += ["<div class=equations>", *shown, "</div>"] if shown else []
-            names = ", ".join(f"<math>{printer.name(name)}</math>" for name in dropped)
-            lines += [f"<p class=note>{text}</p>" for text in (note, names and _TOO_LONG.format(names)) if text]
+            lines += [f"<p class=note>{remark}</p>"] if remark else []
         return lines
 
     def latex(self) -> str:
-        """Paragraphs of LaTeX, with the packages amsmath and amssymb."""
+        """Paragraphs of LaTeX, with the package amsmath."""
         printer, lines = LaTeX(self.notation), list[str]()
-        for law, note, equations, dropped in self._sections():
-            general = f" ${_single(law.written(printer))}$" if law.formula else ""
-            lines.append(rf"\paragraph{{{law.title}}}{general}")
+        for law, general, equations, remark in self._sections(printer, "${}$"):
+            lines.append(rf"\paragraph{{{law.title}}} {general}")
             rows = [row for left, right in equations for row in self._rows(left, right, printer)]
             lines += [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"] if rows else []
-            names = ", ".join(f"${printer.name(name)}$" for name in dropped)
-            lines += [text for text in (note, names and _TOO_LONG.format(names)) if text]
+            lines += [re.sub(r"_(?!\{)", r"\_", remark)] if remark else []
         return "\n".join(lines)
 
     def _rows(self, left: str, right: Formula, printer: LaTeX) -> Iterator[str]:
         """One equation and its abbreviations, broken between terms."""
         plain = Unicode(self.notation)
-        for i, (name, term) in enumerate([(left, right.term), *((name.name, term) for name, term in right.where)]):
-            written = printer.terms(term)
-            ends = _ends([width(text) for text in plain.terms(term)], _PAGE)
-            lines = ["".join(written[a:b]).strip() for a, b in zip([0, *ends], [*ends, len(written)], strict=True)]
-            head = (r"\text{where } " if i == 1 else "") + printer.name(name)
-            yield f"{head} &= {lines[0]}"
-            yield from (rf"&\quad {line}" for line in lines[1:])
+        for i, (name, term) in enumerate([(Name(left), right.term), *right.where]):
+            first, *further = _broken(printer.terms(term), map(width, plain.terms(term)), _PAGE)
+            where = r"\text{where } " if i == 1 else ""
+            yield f"{where}{printer.row(name)} &= {first}"
+            yield from (rf"&\quad {line}" for line in further)
 
     def text(self, width: int | None = None) -> str:
         """Lines for a terminal.
@@ -105,24 +103,20 @@ class DisplayedEquations:
         :param width: columns; those of the terminal unless given, 80 where there is none.
         """
         columns = shutil.get_terminal_size((80, 24)).columns if width is None else width
-        return "\n\n".join("\n".join(self._lines(*section, columns)) for section in self._sections())
+        return "\n\n".join("\n".join(lines) for lines in self._paragraphs(columns))
 
-    def _lines(
-        self, law: Law, note: str, equations: list[tuple[str, Formula]], dropped: list[str], columns: int
-    ) -> Iterator[str]:
+    def _paragraphs(self, columns: int) -> Iterator[list[str]]:
         printer = Unicode(self.notation)
-        general = _single(law.written(printer))
-        yield from textwrap.wrap(f"{law.title}: {general}" if general else law.title, columns)
-        rows = [(printer.name(left), right.term) for left, right in equations]
-        margin = max((width(name) for name, _ in rows), default=0)
-        for (name, term), (_, right) in zip(rows, equations, strict=True):
-            yield from _aligned(name, printer.terms(term), margin + 2, columns)
-            for i, (short, definition) in enumerate(right.where):
-                head = f"{'' if i else 'where '}{printer.name(short.name)}"
-                yield from _aligned(head, printer.terms(definition), margin + 8, columns)
-        names = ", ".join(map(printer.name, dropped))
-        for text in (note, names and _TOO_LONG.format(names)):
-            yield from textwrap.wrap(text, columns, initial_indent="  ", subsequent_indent="  ")
+        for law, general, equations, remark in self._sections(printer, "{}"):
+            formula = " ".join(general.split()).replace("( ", "(").replace(" )", ")")
+            lines = textwrap.wrap(f"{law.title}: {formula}" if formula else law.title, columns)
+            margin = max((width(printer.name(left)) for left, _ in equations), default=0)
+            for left, right in equations:
+                lines += _aligned(printer.name(left), printer.terms(right.term), margin + 2, columns)
+                for i, (name, term) in enumerate(right.where):
+                    head = f"{'' if i else 'where '}{printer.row(name)}"
+                    lines += _aligned(head, printer.terms(term), margin + 8, columns)
+            yield lines + textwrap.wrap(remark, columns, initial_indent="  ", subsequent_indent="  ")
 
     def sympy(self) -> list[Any]:
         """Equations of SymPy, without those that are too long to be read.
@@ -184,28 +178,23 @@ def _paragraph(left: str, right: Term, printer: MathML) -> str:
     return f"<p class=formula>{written}</p>"
 
 
-def _single(text: str) -> str:
-    """The text with single blanks, and none inside of brackets."""
-    return " ".join(text.split()).replace("( ", "(").replace(" )", ")")
-
-
-def _ends(widths: Sequence[int], room: int) -> list[int]:
-    """Indices of the terms that begin further lines."""
-    ends, used = list[int](), 0
-    for i, size in enumerate(widths):
-        if i and used + size > room:
-            ends.append(i)
+def _broken(terms: Iterable[str], widths: Iterable[int], room: int) -> list[str]:
+    """Terms on lines as wide as a room, if each is."""
+    lines, used = list[str](), room
+    for term, size in zip(terms, widths, strict=True):
+        if used + size > room or not lines:
+            lines.append("")
             used = 0
+        lines[-1] += term
         used += size
-    return ends
+    return [line.strip() for line in lines]
 
 
 def _aligned(left: str, terms: Sequence[str], margin: int, columns: int) -> Iterator[str]:
     """An equation that breaks between its terms, its sign of equality behind the margin."""
     head = " " * (margin - width(left)) + f"{left} = "
     room = max(columns - width(head), 10)
-    ends = _ends([width(term) for term in terms], room)
-    for a, b in zip([0, *ends], [*ends, len(terms)], strict=True):
-        for line in wrapped("".join(terms[a:b]).strip(), room):
-            yield head + line
+    for line in _broken(terms, map(width, terms), room):
+        for piece in wrapped(line, room):
+            yield head + piece
             head = " " * width(head)

@@ -36,8 +36,8 @@ class BufferLayout:
     references: tuple[int, ...]
     c_type: Any
     size: int
-    scalars: Sequence[int]
-    positions: Sequence[int]
+    scalars: NDArray[np.intp]
+    positions: NDArray[np.intp]
 
     @cached_property
     def buffer(self) -> c.Array[Any]:
@@ -57,32 +57,24 @@ class BufferLayout:
     @property
     def direct(self) -> bool:
         """Whether the scalars are just what the buffer holds, doubles in this order."""
-        return self.base in {"Real", "Float64"} and list(self.positions) == list(range(self.size))
+        return self.base in {"Real", "Float64"} and np.array_equal(self.positions, range(self.size))
 
     def read_into(self, read: Transfer, values: NDArray[np.float64]) -> int:
         """Read the buffer, and copy the scalars to the values of the call."""
         status = read()
         if self.base == "String":
             self.scratch[:] = [texts.number(text) for text in self.buffer]
-        values[self._targets] = self.scratch[self._sources]
+        values[self.scalars] = self.scratch[self.positions]
         return status
 
     def write_from(self, write: Transfer, values: NDArray[np.float64]) -> int:
         """Write the buffer, with the scalars from the values of the call."""
         if self.base == "String":
-            for position, number in zip(self.positions, values[self._targets].tolist(), strict=True):
+            for position, number in zip(self.positions, values[self.scalars].tolist(), strict=True):
                 self.buffer[position] = texts.text(number)
         else:
-            self.scratch[self._sources] = values[self._targets]
+            self.scratch[self.positions] = values[self.scalars]
         return write()
-
-    @cached_property
-    def _targets(self) -> NDArray[np.intp]:
-        return np.array(self.scalars, dtype=np.intp)
-
-    @cached_property
-    def _sources(self) -> NDArray[np.intp]:
-        return np.array(self.positions, dtype=np.intp)
 
 
 def layouts(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> list[BufferLayout]:
@@ -112,7 +104,8 @@ def layout(
             array = fmu.variables.whole(variable.name) if fmu.version == 3 else None
             size += array.size if array else 1
         positions.append(begin + variable.position)
-    return BufferLayout(base, tuple(references), c_type, size, scalars, positions)
+    indices = (np.array(numbers, dtype=np.intp) for numbers in (scalars, positions))
+    return BufferLayout(base, tuple(references), c_type, size, *indices)
 
 
 @lru_cache(maxsize=1024)

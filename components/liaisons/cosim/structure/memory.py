@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from contextlib import suppress
+from math import log10
 from pathlib import Path
 
 from liaisons.errors import SimulationError
@@ -40,10 +41,5 @@ def _free() -> float:
 
 
 def _shown(size: float) -> str:
-    power = 0
-    while size >= 1000 and power < len(_PREFIXES) - 1:
-        size, power = size / 1000, power + 1
-    return f"{size:.3g} {_PREFIXES[power]}B"
-
-
-_PREFIXES = ["", "k", "M", "G", "T", "P", "E", "Z"]
+    power = min(int(log10(max(size, 1))) // 3, 7)
+    return f"{size / 1000**power:.3g} {' kMGTPEZ'[power]}B"
