@@ -265,7 +265,7 @@ def test_a_pendulum_fits_on_a_screen() -> None:
 
 
 def test_what_is_too_long_is_named() -> None:
-    assert "// Too long, or not to be said in Modelica: star_shaped, xi, hoop_length." in modelica(FourierHoop)
+    assert "/* Too long, or not to be said in Modelica: star_shaped, xi, hoop_length. */" in modelica(FourierHoop)
 
 
 def test_a_violated_condition_stops_the_simulation() -> None:

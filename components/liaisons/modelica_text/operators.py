@@ -56,10 +56,9 @@ def operator_classes(component: type[Operator]) -> list[str]:
                 if symbol.element_hash() in read:
                     symbols.append(symbol)
                     entries.append(ca.SX.sym(f"{column}_{('begin', 'end')[ahead]}"))
-                    call = f"entry(instant_{count}, {operator.table[0].name}, {column}, {ahead}, {lookup.rests})"
-                    section.statements.append(
-                        f"{entries[-1]} = {call.replace('True', 'true').replace('False', 'false')};"
-                    )
+                    read_at = f"instant_{count}, {operator.table[0].name}, {column}, {ahead}"
+                    rests = "true" if lookup.rests else "false"
+                    section.statements.append(f"{entries[-1]} = entry({read_at}, {rests});")
     triple, rates = (ca.vertsplit(ca.substitute(x, stack(symbols), stack(entries))) for x in columns)
     for state, rate in zip(component.internal_states, rates, strict=False):
         section.add(f"der({state.name})", rate)

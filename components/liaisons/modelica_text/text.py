@@ -174,4 +174,4 @@ class Section:
     @property
     def comment(self) -> list[str]:
         """What is missing."""
-        return [f"// Too long, or not to be said in Modelica: {', '.join(self.unsaid)}."] if self.unsaid else []
+        return [f"/* Too long, or not to be said in Modelica: {', '.join(self.unsaid)}. */"] if self.unsaid else []
