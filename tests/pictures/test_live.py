@@ -10,6 +10,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, Result, System, compiler, operator
+from liaisons import Coordinate, Mechanism, Parameter, Result, System, compiler, operator, show
 from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.structure.connections import connect_scalars
 from liaisons.errors import BuildError, SimulationError
@@ -378,6 +379,22 @@ def test_a_telephone(opened: Opened) -> None:
             live.page.tap("#run")
             assert live.text("#run") == "Pause"
             assert live.complaints == []
+
+
+@in_a_browser
+def test_what_is_not_connected_stands_side_by_side(browser: Any, fmu: Fmu, tmp_path: Path) -> None:
+    fmus = [fmu(catalogue()[name]) for name in ("Pendulum", "DoublePendulum", "Pendulum")]
+    with tools.opened(browser, show(*fmus, path=tmp_path / "x.html").path) as live:
+        assert live.complaints == []
+        live.page.screenshot(path=SCREENSHOTS / "side_by_side.png")
+        places = live.evaluate("window.page.groups.map(({ shift }) => shift.x)")
+        extents = live.evaluate(
+            "window.page.groups.map(({ shapes }) => shapes.flatMap((s) => [s.from, s.to, s.at].filter(Boolean))"
+            ".map((p) => p(window.page.now)[0])).map((x) => [Math.min(...x), Math.max(...x)])"
+        )
+    assert places[0] == 0
+    assert all(right < left for (_, right), (left, _) in pairwise(extents))
+    assert np.diff(places).min() > 2.0  # pendulums of 1 m swing beside each other
 
 
 @in_a_browser
