@@ -22,9 +22,10 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 HERE = Path(__file__).parent
+T = TypeVar("T")
 PACKAGES = ("casadi", "fmpy", "numpy", "scipy", "pythonfmu")
 
 
@@ -51,31 +52,12 @@ class Row:
 
     @staticmethod
     def of(
-        topic: str,
-        case: str,
-        values: Sequence[float],
-        unit: str,
-        *,
-        yardstick: str = "",
-        beside: Sequence[float] | None = None,
-        asked: str = "",
-        remark: str = "",
-        better: Literal["", "less", "more"] = "",
+        topic: str, case: str, values: Sequence[float], unit: str, *, beside: Sequence[float] | None = None, **more: Any
     ) -> Row:
-        """From one value a round, and those of the yardstick in the same rounds."""
+        """From one value a round, and those of the yardstick in the same rounds; ``more`` are other fields."""
         ratios = [a / b for a, b in zip(values, beside, strict=True)] if beside is not None else None
-        return Row(
-            topic,
-            case,
-            statistics.median(values),
-            unit,
-            yardstick,
-            statistics.median(ratios) if ratios else None,
-            quartiles(ratios or values),
-            asked,
-            remark,
-            better,
-        )
+        ratio, spread = statistics.median(ratios) if ratios else None, quartiles(ratios or values)
+        return Row(topic, case, statistics.median(values), unit, ratio=ratio, spread=spread, **more)
 
     @property
     def bounded(self) -> float:
@@ -106,11 +88,11 @@ def quartiles(values: Sequence[float]) -> tuple[float, float] | None:
     return first, third
 
 
-def interleaved(runs: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, list[float]]:
+def interleaved(runs: Mapping[str, Callable[[], T]], rounds: int) -> dict[str, list[T]]:
     """What each run returns (a time, say), round by round; one more round goes before, to warm up."""
     for run in runs.values():
         run()
-    values: dict[str, list[float]] = {name: [] for name in runs}
+    values: dict[str, list[T]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, run in runs.items():
             values[name].append(run())

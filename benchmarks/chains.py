@@ -204,7 +204,7 @@ def _library(folder: Path, code: dict[str, bytes]) -> ctypes.CDLL:
     for file, text in code.items():
         (folder / file).write_bytes(text)
     flags = [flag for flag in FLAGS if flag not in ("-fvisibility=hidden", "-shared")] + ["-D_GNU_SOURCE", "-I."]
-    component = [path.name for path in sorted(folder.glob("*.c")) if not path.name.startswith(("fmi", "face"))]
+    component = [path.name for path in sorted(folder.glob("*.c")) if not path.name.startswith("fmi")]
     subprocess.run(["cc", *flags, "-c", *component], cwd=folder, check=True)
     subprocess.run(["cc", *flags, "-O3", "-c", str(BY_HAND / "chain.c")], cwd=folder, check=True)
     objects = [path.name for path in sorted(folder.glob("*.o"))]

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from _measure import Row, command
+from _measure import Row, command, interleaved
 
 from liaisons.compiler import compile_library, host
 from liaisons.ensembles import ensemble
@@ -89,15 +89,12 @@ def _cores(title: str, rounds: int, steps: int, members: int) -> list[Row]:
 def _rates(runs: Mapping[str, Timed], count: int, rounds: int, clock: Callable[[], float]) -> list[list[float]]:
     """Steps a second of each in each round, so many having been made."""
 
-    def seconds(run: Timed) -> float:
+    def rate(run: Timed) -> float:
         begin = clock()
         run()
-        return clock() - begin
+        return count / (clock() - begin)
 
-    for run in runs.values():
-        run()  # to warm up
-    found = [[count / seconds(run) for run in runs.values()] for _ in range(rounds)]
-    return [list(rates) for rates in zip(*found, strict=True)]
+    return [*interleaved({name: partial(rate, run) for name, run in runs.items()}, rounds).values()]
 
 
 def _start(found: RightHandSide, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:

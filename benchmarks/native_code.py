@@ -32,7 +32,7 @@ def component_library(model: Model, folder: Path, *by_hand: str) -> ctypes.CDLL:
     """The sources of a native FMU without what is FMI's of them, by_hand/component.c, and more files from by_hand."""
     for name, content in source_files(model, "{}", "2").items():
         (folder / name).write_bytes(content)
-    sources = [path for path in sorted(folder.glob("*.c")) if not path.name.startswith(("fmi", "face"))]
+    sources = [path for path in sorted(folder.glob("*.c")) if not path.name.startswith("fmi")]
     library = compile_library(folder, "component", [*sources, *(BY_HAND / name for name in ("component.c", *by_hand))])
     library.component_open.restype = ctypes.c_void_p
     library.component_advance.restype = library.component_rates.restype = ctypes.c_double

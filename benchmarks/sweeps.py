@@ -26,7 +26,7 @@ from typing import Any
 
 import fmpy
 import numpy as np
-from _measure import Row, command
+from _measure import Row, command, interleaved
 
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
@@ -67,10 +67,8 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
                 LOOP: lambda step=step: _loop(str(fmu), _cases(few), step, {}),
                 PREPARED: lambda step=step: _loop(str(folder), _cases(few), step, prepared),
             }
-            for run in runs.values():
-                run()  # to warm up
-            costs = [{title: run() for title, run in runs.items()} for _ in range(rounds)]
-            rows += _rows(f"Sweep of {cases.count} pendulums, {points} communication points each", costs)
+            topic = f"Sweep of {cases.count} pendulums, {points} communication points each"
+            rows += _rows(topic, interleaved(runs, rounds))
         rows += _fixed(fmu, rounds)
     return rows
 
@@ -86,10 +84,10 @@ def _fixed(fmu: Path, rounds: int) -> list[Row]:
     return [Row.of("What does not depend on the number of cases", title, of, "ms") for title, of in both]
 
 
-def _rows(topic: str, rounds: list[dict[str, Cost]]) -> list[Row]:
-    rates = {title: [1 / costs[title].wall for costs in rounds] for title in rounds[0]}
-    spent = {title: [costs[title].processor * 1e6 for costs in rounds] for title in rounds[0]}
-    alone = [costs[ALL].own * 1e6 for costs in rounds]
+def _rows(topic: str, costs: dict[str, list[Cost]]) -> list[Row]:
+    rates = {title: [1 / cost.wall for cost in of] for title, of in costs.items()}
+    spent = {title: [cost.processor * 1e6 for cost in of] for title, of in costs.items()}
+    alone = [cost.own * 1e6 for cost in costs[ALL]]
     return [
         Row.of(topic, ALL, rates[ALL], "cases/s", yardstick=ONE, beside=rates[ONE], asked=">= 1.8"),
         Row.of(topic, ALL, rates[ALL], "cases/s", yardstick=LOOP, beside=rates[LOOP], asked=">= 20"),

@@ -59,10 +59,11 @@ def main(claim: Claims) -> None:
     runs = {f"three rounds in {T:g} s": (fall(r, T), -np.pi) for T in (FALL, 3.0, 10.0)}
     jump, _ = runs[f"three rounds in {FALL:g} s"]
     runs |= {"backwards": (fall(r, FALL, -1), np.pi), "a path that is retraced": (fall(r, FALL, retrace=True), 0.0)}
-    for name, (run, expected) in runs.items():
+    widths = (7, 4, 1.5, 1.5, 1.5)  # three curves lie on one another
+    for (name, (run, expected)), width in zip(runs.items(), widths, strict=True):
         angle = run["phi"][-1] - run["phi"][0]
         claim(f"{name}: the trunk turns by {np.degrees(expected):.0f}°", angle, expected, turned)
-        turn.plot(run.time / run.time[-1] * 3, np.degrees(run["phi"]), label=name)
+        turn.plot(run.time / run.time[-1] * 3, np.degrees(run["phi"]), linewidth=width, label=name)
     parabola = within(1e-12, "m", because="a polynomial of second degree: roundings of 1 m over some hundred steps")
     exact = PlanarCat.exact(jump.time, **FLIGHT)
     claim("the centre of mass flies along a parabola", jump, exact, parabola, names=("com_x", "com_z"))

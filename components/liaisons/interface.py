@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
@@ -20,7 +21,8 @@ from liaisons.arguments import merged, renamed
 from liaisons.cosim.structure.components import Solver
 from liaisons.cosim.structure.knots import Join, knots
 from liaisons.folders import process_folder
-from liaisons.library import Target, component, fmu_file
+from liaisons.library import Target, component, fmu_file, is_target
+from liaisons.project import ProjectError
 
 if TYPE_CHECKING:
     from liaisons.formulas import DisplayedEquations
@@ -54,7 +56,51 @@ def _by_name(
 
 
 simulate = _by_name(cosim.simulate)
-show = _by_name(live.show, cosim.System)
+
+
+def show(
+    subject: Target | cosim.System,
+    /,
+    *further: Target | None,
+    path: Path | str | None = None,
+    start_values: Mapping[str, object] | None = None,
+    **keywords: object,
+) -> live.LivePage:
+    """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
+
+    :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system.
+    :param further: components to be shown beside it, ``show("Pendulum", "DoublePendulum")``; and, last, the path.
+    :param path: of the page; default: ``NAME.html`` in the working directory.
+    :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own;
+        ``keywords`` are further ones.  A system has its own.
+    :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
+    :raises ProjectError: if there is no such file or component.
+    :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
+    :raises BuildError: if there is no compiler for WebAssembly; ``pip install ziglang`` is one.
+    """
+    *beside, last = further or (None,)
+    if last is not None and path is None and not is_target(last):
+        path = cast("Path | str", last)
+    else:
+        beside = [target for target in further if target is not None]
+    target = subject if isinstance(subject, cosim.System) else fmu_file(subject)
+    if beside:
+        target = _together([target, *map(fmu_file, cast("list[Target]", beside))])
+    return live.show(target, path, start_values=start_values, **keywords)
+
+
+def _together(subjects: list[Path | cosim.System]) -> cosim.System:
+    """FMUs as one system without connections."""
+    if systems := [subject.name for subject in subjects if isinstance(subject, cosim.System)]:
+        raise ProjectError(f"show: {systems[0]} is a system, which is shown alone")
+    paths = [subject for subject in subjects if isinstance(subject, Path)]
+    beside = cosim.System(" and ".join(dict.fromkeys(path.stem for path in paths)))
+    for i, path in enumerate(paths):
+        name = re.sub(r"\W", "_", path.stem)
+        beside.add(f"{name}_{i + 1}" if name in beside.parts else name, path)
+    return beside
+
+
 sweep = renamed(starts="start_values")(_by_name(sweeps.sweep, cosim.System))
 
 

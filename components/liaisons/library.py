@@ -49,6 +49,12 @@ def catalogue_names() -> list[str]:
     return sorted(public)
 
 
+def is_target(word: object) -> bool:
+    """Whether it names a component or an FMU, and no other file."""
+    name = str(word)
+    return isinstance(word, type) or name in catalogue_names() or name.endswith((".fmu", ".py")) or ".py:" in name
+
+
 def variables(target: str) -> list[tuple[str, str, str]]:
     """Name, causality and start of the variables of a catalogue's component or an FMU file; none of anything else."""
     if target in catalogue_names():

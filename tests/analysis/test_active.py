@@ -3,7 +3,6 @@
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from liaisons import analysis
 from liaisons.errors import ComponentError
@@ -92,23 +91,6 @@ def test_effective_mass_and_connection_of_the_swing() -> None:
     np.testing.assert_allclose(force, 0, atol=1e-12)  # X_K = 0: the body turns in one piece (M 8.4)
 
 
-def cat_connection(psi_1: NDArray, psi_2: NDArray) -> NDArray:
-    """J_α/I of the cat's page, in the reduced masses μ_1 = μ_2 and μ of the defaults; (2, ...)."""
-    mass, limb, h, c = 4.0, 1.0, 0.2, 0.15
-    reduced, mutual = limb * (mass - limb) / mass, limb**2 / mass
-    own, A, C = 0.02 + c**2 * reduced, h * c * (reduced + mutual), c**2 * mutual
-    a, b, both = A * np.cos(psi_1), A * np.cos(psi_2), C * np.cos(psi_1 - psi_2)
-    inertia = 0.05 + 2 * own + 2 * h**2 * (reduced + mutual) + 2 * (a + b + both)
-    return np.array([own + a + both, own + b + both]) / inertia
-
-
-def test_connection_of_the_cat() -> None:
-    """Against the formulas in reduced masses of the component's page."""
-    connection = analysis.kinetic_connection(PlanarCat).evaluate(psi_1=0.7, psi_2=-0.4)
-    np.testing.assert_allclose(connection[:2], 0, atol=ROUNDING)
-    np.testing.assert_allclose(connection[2], -cat_connection(np.array(0.7), np.array(-0.4)), rtol=ROUNDING)
-
-
 def test_curvature_where_the_connection_depends_on_the_fibre() -> None:
     """Γ = -(cos θ, sin θ)/l for a moved pivot: F = Γ_x ∂_θ Γ_z - Γ_z ∂_θ Γ_x = 1/l² by the second term alone.
 
@@ -127,11 +109,6 @@ def test_holonomy_of_the_cat_as_a_line_and_as_an_area() -> None:
     line, area = analysis.holonomy(PlanarCat, circle)["phi"], analysis.curvature_integral(PlanarCat, circle)["phi"]
     assert abs(line) > 0.01
     assert line == pytest.approx(area, abs=1e-10)  # integration at 1e-12 over one turn, 24 Gauss nodes a radius
-    # A third way: the page's connection and the trapezoidal rule, exact to rounding for a smooth periodic integrand.
-    a = np.arange(200) * 2 * np.pi / 200
-    A = cat_connection(0.9 + 0.6 * np.cos(a), -0.4 + 0.42 * np.sin(a))
-    turn = -np.sum(A[0] * -0.6 * np.sin(a) + A[1] * 0.42 * np.cos(a)) * 2 * np.pi / 200
-    assert line == pytest.approx(turn, abs=1e-10)
 
 
 def test_holonomy_is_that_of_the_loop_not_of_its_speed() -> None:

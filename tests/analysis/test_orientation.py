@@ -37,16 +37,15 @@ class HeavyTop(Mechanism):
 INERTIA = np.array([1.0, 1.3, 0.6])
 
 
-def states(count: int = 10, *names: str) -> tuple[list[dict[str, float]], list[Rotation]]:
-    """Random attitudes, momenta, and whatever else is named."""
-    random = np.random.default_rng(5)
-    found, turns = [], []
+def states(count: int = 10, *names: str) -> list[tuple[dict[str, float], Rotation]]:
+    """Random attitudes, momenta, and whatever else is named; and the turns that the attitudes are."""
+    random, found = np.random.default_rng(5), []
     for _ in range(count):
         q = random.normal(size=4)
         values = (*(q / np.linalg.norm(q)), *random.normal(size=3 + len(names)))
-        found.append(dict(zip((*QUATERNION, *MOMENTA, *names), values, strict=True)))
-        turns.append(Rotation.from_quat(q, scalar_first=True))
-    return found, turns
+        n = dict(zip((*QUATERNION, *MOMENTA, *names), values, strict=True))
+        found.append((n, Rotation.from_quat(q, scalar_first=True)))
+    return found
 
 
 def momentum(n: dict[str, float]) -> NDArray:
@@ -56,7 +55,7 @@ def momentum(n: dict[str, float]) -> NDArray:
 def test_hamiltonian_and_its_equations_are_those_of_euler() -> None:
     """H = ½ Π J⁻¹ Π + V with Π = Rᵀ H; q' = q (0, ω)/2, H' is the moment of the weight."""
     energy, equations = analysis.hamiltonian(HeavyTop), analysis.hamilton_equations(HeavyTop)
-    for n, R in zip(*states(), strict=True):
+    for n, R in states():
         omega = R.inv().apply(momentum(n)) / INERTIA
         e = R.apply([0, 0, 1])
         assert energy.evaluate(**n) == pytest.approx(omega**2 @ INERTIA / 2 + 2 * e[2], rel=ROUNDING)
@@ -76,7 +75,7 @@ def test_brackets_of_momenta_are_those_of_turns() -> None:
     H = [analysis.observable(HeavyTop, lambda m, i=i: m.attitude.momentum[i]) for i in range(3)]
     e = [analysis.observable(HeavyTop, lambda m, i=i: m.attitude.matrix[i, 2]) for i in range(3)]
     energy, flow = analysis.hamiltonian(HeavyTop), analysis.hamilton_equations(HeavyTop)
-    for n, R in zip(*states(), strict=True):
+    for n, R in states():
         axis, h = R.apply([0, 0, 1]), momentum(n)
         for i, unit in enumerate(np.eye(3)):
             turned = [analysis.poisson_bracket(H[i], component).evaluate(**n) for component in e]
@@ -95,7 +94,7 @@ def test_noether_on_turns() -> None:
     about_z = analysis.noether(HeavyTop, lambda _: {"attitude": (0, 0, 1)})
     axis = (0.6, 0.0, 0.8)
     total = analysis.noether(Satellite, lambda _: {"attitude": axis})
-    for n, R in zip(*states(10, "omega_x", "omega_y", "omega_z"), strict=True):
+    for n, R in states(10, *RATES):
         rates, q = {name: n[name] for name in RATES}, {name: n[name] for name in QUATERNION}
         omega = np.array(list(rates.values()))
         assert about_z.evaluate(**q, **rates) == pytest.approx(R.apply(INERTIA * omega)[2], rel=1e-12)
@@ -108,7 +107,7 @@ def test_noether_on_turns() -> None:
 def test_flow_of_a_top_keeps_volume_energy_and_the_vertical_momentum() -> None:
     """Liouville: the divergence vanishes, det J = 1, though the quaternion has four components."""
     divergence = analysis.divergence(HeavyTop)
-    for n in states()[0]:
+    for n, _ in states():
         assert divergence.evaluate(**n) == pytest.approx(0.0, abs=ROUNDING)
     start = {"omega_x": 0.3, "omega_y": -0.5, "omega_z": 2.0, "q_w": np.cos(0.4), "q_x": np.sin(0.4)}
     flow = analysis.flow(HeavyTop, 3.0, **start)

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from trial import HEADERS, compile_library, every_component, every_version, reals, rows, run, some_components
@@ -28,6 +29,17 @@ MEMORY = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 THREADS = ("-fsanitize=thread",)
 
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="the programs need POSIX")
+
+
+@pytest.fixture(scope="session")
+def ran(program, trial) -> Callable[..., str]:
+    """Run one of our programs with an FMU: ``ran("fuzz", "Pendulum", "2", 1, CALLS)``."""
+
+    def go(command: str, name: str, version: str, *arguments: object, under: tuple[str, ...] = (), **how: Any) -> str:
+        it = trial(name, version)
+        return run(*under, program(command), it.library, it.plan, *map(str, arguments), **how)
+
+    return go
 
 
 @pytest.fixture(scope="session")
@@ -54,17 +66,15 @@ def sanitized(program, trial) -> Callable[..., str]:
 @linux_only
 @every_version
 @every_component
-def test_calls_at_random(program, trial, name, version) -> None:
+def test_calls_at_random(ran, name, version) -> None:
     """None crashes, hangs, is wrongly taken or refused, or leaves a trace when it is refused; see fuzz.c."""
-    it = trial(name, version)
-    run(program("fuzz"), it.library, it.plan, str(len(name)), str(CALLS))
+    ran("fuzz", name, version, len(name), CALLS)
 
 
 @linux_only
 @every_version
-def test_calls_at_random_reach_everything(program, trial, version) -> None:
-    it = trial("Pendulum", version)
-    counts = counted(run(program("fuzz"), it.library, it.plan, "1", str(10 * CALLS)))
+def test_calls_at_random_reach_everything(ran, version) -> None:
+    counts = counted(ran("fuzz", "Pendulum", version, 1, 10 * CALLS))
     states = [counts.pop(name) for name in ("damaged", "forged")]
     assert len(counts) == (HEADERS / f"fmi{version}Functions.h").read_text().count(f"fmi{version}FullName(fmi")
     assert {name for name, (taken, _) in counts.items() if taken == 0} <= ALWAYS_REFUSED[version]
@@ -75,10 +85,9 @@ def test_calls_at_random_reach_everything(program, trial, version) -> None:
 @linux_only
 @pytest.mark.slow
 @every_version
-def test_a_million_calls_at_random(program, trial, version) -> None:
+def test_a_million_calls_at_random(ran, version) -> None:
     """No saved state is taken that was damaged, of thousands."""
-    it = trial("Pendulum", version)
-    counts = counted(run(program("fuzz"), it.library, it.plan, "7", "2500000", time_out=900))
+    counts = counted(ran("fuzz", "Pendulum", version, 7, 2500000, time_out=900))
     damaged, forged = (counts.pop(name) for name in ("damaged", "forged"))
     assert sum(taken + refused for taken, refused in counts.values()) >= 1_000_000
     assert damaged[0] == 0
@@ -103,12 +112,11 @@ def test_calls_at_random_under_sanitizers(sanitized, name, version) -> None:
 @pytest.mark.slow
 @every_version
 @every_component
-def test_many_calls_at_random(program, sanitized, trial, name, version) -> None:
-    it = trial(name, version)
+def test_many_calls_at_random(ran, sanitized, trial, name, version) -> None:
     # Most of what can be wrong is in the sources that all FMUs share: small models get to it in a tenth of the time.
-    small = (it.folder / "sources" / "model.c").stat().st_size < SMALL
+    small = (trial(name, version).folder / "sources" / "model.c").stat().st_size < SMALL
     for seed in range(2, 12):
-        run(program("fuzz"), it.library, it.plan, str(seed), str((25 if small else 10) * CALLS), time_out=900)
+        ran("fuzz", name, version, seed, (25 if small else 10) * CALLS, time_out=900)
     sanitized(MEMORY, "fuzz", name, version, "12", str(10 * CALLS))
 
 
@@ -117,18 +125,16 @@ def test_many_calls_at_random(program, sanitized, trial, name, version) -> None:
 
 @every_version
 @some_components
-def test_two_thousand_instances_do_not_know_of_each_other(program, trial, name, version) -> None:
-    it = trial(name, version)
-    run(program("host"), it.library, it.plan, "crowd", "2000")
+def test_two_thousand_instances_do_not_know_of_each_other(ran, name, version) -> None:
+    ran("host", name, version, "crowd", 2000)
 
 
 @linux_only
 @every_version
 @some_components
-def test_threads_do_not_know_of_each_other(program, trial, name, version) -> None:
+def test_threads_do_not_know_of_each_other(ran, name, version) -> None:
     """The results are those of a single thread to the last bit."""
-    it = trial(name, version)
-    run(program("host"), it.library, it.plan, "threads", "16")
+    ran("host", name, version, "threads", 16)
 
 
 @linux_only
@@ -152,14 +158,13 @@ def test_lives_under_sanitizers(sanitized, tmp_path, name, version) -> None:
 @linux_only
 @every_version
 @pytest.mark.parametrize("name", ["Pendulum", "SpatialCat"])
-def test_lives_under_valgrind(program, trial, tmp_path, name, version) -> None:
+def test_lives_under_valgrind(ran, tmp_path, name, version) -> None:
     """No invalid access, no number that was never written, no leak in the binary as it is delivered."""
     if not shutil.which("valgrind"):
         pytest.skip("valgrind is not installed")
-    it = trial(name, version)
     valgrind = ("valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9")
-    for command in (("life", tmp_path / "state"), ("exchange",), ("crowd", "3"), ("lives", "6")):
-        run(*valgrind, program("host"), it.library, it.plan, *command)
+    for command in (("life", tmp_path / "state"), ("exchange",), ("crowd", 3), ("lives", 6)):
+        ran("host", name, version, *command, under=valgrind)
 
 
 # ---- long runs ---------------------------------------------------------------------------------------------------
@@ -168,12 +173,11 @@ def test_lives_under_valgrind(program, trial, tmp_path, name, version) -> None:
 @linux_only
 @pytest.mark.slow
 @every_version
-def test_ten_million_steps(program, trial, version) -> None:
-    it = trial("Pendulum", version)
-    printed = run(program("host"), it.library, it.plan, "long", "10000000", time_out=900)
+def test_ten_million_steps(ran, trial, version) -> None:
+    printed = ran("host", "Pendulum", version, "long", 10000000, time_out=900)
     growth = float(printed.split()[0])
     (largest,) = rows(printed)
-    names = [variable.name for variable in reals(it.description, "output")]
+    names = [variable.name for variable in reals(trial("Pendulum", version).description, "output")]
     energy, balance = (largest[names.index(name)] for name in ("energy", "energy_balance"))
     # From the hundredth part of the run on no page more than the loader's own: one lost byte a step would be 10 MB.
     assert growth <= 64  # kB

@@ -92,13 +92,10 @@ def test_one_fmu(versions, same_by_python, fmi: str) -> None:
 @pytest.mark.parametrize("coupling", ["gauss-seidel", "jacobi"])
 @pytest.mark.parametrize("fmi", [("2", "2"), ("2", "3"), ("3", "2")])
 def test_a_system(versions, same_by_python, fmi: tuple[str, str], coupling: Coupling) -> None:
-    def run() -> Result:
-        operator = versions["Sinusoid", fmi[0]], {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 6.0}
-        swing = versions["Pendulum", fmi[1]], {"theta_0": 1.0}
-        system = wired("operator.y -> swing.length", operator=operator, swing=swing)
-        return system.simulate(3.0, 0.01, coupling=coupling)
-
-    same_by_python(run)
+    operator = versions["Sinusoid", fmi[0]], {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 6.0}
+    swing = versions["Pendulum", fmi[1]], {"theta_0": 1.0}
+    system = wired("operator.y -> swing.length", operator=operator, swing=swing)
+    same_by_python(lambda: system.simulate(3.0, 0.01, coupling=coupling))
 
 
 OURS, ASKING, OTHERS = "Pendulum", "fmi3/Pendulum", "python/Pendulum"
@@ -109,27 +106,18 @@ OURS, ASKING, OTHERS = "Pendulum", "fmi3/Pendulum", "python/Pendulum"
 @pytest.mark.parametrize("H", [0.005, 0.05])
 def test_coupled_pendulums(component, same_by_calls_of_python, names, coupling: Coupling, H: float) -> None:
     """Polynomials, answers inside a step, values at its end; some iterations, and many with secants."""
-
-    def run() -> Result:
-        upper, lower = ((component(name), {"theta_0": 0.4, "mass": 0.4 + k}) for k, name in enumerate(names))
-        system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
-        return system.simulate(30 * H, H, coupling=coupling)
-
-    same_by_calls_of_python(run)
+    upper, lower = ((component(name), {"theta_0": 0.4, "mass": 0.4 + k}) for k, name in enumerate(names))
+    system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
+    same_by_calls_of_python(lambda: system.simulate(30 * H, H, coupling=coupling))
 
 
 def test_a_coupled_chain(component, same_by_calls_of_python) -> None:
     """Many unknowns, several groups, a source before them, driven by a function of time."""
-
-    def run() -> Result:
-        parts: dict[str, Any] = {"motor": component("Sinusoid")}
-        parts |= {f"m{k}": (component("Oscillator"), {"x_0": 0.1 * k, "stiffness": 10.0**k}) for k in range(6)}
-        wires = ["motor.y -> m0.support", *(f"m{k}.x -> m{k + 1}.support" for k in (0, 1, 3, 4))]
-        system = wired(*wires, **parts)
-        force = {"m2.x_force": lambda t: float(t > 0.72), "m3.support": lambda t: (t**3, 3 * t**2, 6 * t)}
-        return system.simulate(2.0, 0.05, coupling="implicit", inputs=force)
-
-    same_by_calls_of_python(run)
+    parts: dict[str, Any] = {"motor": component("Sinusoid")}
+    parts |= {f"m{k}": (component("Oscillator"), {"x_0": 0.1 * k, "stiffness": 10.0**k}) for k in range(6)}
+    system = wired("motor.y -> m0.support", *(f"m{k}.x -> m{k + 1}.support" for k in (0, 1, 3, 4)), **parts)
+    force = {"m2.x_force": lambda t: float(t > 0.72), "m3.support": lambda t: (t**3, 3 * t**2, 6 * t)}
+    same_by_calls_of_python(lambda: system.simulate(2.0, 0.05, coupling="implicit", inputs=force))
 
 
 def test_a_port_with_a_kink(component, same_by_calls_of_python) -> None:
@@ -147,21 +135,15 @@ def test_a_port_with_a_kink(component, same_by_calls_of_python) -> None:
 
 def test_a_coupling_of_other_makes(fmu, same_by_calls_of_python) -> None:
     """They hold their inputs, and give no derivatives."""
-
-    def run() -> Result:
-        spring = (fmu("buffer"), {"stiffness": 0.3})
-        system = wired("cart.q -> spring.length", cart=(fmu("cart"), {"q_0": 1.0}), spring=spring)
-        return system.simulate(1.0, 0.05, coupling="implicit")
-
-    same_by_calls_of_python(run)
+    spring = fmu("buffer"), {"stiffness": 0.3}
+    system = wired("cart.q -> spring.length", cart=(fmu("cart"), {"q_0": 1.0}), spring=spring)
+    same_by_calls_of_python(lambda: system.simulate(1.0, 0.05, coupling="implicit"))
 
 
 def test_adapted_coupled_steps(component, same_by_calls_of_python) -> None:
-    def run() -> Result:
-        upper, lower = ((component("Pendulum"), {"theta_0": 0.2 + k}) for k in range(2))
-        return wired("upper.bob -> lower.pivot", upper=upper, lower=lower).simulate(1.0, 0.01, error_tolerance=1e-6)
-
-    same_by_calls_of_python(run)
+    upper, lower = ((component("Pendulum"), {"theta_0": 0.2 + k}) for k in range(2))
+    system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
+    same_by_calls_of_python(lambda: system.simulate(1.0, 0.01, error_tolerance=1e-6))
 
 
 @pytest.mark.parametrize("seed", range(20))

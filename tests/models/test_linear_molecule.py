@@ -43,20 +43,6 @@ def test_modes_are_those_of_equation_158() -> None:
         assert modes @ [n(f"mode_{i}") for i in ATOMS] == algebra(displacements(n))  # u = Σ q_k u_k
 
 
-def test_kb12_the_vectors_of_equation_158_are_not_normalised_as_equation_151_says() -> None:
-    M, _ = molecule_matrices(defaults(LinearMolecule))
-    modes = LinearMolecule.modes()
-    assert np.linalg.norm(modes, axis=0) == algebra([1, 1, 1])
-    weights = np.diag(modes.T @ M @ modes)  # would be 1 with K eq. 151
-    assert np.min(weights) > 10
-    # The mass-weighted normal coordinates of K eq. 149 are √weight times ours: their energies are ½ q'² + ½ Ω² q².
-    u = np.array([0.1, -0.05, 0.02])
-    q = np.linalg.solve(modes, u)
-    D = np.sqrt(M) @ modes / np.sqrt(weights)  # the orthogonal matrix of K eq. 141
-    np.testing.assert_allclose(D.T @ D, np.eye(3), atol=1e-14)  # a few roundings
-    assert D.T @ np.sqrt(M) @ u == algebra(np.sqrt(weights) * q)
-
-
 def test_kb2_total_momentum_needs_each_atoms_own_mass() -> None:
     """K eq. 46 prints Σ m r_α': with one mass for all it is no constant."""
     for n in random_states(LinearMolecule, **unloaded(LinearMolecule)):

@@ -8,8 +8,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from hand_derivations import displacements, molecule_matrices
 from numpy.typing import NDArray
-from on_paper import State, algebra, equations_of, random_states
+from on_paper import State, algebra, curl, equations_of, random_states, vector
 from scipy.spatial.transform import Rotation
 
 from liaisons import analysis
@@ -114,8 +115,7 @@ def test_lagrangian_of_a_charge_gives_lorentz_force_in_any_field() -> None:
     L = m / 2 * ca.dot(v, v) - Q * (phi - ca.dot(v, A))
     p = ca.gradient(L, v)
     rate = ca.jtimes(p, ca.vertcat(t, r, v), ca.vertcat(1, v, a))  # d/dt ∂L/∂r'
-    J = ca.jacobian(A, r)
-    B = ca.vertcat(J[2, 1] - J[1, 2], J[0, 2] - J[2, 0], J[1, 0] - J[0, 1])
+    B = curl(A, r)
     E = -ca.gradient(phi, r) - ca.jacobian(A, t)
     residual, lorentz = rate - ca.gradient(L, r), m * a - Q * (E + ca.cross(v, B))
     for seed in range(5):
@@ -171,11 +171,10 @@ def test_slopes_of_h_at_given_momenta_are_those_of_l_at_given_rates(component: t
 def test_lagrangian_is_a_sum_over_normal_coordinates() -> None:
     """K eq. 133-146, 149-151: with q = D̃ᵀ M^½ u the Lagrangian is Σ (½ q_k'² - ½ Ω_k² q_k²)."""
     for n in random_states(LinearMolecule):
-        root = np.diag(np.sqrt([n["mass_outer"], n["mass_inner"], n["mass_outer"]]))
-        K = n["stiffness"] * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+        (M, K), u = molecule_matrices(n), displacements(n)
+        root = np.sqrt(M)
         squares, D = np.linalg.eigh(np.linalg.inv(root) @ K @ np.linalg.inv(root))
-        u = np.array([n[f"x_{i}"] - (i - 1) * n["spacing"] for i in (1, 2, 3)])
-        q, q_dot = D.T @ root @ u, D.T @ root @ [n[f"x_{i}_dot"] for i in (1, 2, 3)]
+        q, q_dot = D.T @ root @ u, D.T @ root @ vector(n, "x_{}_dot", "123")
         L = n("kinetic_energy") - n("potential_energy")
         assert algebra(np.sum(q_dot**2 - squares * q**2) / 2) == L
         assert np.linalg.inv(root) @ D @ q == algebra(u)

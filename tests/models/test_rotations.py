@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hand_derivations import MOMENTA, QUATERNION, RATES, WHEELS, numbers, rotation, satellite, states, tensor
 from numpy.typing import ArrayLike, NDArray
-from on_paper import BACKENDS, Values, algebra, run, smooth_step, unloaded, wave
+from on_paper import BACKENDS, Values, algebra, assert_follows, run, smooth_step, unloaded, wave
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -91,8 +91,7 @@ def test_satellite_with_locked_wheels_is_eulers_top(fmu, start: Any, backend: st
     exact = Satellite.exact(result.time, **unit)
     # κ = 100 over 60 s; 1000 for each pass by the middle axis, once or twice in this time.
     allowed = 1e-5 if start == TOPS["nearly about the middle axis"] else 1e-8
-    for name in (*QUATERNION, *RATES):
-        assert max_error(result[name], exact[name]) <= allowed, name
+    assert_follows(result, exact, allowed, names=(*QUATERNION, *RATES))
     assert max_error(result["kinetic_energy"], result["kinetic_energy"][0]) <= 10 * 1e-10 * 60 * 10  # energy of 5 J
     for name in MOMENTA:
         assert max_error(result[name], result[name][0]) == 0.0  # no torque: H is not even integrated
@@ -163,7 +162,7 @@ def test_wheels_that_return_leave_the_satellite_turned(fmu, backend: str) -> Non
         by = -0.1 * sign * size / (10.0, 12.0)[axis]
         expected = expected * Rotation.from_rotvec(by * np.eye(3)[axis])
         attitude = numbers(Satellite.slew(*(sign * size * np.eye(3)[axis]), start=attitude), QUATERNION)
-    end = turns({name: result[name][-1] for name in QUATERNION})
+    end = turns(result)[-1]
     assert max_error(end, expected.as_matrix()) <= 1e-8  # a hundred tolerances, and quintics of 0.02 s
     assert max_error(turns(dict(zip(QUATERNION, attitude, strict=True))), expected.as_matrix()) <= 1e-15
     assert expected.magnitude() > 0.2  # rad: far from where it was
@@ -259,7 +258,7 @@ def test_rademaker_and_ter_braak_turn_the_cat_by_phi(fmu, bend: float, backend: 
     c, s = np.cos(bend / 2), np.sin(bend / 2)
     phi = 2 * np.pi * 0.02 * c / (0.10 * s**2 + 0.02 * c**2)
     bisector = np.array([0, -s, c])  # a + b for χ = 0
-    end = turns({name: result[name][-1] for name in QUATERNION})
+    end = turns(result)[-1]
     assert max_error(end, Rotation.from_rotvec(phi * bisector).as_matrix()) <= 1e-9
     # The bisector keeps its direction in space: e = R (Rz(χ) Rx(κ/2) z).
     in_a = np.stack([s * np.sin(result["azimuth"]), -s * np.cos(result["azimuth"]), 0 * result.time + c], axis=-1)
@@ -331,7 +330,7 @@ def test_kane_and_schers_cat_turns_by_their_quadrature(fmu, backend: str) -> Non
     half = start["bend"] / 2
     in_plane = Rotation.from_rotvec([0, 0, start["azimuth"]])
     bisector = in_plane.apply([0, -np.sin(half), np.cos(half)])
-    end = turns({name: result[name][-1] for name in QUATERNION})
+    end = turns(result)[-1]
     # Quintics of 0.005 s: (0.005 · 10)⁶/46080 = 3e-13; solver tolerance 1e-10.
     assert max_error(end, Rotation.from_rotvec(psi * bisector).as_matrix()) <= 1e-8
 

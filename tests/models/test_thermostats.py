@@ -141,7 +141,7 @@ def test_isokinetic_fmu_follows_its_closed_form(fmu, name: str, backend: str) ->
 def test_isokinetic_invariants_for_a_long_time(fmu) -> None:
     """Speed, L exp(-V/3 k_B T) and the plane, over 1600 periods."""
     result = run(fmu(IsokineticOscillator), stop_time=1e4, step_size=1.0, tolerance=1e-11)
-    r, v = (np.array([result[f"{q}{end}"] for q in "xyz"]) for end in ("", "_dot"))
+    r, v = vector(result), vector(result, "{}_dot")
     assert max_error(np.sum(v**2, axis=0), 3.0) <= 1e-14  # |v| is the constraint: projected
     moment = np.cross(r, v, axis=0) * np.exp(-np.sum(r**2, axis=0) / 6)
     # 10 tolerances × time, PHYSICS' rule for first integrals.

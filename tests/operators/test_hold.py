@@ -104,7 +104,7 @@ def test_the_fmus_have_the_multipliers_that_were_predicted(name: str) -> None:
     regulator = hold(name, **HELD[name])
     verified(regulator)
     assert regulator.conserved == CONSERVED[name]
-    assert regulator.reached == regulator.floquet_multipliers.size - len(regulator.conserved)
+    assert regulator.controlled.size == regulator.floquet_multipliers.size - len(regulator.conserved)
     np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-9)
     # Solver tolerance 1e-11 over a difference of 1e-5.
     np.testing.assert_allclose(regulator.measured(), regulator.loop, rtol=0, atol=2e-6 * np.abs(regulator.loop).max())
@@ -259,7 +259,7 @@ def test_the_fmus_have_the_monodromy_that_was_predicted(name: str) -> None:
     verified(regulator)
     assert regulator.conserved == REST[name]
     assert regulator.returns == (name not in ("crane", "constraints"))
-    assert regulator.reached == len(regulator.loop) - len(regulator.conserved)
+    assert regulator.controlled.size == len(regulator.loop) - len(regulator.conserved)
     if regulator.returns:
         np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-8)
         assert np.abs(regulator.controlled).max() < 0.99
@@ -371,7 +371,7 @@ def test_equilibria_are_held_alike_in_all_units(name: str) -> None:
             np.sort(np.abs(regulator.floquet_multipliers)), np.sort(np.abs(expected.floquet_multipliers)), atol=1e-5
         )
         np.testing.assert_allclose(regulator.loop, expected.loop, atol=1e-6 * np.abs(expected.loop).max())
-        assert (regulator.conserved, regulator.reached) == (expected.conserved, expected.reached)
+        assert (regulator.conserved, regulator.controlled.size) == (expected.conserved, expected.controlled.size)
 
 
 @cache

@@ -127,14 +127,15 @@ def vakonomic_equations(source: Source) -> Quantity:
     :raises ComponentError: for a constraint that is not linear in the rates.
     """
     equations = equations_of(source)
-    m, kept = equations.mechanism, equations.constraints
-    if ca.depends_on(kept.matrix, m.free.q_dot):
+    m, constraints = equations.mechanism, equations.constraints
+    if ca.depends_on(constraints.matrix, m.free.q_dot):
         raise ComponentError(f"{equations.name}: vakonomic equations need constraints that are linear in the rates")
-    loose, metric = equations.unconstrained_velocities, inertia_of(m, equations.lagrangian)
-    missing = -ca.substitute(kept.rate_residuals, m.free.q_dot, loose)
-    allowed = loose + metric.under(kept.matrix, ca.SX.zeros(loose.shape), missing, kept.squares)[0]
+    C, velocities = constraints.matrix, equations.unconstrained_velocities
+    residuals = ca.substitute(constraints.rate_residuals, m.free.q_dot, velocities)
+    metric, zero = inertia_of(m, equations.lagrangian), ca.SX.zeros(velocities.shape)
+    correction, _ = metric.under(C, zero, -residuals, constraints.squares)
     H = ca.dot(m.free.frame.T @ m.free.p, m.free.q_dot) - equations.lagrangian
-    field = hamiltonian_field(equations, ca.substitute(H, m.free.q_dot, allowed))
+    field = hamiltonian_field(equations, ca.substitute(H, m.free.q_dot, velocities + correction))
     return Quantity(equations, ca.vertcat(*field))
 
 

@@ -81,11 +81,12 @@ def animate(
 @command("""
     liaisons show Pendulum
     liaisons show SpatialCat --output cat.html --no-open
+    liaisons show Pendulum DoublePendulum
     liaisons show my_component.py
     liaisons show system.ssp
 """)
 def show(
-    fmu: Annotated[str, subject(_WHAT)],
+    fmus: Annotated[list[str], subject(_WHAT, "files or components; several side by side")],
     *,
     output: Annotated[
         Path | None, option("FILE", "where the page goes (default: NAME.html here)", "--output", "-o")
@@ -98,12 +99,20 @@ def show(
 
     Where the compiler for WebAssembly is not installed, a page with the recorded motion.
     """
+    from liaisons import interface
     from liaisons.cli._subject import resolved, simulation
     from liaisons.compiler import zig_compiler
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_path
     from liaisons.live import show as written
 
+    fmu, *beside = fmus
+    if beside:
+        page = interface.show(fmu, *beside, path=output, start_values=dict(starts)).path
+        print(f"page: {page}")
+        if launch:
+            webbrowser.open(page.resolve().as_uri())
+        return 0
     found, rest = resolved(fmu, starts)
     page = output or default_path(found)
     if zig_compiler():

@@ -132,11 +132,6 @@ class Controller:
         return self.prediction.returns
 
     @property
-    def reached(self) -> int:
-        """Number of controllable directions."""
-        return self.prediction.reach.shape[1]
-
-    @property
     def floquet_multipliers(self) -> NDArray[np.complex128]:
         """Eigenvalues of the closed loop over one step or one round, greatest first; 1 for conserved quantities.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import count, pairwise
 from typing import Any
 
@@ -112,12 +111,10 @@ def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
                 x[names.index(f"{name}_dot")] = by * rate
         return x
 
-    controls = np.zeros((len(problem.moves), points.size))
-    for i, name in enumerate(problem.moves):
-        if name in moves:
-            controls[i] = moves[name] * _smooth_step(points, T)[problem.order]
-        elif problem.order == 0:
-            controls[i] = problem.initial_sigma[i]
+    profile = _smooth_step(points, T)[problem.order]
+    controls = np.array([moves.get(name, 0.0) * profile for name in problem.moves])
+    if problem.order == 0:
+        controls += problem.initial_sigma[:, None]
     rng = np.random.default_rng(k)
     size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(change).max()) / T**problem.order
     shake = size * np.array([_wave(rng, points) for _ in problem.moves])
@@ -137,7 +134,13 @@ def _wave(rng: np.random.Generator, u: Array) -> Array:
 
 def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Circles and ellipses, with states that follow them: of some simple ones the best, then all over the ranges."""
-    miss = partial(_miss, problem)
+
+    def miss(trajectory: CollocatedTrajectory) -> float:
+        """By how much a motion misses the end, and its bounds."""
+        missed = problem.end.violation(problem.end_values(trajectory.knots[:, -1]))
+        beyond = problem.path.violation(trajectory.evaluate(problem.path.function))
+        return float(np.linalg.norm(missed) + np.max(beyond, initial=0.0))
+
     yield min(_circles(problem, intervals), key=miss)
     if not _is_begun(problem):
         yield from _far_circles(problem, intervals)
@@ -277,10 +280,3 @@ def _followed(
     knots, inner = (np.array([states[t] for t in ts]).T for ts in (trajectory.breaks, trajectory.instants))
     controls = np.array([motion(t)[problem.order] for t in trajectory.instants]).T
     return replace(trajectory, knots=knots, inner=inner, controls=controls)
-
-
-def _miss(problem: Problem, trajectory: CollocatedTrajectory) -> float:
-    """By how much a motion misses the end, and its bounds."""
-    missed = problem.end.violation(problem.end_values(trajectory.knots[:, -1]))
-    beyond = problem.path.violation(trajectory.evaluate(problem.path.function))
-    return float(np.linalg.norm(missed) + np.max(beyond, initial=0.0))

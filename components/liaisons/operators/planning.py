@@ -9,8 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from liaisons.arguments import as_path, finite, merged, named, settings_beside, shown, whole
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.errors import PlanError, suggestion
@@ -185,9 +183,8 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
 
 
 def _warm(problem: Problem, guess: Plan, intervals: int) -> CollocatedTrajectory:
-    """Another plan, where it has the same states; on its own arcs if it has several."""
+    """Another plan on one mesh, where it has the same states."""
     if not isinstance(guess, Plan) or guess.problem.states != problem.states:
         raise PlanError(f"{problem.name}: guess = {shown(guess)}: give a plan of the same coordinates and costs")
     trajectory = relative(problem, guess.solution).trajectory
-    total = trajectory.durations.sum()
-    return trajectory.on((Arc(intervals),), np.array([total]))
+    return trajectory.on((Arc(intervals),), trajectory.durations.sum(keepdims=True))

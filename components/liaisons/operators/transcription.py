@@ -89,25 +89,20 @@ class CollocatedTrajectory:
         """Cost + adjoints · rates at the collocation points."""
         return self.evaluate(problem.cost).ravel() + (adjoints * self.evaluate(problem.rates)).sum(axis=0)
 
-    def at(self, fraction: Array) -> tuple[Array, Array]:
-        """States and controls at fractions of the duration, linear between the points: to start from."""
-        breaks, instants = self.breaks, self.instants
-        t = np.asarray(fraction) * breaks[-1]
-        order = np.argsort(np.append(breaks, instants), kind="stable")
-        times = np.append(breaks, instants)[order]
-        states = np.hstack([self.knots, self.inner])[:, order]
-        return (
-            np.array([np.interp(t, times, row) for row in states]).reshape(len(states), -1),
-            np.array([np.interp(t, instants, row) for row in self.controls]).reshape(len(self.controls), -1),
-        )
-
     def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
-        """The same motion on another mesh."""
+        """The same motion on another mesh, linear between the points: to start from."""
         blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
-        total = durations.sum()
-        knots, _ = self.at(blank.breaks / total)
-        inner, controls = self.at(blank.instants / total)
-        return CollocatedTrajectory(arcs, durations, knots, inner, controls)
+        instants, scale = self.instants, durations.sum()
+        times = np.append(self.breaks, instants)
+        order = np.argsort(times, kind="stable")
+        states = np.hstack([self.knots, self.inner])[:, order]
+
+        def resampled(rows: Array, own: Array, other: Array) -> Array:
+            at = other / scale * self.breaks[-1]
+            return np.array([np.interp(at, own, row) for row in rows]).reshape(len(rows), -1)
+
+        knots, inner = (resampled(states, times[order], other) for other in (blank.breaks, blank.instants))
+        return CollocatedTrajectory(arcs, durations, knots, inner, resampled(self.controls, instants, blank.instants))
 
 
 class Clock:
@@ -223,10 +218,9 @@ class _Program:
     inner: Any
     controls: Any
     path: Any
-    stages: Any  # residuals of the equations at the collocation points,
-    steps: Any  # and at the ends of the intervals
+    residuals: Any  # of the equations at the collocation points, and at the ends of the intervals
     cost: Any
-    constraints: dict[str, Any] = field(default_factory=dict)  # stages, steps, and the end where it is numbers
+    constraints: dict[str, Any] = field(default_factory=dict)  # the equations, and the end where it is numbers
 
 
 def solve(
@@ -261,7 +255,8 @@ def solve(
         inner=value(program.inner, n, points),
         controls=value(program.controls, c, points),
     )
-    mu, nu = value(opti.dual(constraints["stages"]), n, points), value(opti.dual(constraints["steps"]), n, m)
+    duals = np.split(value(opti.dual(constraints["equations"]), -1), [n * points])
+    mu, nu = (part.reshape(n, -1, order="F") for part in duals)
     adjoints = -(np.repeat(nu, DEGREE, axis=1) + (mu @ np.kron(np.eye(m), A)) / np.tile(B, m))
     multipliers, equalities = np.zeros(len(problem.end.labels)), problem.end.equalities
     if equalities and not soft:
@@ -273,7 +268,7 @@ def solve(
         hamiltonian=trajectory.hamiltonian(problem, adjoints),
         adjoints=adjoints,
         end_multipliers=multipliers,
-        residual=float(np.abs(opti.debug.value(ca.vertcat(program.stages, program.steps))).max()),
+        residual=float(np.abs(value(program.residuals, -1)).max()),
         finished=status not in _STOPPED and not clock.is_interrupted,
     )
 
@@ -284,9 +279,8 @@ def _constrained(
     """The program with cost and constraints; the parameters are those of :func:`solve`."""
     program = _collocated(problem, guess)
     opti, constraints = program.opti, program.constraints
-    constraints |= {"stages": program.stages == 0, "steps": program.steps == 0}
-    opti.subject_to(constraints["stages"])
-    opti.subject_to(constraints["steps"])
+    constraints["equations"] = program.residuals == 0
+    opti.subject_to(constraints["equations"])
     _bound_durations(opti, problem, guess, program)
     _bound_path(opti, problem, guess.arcs, program)
     _within(opti, problem.start, problem.start.function(program.knots[:, 0]))
@@ -375,8 +369,7 @@ def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
         inner=inner,
         controls=controls,
         path=problem.path.function.map(points)(inner, controls) if problem.path.labels else ca.MX(0, points),
-        stages=ca.vec(inner - begins - gained @ to_stages),
-        steps=ca.vec(knots[:, 1:] - knots[:, :-1] - gained @ to_ends),
+        residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - knots[:, :-1] - gained @ to_ends),
         cost=ca.dot(ca.vec(running * h), np.tile(B, m)),
     )
 

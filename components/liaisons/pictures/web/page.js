@@ -2,7 +2,7 @@
 
 import { compile } from "./fmu.js";
 import { Machine } from "./machine.js";
-import { palette, shapesOf, View } from "./picture.js";
+import { palette, shapesOf, sideBySide, View } from "./picture.js";
 import { colourOf, MOST, plot, short } from "./plot.js";
 import { Hand, Operator, presets } from "./sources.js";
 
@@ -29,8 +29,11 @@ class Page {
   constructor(plan, modules) {
     this.plan = plan;
     this.machine = new Machine(plan, modules);
-    const shapes = this.machine.parts.flatMap((p) => shapesOf(p.picture, this.machine.place, p.prefix));
-    this.view = new View($("picture"), shapes, plan.plane);
+    this.groups = plan.groups.map((members) => {
+      const shift = { x: 0 }, parts = members.map((i) => this.machine.parts[i]);
+      return { shift, shapes: parts.flatMap((p) => shapesOf(p.picture, this.machine.place, p.prefix, shift)) };
+    });
+    this.view = new View($("picture"), this.groups.flatMap((group) => group.shapes), plan.plane);
     this.view.changed = () => this.paint();
     this.speed = plan.speed;
     this.running = false;
@@ -52,7 +55,10 @@ class Page {
     this.history = [];
     this.view.forget();
     this.owed = 0;
-    if (this.machine.restart()) this.#look();
+    if (this.machine.restart()) {
+      this.#look();
+      sideBySide(this.groups, this.now);
+    }
     for (const part of this.machine.parts) for (const [name, source] of part.sources) if (source instanceof Hand) this.#show(part.prefix + name, source.aim);
     this.#tell();
     this.paint();

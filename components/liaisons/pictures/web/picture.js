@@ -1,7 +1,7 @@
 // Shapes in space, drawn on a canvas: what lies behind is painted first.
 
 /** Functions of the values that give each shape's places; a coordinate is a number or the name of a signal. */
-export function shapesOf(picture, place, prefix = "") {
+export function shapesOf(picture, place, prefix = "", shift = { x: 0 }) {
   const number = (given) => {
     if (typeof given === "number") return () => given;
     const i = place.get(prefix + given);
@@ -10,12 +10,17 @@ export function shapesOf(picture, place, prefix = "") {
   };
   const point = (given) => {
     const [x, y, z] = given.map(number);
+    return (values) => [x(values) + shift.x, y(values), z(values)];
+  };
+  const direction = (given) => {
+    const [x, y, z] = given.map(number);
     return (values) => [x(values), y(values), z(values)];
   };
   return picture.shapes.map((shape) => {
     const found = { ...shape };
     for (const member of ["from", "to", "at"]) if (shape[member]) found[member] = point(shape[member]);
-    for (const member of ["points", "axes"]) if (shape[member]) found[member] = shape[member].map(point);
+    if (shape.points) found.points = shape.points.map(point);
+    if (shape.axes) found.axes = shape.axes.map(direction);
     if (shape.size) found.size = shape.size.map(number);
     if (shape.radius !== undefined) found.radius = number(shape.radius);
     return found;
@@ -29,6 +34,20 @@ function pointsOf(shapes, values) {
     const edges = (s.axes ?? []).map((axis, i) => [axis(values), s.size[i](values) / 2]);
     return edges.reduce((all, [axis, half]) => all.flatMap((p) => [along(p, axis, half), along(p, axis, -half)]), found);
   });
+}
+
+/** Groups of shapes side by side: each is shifted along x by what those before it take, with room to swing. */
+export function sideBySide(groups, values) {
+  let right = null;
+  for (const { shift, shapes } of groups) {
+    shift.x = 0;
+    const points = pointsOf(shapes, values);
+    if (!points.length) continue;
+    const [low, high] = [Math.min, Math.max].map((extreme) => [0, 1, 2].map((i) => extreme(...points.map((p) => p[i]))));
+    const centre = (low[0] + high[0]) / 2, room = 1.1 * Math.max(...minus(high, low)) || 1;
+    if (right !== null) shift.x = right + room - centre;
+    right = centre + shift.x + room;
+  }
 }
 
 /** Colours of the style sheet, light or dark. */
