@@ -29,7 +29,7 @@ from typing import Any
 import fmpy
 import numpy as np
 from _measure import Row, command, interleaved
-from fmpy.fmi2 import FMU2Slave
+from step_cost import instantiate
 
 from liaisons import System, fmu_path
 from liaisons.cosim.description.fmu import Fmu, read
@@ -251,15 +251,9 @@ class _Bare:
 
     def __init__(self, name: str, stack: ExitStack, **starts: float) -> None:
         self.fmu, folder = _extracted(name)
-        self._slave = slave = FMU2Slave(
-            guid=self.fmu.guid, modelIdentifier=self.fmu.identifier, unzipDirectory=folder, instanceName=name
-        )
-        slave.instantiate()
+        references = {self.fmu.variables[name].reference: value for name, value in starts.items()}
+        self._slave = slave = instantiate(folder, self.fmu.identifier, self.fmu.guid, references)
         stack.callback(slave.freeInstance)
-        slave.setupExperiment(startTime=0.0)
-        slave.setReal([self.fmu.variables[name].reference for name in starts], list(starts.values()))
-        slave.enterInitializationMode()
-        slave.exitInitializationMode()
         component: Any = slave.component  # an int, whatever fmpy declares
         self._pointer = c_void_p(component)
 
@@ -278,9 +272,9 @@ class _Bare:
 
 
 @cache
-def _extracted(name: str) -> tuple[Fmu, str]:
+def _extracted(name: str) -> tuple[Fmu, Path]:
     path = fmu_path(name)
-    return read(path), str(fmpy.extract(path, mkdtemp(prefix="liaisons-")))
+    return read(path), Path(fmpy.extract(path, mkdtemp(prefix="liaisons-")))
 
 
 if __name__ == "__main__":

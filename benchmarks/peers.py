@@ -30,7 +30,6 @@ import numpy as np
 import pythonfmu
 import pythonfmu3
 from _measure import HERE, Row, command, interleaved
-from fmpy.fmi2 import FMU2Slave
 from fmpy.simulation import Input, apply_start_values, instantiate_fmu
 from fmpy.sundials import CVodeSolver
 from step_cost import compile_by_hand, instantiate
@@ -152,7 +151,7 @@ def _peers(folder: Path) -> dict[str, Peer]:
 
 @contextmanager
 def _opened_by_hand(folder: Path) -> Iterator[Opened]:
-    slave = instantiate(FMU2Slave, folder, "pendulum", "by hand")
+    slave = instantiate(folder, "pendulum", "by hand")
     slave.setReal([THETA], [AMPLITUDE])
     yield Opened(slave.doStep, lambda: slave.getReal([THETA])[0])
     slave.freeInstance()

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
@@ -222,11 +222,12 @@ def load(fmu: Path) -> FMU2Slave:
     description = fmpy.read_model_description(str(fmu), validate=False)
     folder = fmpy.extract(str(fmu), unzipdir=str(fmu.with_suffix("")))
     identifier = fmu.stem  # of our FMUs, and of pythonfmu's
-    return instantiate(FMU2Slave, Path(folder), identifier, description.guid or "")
+    return instantiate(Path(folder), identifier, description.guid or "")
 
 
-def instantiate(kind: type[FMU2Slave], folder: Path, identifier: str, guid: str) -> FMU2Slave:
-    slave = kind(
+def instantiate(folder: Path, identifier: str, guid: str, starts: Mapping[int, float] | None = None) -> FMU2Slave:
+    """An initialized instance; start values by reference."""
+    slave = FMU2Slave(
         guid=guid,
         modelIdentifier=identifier,
         unzipDirectory=str(folder),
@@ -235,6 +236,7 @@ def instantiate(kind: type[FMU2Slave], folder: Path, identifier: str, guid: str)
     )
     slave.instantiate()
     slave.setupExperiment(startTime=0.0)
+    slave.setReal([*(starts or {})], [*(starts or {}).values()])
     slave.enterInitializationMode()
     slave.exitInitializationMode()
     return slave
@@ -243,7 +245,7 @@ def instantiate(kind: type[FMU2Slave], folder: Path, identifier: str, guid: str)
 def load_by_hand(name: str, folder: Path) -> FMU2Slave:
     """An instance of ``by_hand/NAME.c``, which is compiled into the folder."""
     compile_by_hand(name, folder)
-    return instantiate(FMU2Slave, folder, name, "by hand")
+    return instantiate(folder, name, "by hand")
 
 
 def compile_by_hand(name: str, folder: Path, *flags: str | Path, platform: str = fmpy.platform) -> Path:

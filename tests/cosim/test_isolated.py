@@ -260,3 +260,15 @@ def test_what_it_says_before_it_crashes_is_heard(tmp_path: Path, caplog: pytest.
         simulate(equations(tmp_path, 1, 0, **code), stop_time=1.0, step_size=0.1, isolated=True)
     assert "nominal values of continuous states" in caught.value.result.warnings[0]
     assert len(caplog.records) == 1
+
+
+def test_its_release_is_not_waited_for_as_long_as_a_step(fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, limits = isolated.Isolated._asked, dict[str, float]()
+
+    def noted(instance: isolated.Isolated, task: str, *message: object) -> Any:
+        limits[task] = instance._far.limit
+        return asked(instance, task, *message)
+
+    monkeypatch.setattr(isolated.Isolated, "_asked", noted)
+    simulate(fmu("Cubic"), stop_time=1.0, step_size=0.5, isolated=60.0)
+    assert (limits["its initialization"], limits["its release"]) == (60.0, 5.0)  # [s]

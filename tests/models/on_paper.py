@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal, localcontext
 from functools import cache
 from typing import Any
@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.check import max_error
-from liaisons.cosim import Result, simulate
+from liaisons.cosim import Result, System, simulate
 from liaisons.language import Mechanism
 from liaisons.mechanics import derive
 from liaisons.mechanics.equations import QUANTITIES
@@ -97,10 +97,20 @@ def run(file: Any, **settings: Any) -> Result:
     return simulate(file, **(usual | settings))
 
 
-def assert_follows(result: Result, exact: Mapping[str, Any], allowed: float, part: str = "") -> None:
-    """Each signal is within this of its closed form."""
-    for name, values in exact.items():
-        assert max_error(result[part + name], values) <= allowed, name
+def operated(fmu: Any, component: Any, port: str, operator: Any, start: Values, **drive: Any) -> System:
+    """A component ``it`` and the operator of one of its ports."""
+    system = System("operated")
+    system.add("it", fmu(component), **start)
+    system.connect(system.add("operator", fmu(operator), **drive)["y"], system.parts["it"][port])
+    return system
+
+
+def assert_follows(
+    result: Result, exact: Mapping[str, Any], allowed: float, part: str = "", names: Iterable[str] = ()
+) -> None:
+    """Each signal, or those of these names, is within this of its closed form."""
+    for name in names or exact:
+        assert max_error(result[part + name], exact[name]) <= allowed, name
 
 
 def algebra(value: ArrayLike, rounding: float = 1e-12) -> Any:

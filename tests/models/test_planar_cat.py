@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hand_derivations import Bodies
 from numpy.typing import ArrayLike, NDArray
-from on_paper import INTERPOLATE, Values, defaults, derivative, equations_of
+from on_paper import INTERPOLATE, Values, assert_follows, defaults, derivative, equations_of
 from scipy.integrate import dblquad, quad
 
 from liaisons import analysis
@@ -165,8 +165,7 @@ def test_moving_limbs_leave_the_parabola_and_the_angular_momentum(fmu) -> None:
     """M eq. 59, and p_φ = L from positions and velocities of the bodies."""
     result = falling(fmu, frequency=7.0, stop_time=5.0, spin=0.3)
     exact = PlanarCat.exact(result.time, **LEAP)
-    for name in ("com_x", "com_x_dot", "com_z", "com_z_dot"):
-        assert max_error(result[f"cat.{name}"], exact[name]) <= 1e-12 * 130, name  # roundings of 113 m
+    assert_follows(result, exact, 1e-12 * 130, "cat.", ("com_x", "com_x_dot", "com_z", "com_z_dot"))  # of 113 m
     assert max_error(result["cat.angular_momentum"], result["cat.p_phi"][0]) <= 1e-14  # a few roundings of 0.06
     scale = np.max(np.abs(result["cat.energy"])) + np.max(np.abs(result["cat.work"]))
     assert max_error(result["cat.energy_balance"], 0.0) <= 10 * 1e-10 * scale * 5.0  # ten tolerances a second

@@ -14,11 +14,12 @@ from liaisons.language import Operator
 from liaisons.library import catalogue
 
 Fmu = Callable[..., Path]
+Moved = Callable[[str], Result]
 MECHANISMS = sorted(name for name, item in catalogue().items() if not issubclass(item, Operator))
 
 
 @pytest.fixture(scope="session")
-def moved(fmu: Fmu) -> Callable[[str], Result]:
+def moved(fmu: Fmu) -> Moved:
     """A short motion of a component, in which all that an operator prescribes moves as its rate says."""
 
     @cache

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable
 from itertools import count, product
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import _MESHES, _material, _quaternions
 from liaisons.pictures.stage import LIGHT, Stage, rgb
 
-from .conftest import MECHANISMS, Fmu
+from .conftest import MECHANISMS, Fmu, Moved
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +62,7 @@ def numbers(document: dict[str, Any], data: bytes, index: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_a_viewer_of_glb_sees_all_shapes_where_they_are(
-    name: str, moved: Callable[[str], Result], tmp_path: Path
-) -> None:
+def test_a_viewer_of_glb_sees_all_shapes_where_they_are(name: str, moved: Moved, tmp_path: Path) -> None:
     """Each mesh scaled, turned and shifted as the specification of glTF says, at every keyframe."""
     result = moved(name)
     result.animate(tmp_path / "motion.glb", speed=1.5)
@@ -309,7 +306,7 @@ def omedit(folder: Path) -> list[tuple[str, dict[str, np.ndarray]]]:
 
 
 @pytest.mark.parametrize("name", ["Oscillator", "PlanarCat", "Satellite", "Swing"])
-def test_omedit_reads_the_places_of_all_shapes(name: str, moved: Callable[[str], Result], tmp_path: Path) -> None:
+def test_omedit_reads_the_places_of_all_shapes(name: str, moved: Moved, tmp_path: Path) -> None:
     result = moved(name)
     result.animate(tmp_path / "motion_visual.xml", speed=1.5)
     seen = moving(result, 1.5 / RATE)

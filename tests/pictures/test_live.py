@@ -18,17 +18,17 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, Result, System, compiler, operator, show
+from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator, show
 from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.structure.connections import connect_scalars
 from liaisons.errors import BuildError, SimulationError
-from liaisons.language.shapes import Box, Shapes
+from liaisons.language.shapes import Ball, Box, Shapes
 from liaisons.library import catalogue
 from liaisons.live import live_page
 from liaisons.pictures.camera import Camera
 
 from . import _browser as tools
-from .conftest import Fmu
+from .conftest import Fmu, Moved
 
 SECONDS = 10.0
 AGREEMENT = 1e-12  # no component needs more: none has lost its digits to chaos after 10 s
@@ -233,21 +233,24 @@ def test_the_view_is_that_of_the_camera(opened: Opened) -> None:
 def test_of_a_box_the_faces_towards_the_eye_are_painted(opened: Opened, fmu: Fmu) -> None:
     with opened(fmu(_Boxed)) as live:
         for yaw, pitch in ((-0.6, 0.35), (2.5, -0.4)):
-            painted = live.evaluate(
+            painted, radii = live.evaluate(
                 """([yaw, pitch]) => {
+                const radii = [];
                 const view = Object.assign(window.page.view, { yaw, pitch }), faces = [];
                 let corners = [];
                 view.context.beginPath = () => { corners = []; };
                 view.context.moveTo = view.context.lineTo = (x, y) => corners.push([x, y]);
-                view.context.fill = () => faces.push(corners);
+                view.context.fill = () => corners.length && faces.push(corners);
+                view.context.arc = (x, y, radius) => radii.push(radius / view.scale);
                 window.page.paint();
                 const middle = (k) => (f) => f.reduce((sum, p) => sum + p[k] / 4, 0);
                 const place = (f) => [(middle(0)(f) - view.origin[0]) / view.scale,
                   (view.origin[1] - middle(1)(f)) / view.scale];
-                return faces.map(place);
+                return [faces.map(place), radii];
             }""",
                 [yaw, pitch],
             )
+            assert radii == pytest.approx([0.2])
             half = np.array([0.5, 1.0, 1.5])  # the faces' distances from the centre
             right, up, towards = Camera(yaw, pitch).axes
             expected = [side * h * e for e, h in zip(np.eye(3), half, strict=True) for side in (1, -1)]
@@ -275,7 +278,7 @@ def test_the_bars_of_the_account_end_at_the_same_place(opened: Opened, fmu: Fmu)
 
 
 @in_a_browser
-def test_a_recorded_motion_is_played(browser: Any, moved: Callable[[str], Result], tmp_path: Path) -> None:
+def test_a_recorded_motion_is_played(browser: Any, moved: Moved, tmp_path: Path) -> None:
     path = tmp_path / "Pendulum.html"
     moved("Pendulum").animate(path, speed=0.5)
     session = browser.new_context()
@@ -458,7 +461,7 @@ class _Boxed(Mechanism):
         return self.mass / 2 * self.dot(self.x) ** 2
 
     def picture(self) -> Shapes:
-        return [Box({"x": self.x}, ca.SX.eye(3), (1.0, 2.0, 3.0))]
+        return [Box({"x": self.x}, ca.SX.eye(3), (1.0, 2.0, 3.0)), Ball({"x": self.x}, 0.2)]
 
 
 class _Toy(Mechanism):

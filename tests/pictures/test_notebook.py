@@ -19,7 +19,7 @@ from liaisons.errors import SimulationError
 from liaisons.models import Constant, Pendulum
 from liaisons.pictures import Picture
 
-from .conftest import MECHANISMS, Fmu
+from .conftest import MECHANISMS, Fmu, Moved
 
 EVIL = "</script></iframe><img src=x onerror=alert(1)>\"'&"
 
@@ -50,7 +50,7 @@ def rolling(title: str = "a ball", end: float = 1.0, count: int = 1) -> Result:
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_every_motion_is_shown_and_is_small(name: str, moved: Callable[[str], Result], parsed: Parsed) -> None:
+def test_every_motion_is_shown_and_is_small(name: str, moved: Moved, parsed: Parsed) -> None:
     html = moved(name)._repr_html_()
     (frame,), tags, _ = parsed(html)
     assert frame["sandbox"] == "allow-scripts"  # not allow-same-origin: it sees nothing of the notebook

@@ -20,7 +20,7 @@ from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
 from liaisons.pictures.frames import Frames, frames
 
-from .conftest import MECHANISMS, Fmu
+from .conftest import MECHANISMS, Fmu, Moved
 
 # Rods that are as long as a variable says, or as a number of metres; by component.
 LENGTHS: dict[str, list[str | float]] = {
@@ -41,7 +41,7 @@ def shown(result: Result) -> Frames:
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_every_mechanism_has_a_picture_that_moves(name: str, moved: Callable[[str], Result]) -> None:
+def test_every_mechanism_has_a_picture_that_moves(name: str, moved: Moved) -> None:
     seen = shown(moved(name))
     assert len(seen.shapes) >= 2
     size = np.linalg.norm(np.ptp(seen.points[0], axis=0))
@@ -49,7 +49,7 @@ def test_every_mechanism_has_a_picture_that_moves(name: str, moved: Callable[[st
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_rods_keep_their_length_and_boxes_their_shape(name: str, moved: Callable[[str], Result]) -> None:
+def test_rods_keep_their_length_and_boxes_their_shape(name: str, moved: Moved) -> None:
     result = moved(name)
     seen = shown(result)
     rods = [np.linalg.norm(s.points[:, 1] - s.points[:, 0], axis=1) for s in seen.shapes if s.kind == "rod"]
@@ -68,7 +68,7 @@ def test_rods_keep_their_length_and_boxes_their_shape(name: str, moved: Callable
         assert np.linalg.det(box.axes) == pytest.approx(1, abs=1e-9)
 
 
-def test_what_is_seen_has_room_for_the_corners_of_boxes(moved: Callable[[str], Result]) -> None:
+def test_what_is_seen_has_room_for_the_corners_of_boxes(moved: Moved) -> None:
     seen = shown(moved("Satellite"))
     panel = seen.shapes[1]
     assert panel.axes is not None

@@ -86,7 +86,7 @@ def _of_expression(name: str, text: str, driven: Callable[[str], Port]) -> Funct
         function = expression(text)
     except FormulaError as error:
         raise FormulaError(f"--input {name}: {error}") from None
-    return function if driven(name).triple() else _value_of(function)
+    return function if driven(name).triple() else lambda t: function(t)[0]
 
 
 def _driven(system: System, name: str, *, single: bool) -> Port:
@@ -143,10 +143,6 @@ def _of_table(
         beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
         prescribed.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside, join=join)
     return set(ports) - rates | triples.keys()
-
-
-def _value_of(function: Callable[[float], Triple]) -> Callable[[float], float]:
-    return lambda t: function(t)[0]
 
 
 def read_table(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:

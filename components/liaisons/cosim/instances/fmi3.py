@@ -8,7 +8,7 @@ within what the FMU holds.
 from __future__ import annotations
 
 import ctypes as c
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -47,6 +47,7 @@ class Instance3(Loaded, ABC):
         "save": "fmi3GetFMUState",
         "restore": "fmi3SetFMUState",
         "derive": "fmi3GetDirectionalDerivative",
+        "shape": "fmi3SetFloat64",  # along a motion, in Model Exchange
         "slope": "fmi3GetOutputDerivatives",
     }
     types: ClassVar = NUMBERS | {"Boolean": c.c_bool, "String": c.c_char_p}
@@ -66,9 +67,9 @@ class Instance3(Loaded, ABC):
         visible, logging = c.c_bool(False), c.c_bool(True)
         return instantiate(*words, visible, logging, *own, None, self._log, *last)
 
-    @abstractmethod
     def _particulars(self) -> tuple[Sequence[object], Sequence[object]]:
-        """Arguments of its kind alone: after whether it logs, and at the end."""
+        """Arguments of its kind alone: after whether it logs, and at the end; none in Model Exchange."""
+        return (), ()
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         rows, columns = (layout(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))

@@ -388,20 +388,16 @@ class ModelExchange(Loaded, ABC):
                 break
         else:
             raise RefusedError(f"{self.name}: its event iteration{self._when()} has no end")
-        self._check_next_event()
-        self._call(f"{self.prefix}EnterContinuousTimeMode")
-        self._stale = True
-        self._crossed()
-
-    def _check_next_event(self) -> None:
-        """Time does not go back: a next event that is earlier by rounding only is now."""
-        now = self._clock.value
+        now = self._clock.value  # time does not go back: a next event that is earlier by rounding only is now
         if not self._next_event >= now - _ROUNDING * max(self._size, abs(now)):
             raise SimulationError(
                 f"{self.name}: its next event{self._when()} is to be at {self._next_event:.10g} s, which is not later; "
                 "ask its maker"
             )
         self._next_event = max(self._next_event, now)
+        self._call(f"{self.prefix}EnterContinuousTimeMode")
+        self._stale = True
+        self._crossed()
 
     @abstractmethod
     def _updated(self) -> tuple[bool, bool, float]:
@@ -491,11 +487,7 @@ class ModelExchange2(ModelExchange, Instance2):
 class ModelExchange3(ModelExchange, Instance3):
     """An FMI 3.0 instance of Model Exchange."""
 
-    functions: ClassVar = {**Instance3.functions, "shape": "fmi3SetFloat64"}
     derivatives = "fmi3GetContinuousStateDerivatives"
-
-    def _particulars(self) -> tuple[Sequence[object], Sequence[object]]:
-        return (), ()
 
     def _sizes(self) -> tuple[int, int]:
         states, indicators = c_size_t(), c_size_t()

@@ -50,8 +50,9 @@ class ConnectionGraph:
 
     @cached_property
     def cyclic(self) -> Collection[str]:
-        """Names of the components in cycles."""
-        return schedule.in_cycles(self.groups, self.feeds)
+        """Names of the components that feed each other, or themselves."""
+        own = {target for (target, _), (source, _) in self.feeds.items() if target == source}
+        return {name for group in self.groups for name in group if len(group) > 1 or name in own}
 
     def late(self, coupling: Coupling) -> Collection[VariableReference]:
         """Inputs whose value at the end of a step is not known when their component is stepped."""

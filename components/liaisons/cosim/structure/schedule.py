@@ -54,12 +54,6 @@ def groups(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
     return _strong(targets)
 
 
-def in_cycles(groups: Iterable[Sequence[str]], feeds: Feeds) -> set[str]:
-    """Components that feed each other, or themselves."""
-    own = {target for (target, _), (source, _) in feeds.items() if target == source}
-    return {name for group in groups for name in group if len(group) > 1 or name in own}
-
-
 def _strong(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
     """Strongly connected components of a graph in topological order, their vertices as they are listed."""
     number = {node: k for k, node in enumerate(edges)}
