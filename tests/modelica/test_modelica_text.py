@@ -5,6 +5,7 @@ The FMU and rumoca integrate at 1e-11; trajectories of a few seconds amplify tha
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,20 +15,35 @@ import numpy as np
 import pytest
 
 from liaisons import System, modelica, modelica_files
+from liaisons.cli import main
 from liaisons.cosim import Result, simulate
-from liaisons.language import ActiveCoordinate, Chain, Mechanism, Operator, Parameter, ParameterArray, unchecked
+from liaisons.errors import ComponentError, SimulationError
+from liaisons.language import (
+    ActiveCoordinate,
+    Chain,
+    Experiment,
+    Mechanism,
+    Operator,
+    Parameter,
+    ParameterArray,
+    unchecked,
+)
 from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.mechanics import assemble
+from liaisons.modelica_text import Composition, system_text
 from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,
+    CircularHoop,
     FourierHoop,
     IsokineticOscillator,
     OscillatorChain,
     Pendulum,
     PendulumChain,
     PlannedMotion,
+    Regulator,
+    Sinusoid,
     SmoothStep,
 )
 
@@ -44,6 +60,19 @@ KNOTS = {
     "rate": (0.1, 0.0, 0.7, 0.0, -0.2),
     "acceleration": (0.0, 1.0, 0.0, -1.0, 0.3),
 }
+TABLES: dict[type[Component], dict[str, tuple[float, ...]]] = {
+    PlannedMotion: KNOTS,
+    Regulator: {p.name: (p.leading + (0.0,) * 4)[:4] for p in Regulator.parameters if isinstance(p, ParameterArray)}
+    | {
+        "instant": (0.0, 1.0, 2.5, 3.5),
+        "planned": (0.0, 1.0, -0.5, 0.3),
+        "planned_rate": (0.1, 0.0, 0.7, 0.0),
+        "planned_acceleration": (0.0, 1.0, 0.0, -1.0),
+        "offset": (0.3, 0.0, 0.0, 0.0),
+        "gain_3": (0.5, 0.0, 0.0, 0.0),
+    },
+}
+READING = {"reading_3": 0.2}
 FORCE = 0.05
 SPANS = {PendulumChain: 1.0, CartesianPendulum: 1.0}  # [s]; large motions are chaotic, projections are dear
 
@@ -53,9 +82,11 @@ def span(component: type[Component]) -> float:
 
 
 def parameters(component: type[Component]) -> dict[str, float]:
-    """The parameters that are 0 by default have another value, so that no term is missing."""
+    """Parameters that are 0 by default have another value, so that no term is missing, and what turns freely turns."""
     scalars = [p for p in component.parameters if not isinstance(p, ParameterArray)]
-    return {p.name: 0.05 for p in scalars if p.start == 0}
+    names = [v.name for v in component().layout().parameters]
+    turning = {name: 0.1 + 0.1 * k for k, name in enumerate(n for n in names if re.match("(omega|H)_._0", n))}
+    return {p.name: 0.05 for p in scalars if p.start == 0} | turning
 
 
 def sigma(component: type[MechanicalComponent]) -> dict[str, tuple[float, float, float]]:
@@ -82,7 +113,9 @@ def spread(component: type[Component], values: Mapping[str, Any]) -> dict[str, A
 
 
 def by_fmu(path: Path, component: type[Component]) -> Result:
-    values: dict[str, Any] = parameters(component) | (KNOTS if component is PlannedMotion else {})
+    values: dict[str, Any] = (
+        parameters(component) | TABLES.get(component, {}) | (READING if component is Regulator else {})
+    )
     inputs: dict[str, Callable[[float], tuple[float, float, float]]] = {}
     if issubclass(component, MechanicalComponent):
         values |= {f"{name}_load": FORCE for name in pushed(component)}
@@ -109,7 +142,8 @@ def literal(value: Any) -> str:
 def signals(component: type[Component], force: float = FORCE) -> str:
     """Model of the component with its inputs prescribed."""
     modified = {name: literal(value) for name, value in parameters(component).items()}
-    modified |= {name: literal(value) for name, value in KNOTS.items() if component is PlannedMotion}
+    modified |= {name: literal(value) for name, value in TABLES.get(component, {}).items()}
+    modified |= {name: literal(value) for name, value in READING.items() if component is Regulator}
     if issubclass(component, MechanicalComponent):
         for name, (a, d, w) in sigma(component).items():
             modified[f"u_{name}"] = (
@@ -256,6 +290,7 @@ class Functions(Operator):
         x = self.end * t + self.offset
         smooth = ca.asinh(x) + ca.acosh(2 + x**2) + ca.atanh(x / 5) + ca.atan2(x, 1 + t) + (1 + t) ** x + ca.tanh(x)
         steps = ca.floor(t) + ca.sign(x) + ca.fmod(5 * t, 2) + ca.fabs(x) + ca.if_else(t > 1, 1, 2)
+        steps += ca.if_else(t >= 2.5, 1, 3) + ca.if_else(ca.floor(t) == 1, 5, 0) + ca.if_else(ca.floor(t) != 2, 7, 0)
         either = ca.logic_or(t > 3, t < 0.5) + ca.logic_not(t > 2) + ca.logic_and(t > 1, t < 2)
         return smooth + steps + either + ca.fmin(x, 0.3) + ca.fmax(x, 0.9) + np.pi * x - (x - (1 - x)) / (2 - (t - 9))
 
@@ -289,6 +324,15 @@ def test_inverse_dynamics() -> None:
     np.testing.assert_allclose(found["m.angle_force"], 4.0, rtol=1e-14)
 
 
+def test_a_force_on_a_flange_has_the_sign_of_the_standard_library() -> None:
+    """Sources of force there have flange.f = -f, and push along +s."""
+    push = "model Push Flywheel.Rotation flange(tau=-0.3); end Push;\n"
+    wheel = "model Test\n  Flywheel.Flanges m(inertia=2, angle_dot_0=0);\n  Push push;\nequation\n"
+    text = modelica("Flywheel") + push + wheel + "  connect(push.flange, m.flange_angle);\nend Test;\n"
+    times = np.linspace(0, 1, 11)
+    np.testing.assert_allclose(simulated(text, times)["m.angle"], 0.3 / 2 * times**2 / 2, atol=1e-10)
+
+
 def composed() -> dict[str, System]:
     """The examples of the library."""
     systems = {}
@@ -314,3 +358,41 @@ def test_a_system_moves_as_its_flattened_fmu(name: str, tmp_path: Path) -> None:
     assert len(theta) > 4
     for signal in theta:
         np.testing.assert_allclose(result[signal], run[signal], atol=BOUND * max(1.0, np.max(np.abs(run[signal]))))
+
+
+@pytest.mark.slow
+def test_all_examples_of_the_library_move() -> None:
+    text = modelica("all")
+    session = rumoca.Session()
+    for name in (*(component.__name__ for component in CATALOGUE), *modelica_files._EXAMPLES):
+        example = session.loads(text, model=f"Liaisons.Examples.{name}", filename="Liaisons.mo")
+        result = example.simulate((0.0, 0.2), dt=0.1)
+        assert np.all(np.isfinite(result.to_numpy())), name
+
+
+def test_the_command_writes_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fmus").mkdir()
+    (tmp_path / "fmus/fmus.toml").write_text('components = ["Ramp", "Sinusoid", "Pendulum"]', encoding="utf-8")
+    assert main(["build", "Pendulum", "Ramp", "--modelica", "--output", "text"]) == 0
+    assert (tmp_path / "text/Pendulum.mo").read_text(encoding="utf-8") == modelica("Pendulum")
+    assert (tmp_path / "text/Ramp.mo").is_file()
+    assert main(["build", "--modelica"]) == 0
+    library = (tmp_path / "fmus/Liaisons.mo").read_text(encoding="utf-8")
+    example = compiled(library, "Liaisons.Examples.PumpedSwing")  # its components are among them
+    assert "swing.theta" in {*example.states.names}
+    assert "ClosedLoopSwing" not in library
+
+
+def test_what_a_system_cannot_say(fmu: Callable[..., Path]) -> None:
+    parts = {"bar": (Pendulum, {}), "hoop": (CircularHoop, {}), "motor": (Sinusoid, {})}
+    for connections, message in (
+        ({"bar.theta_force": "motor.y"}, r"^S: motor\.y -> bar\.theta_force connects no flanges"),
+        ({"bar.length": "motor.y", "hoop.beta": "motor.y"}, "^S: motor moves coordinates of two kinds"),
+    ):
+        with pytest.raises(ComponentError, match=message):
+            system_text(Composition("S", parts, connections, Experiment()))
+    other = System("other")
+    other.add("own", fmu(Lever))
+    with pytest.raises(SimulationError, match="is a 'Lever'; a system in Modelica is made of the catalogue's"):
+        modelica(other)
