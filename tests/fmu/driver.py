@@ -148,11 +148,9 @@ class Library:
     def instantiate(self, kind: str = CO_SIMULATION, **options: Any) -> Instance:
         return Instance(self, kind, **options)
 
-    def start(
-        self, kind: str = CO_SIMULATION, /, *, tolerance: float | None = None, options: Any = None, **values: ArrayLike
-    ) -> Instance:
+    def start(self, *kind: str, **values: Any) -> Instance:
         """An instance that has left initialization mode; values by name, settings among them."""
-        instance = self.initializing(kind, tolerance=tolerance, options=options, **values)
+        instance = self.initializing(*kind, **values)
         instance.exit_initialization()
         return instance
 

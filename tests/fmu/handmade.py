@@ -27,7 +27,7 @@ NOTHING = ca.SX(0, 1)
 
 def pendulum() -> Model:
     """Pendulum with states theta, p_theta, work, dissipated; driven through length and theta_force."""
-    t, y, u, k, m = (ca.SX.sym(name, size) for name, size in (("t", 1), ("y", 4), ("u", 4), ("k", 5), ("m", 2)))
+    t, y, u, k, m = _vectors(4, 4, 5, 2)
     theta, p, work, dissipated = ca.vertsplit(y)
     length, length_dot, length_ddot, force = ca.vertsplit(u)
     mass, gravity, friction, theta_0, theta_dot_0 = ca.vertsplit(k)
@@ -87,7 +87,7 @@ def pendulum() -> Model:
 
 def fall() -> Model:
     """Fall onto a centre, x'' = -1/x² from rest at x = x_0: it ends after t = π (x_0/2)^(3/2), where x = 0."""
-    t, y, u, k, m = (ca.SX.sym(name, size) for name, size in (("t", 1), ("y", 2), ("u", 0), ("k", 2), ("m", 0)))
+    t, y, u, k, m = _vectors(2, 0, 2, 0)
     x, v = ca.vertsplit(y)
     return _model(
         "HandFall",
@@ -103,7 +103,7 @@ def fall() -> Model:
 
 def kick() -> Model:
     """x' = 1 until t_1, then x' = 3: x = t + 2 max(t - t_1, 0), not smooth at t_1."""
-    t, y, u, k, m = (ca.SX.sym(name, size) for name, size in (("t", 1), ("y", 1), ("u", 0), ("k", 1), ("m", 0)))
+    t, y, u, k, m = _vectors(1, 0, 1, 0)
     rate = ca.if_else(t >= k, 3.0, 1.0)
     return _model(
         "HandKick",
@@ -182,27 +182,29 @@ def ring(n: int) -> Model:
     return replace(model, outputs=outputs, dimensions=(size,))
 
 
+def _vectors(*sizes: int) -> list[ca.SX]:
+    """t, and y, u, k, m of these sizes."""
+    return [ca.SX.sym(name, size) for name, size in zip("tyukm", (1, *sizes), strict=True)]
+
+
 def _parameter(name: str, unit: str, start: float, *, tunable: bool = False, **domain: Any) -> Variable:
     return Variable(name, unit, name, "parameter", "tunable" if tunable else "fixed", start=start, **domain)
 
 
 def _model(
     name: str,
-    vectors: tuple[Any, ...],
+    vectors: Sequence[Any],
     z: Mapping[str, tuple[str, Causality, Any]],
     *,
-    parameters: tuple[Variable, ...],
     derivatives: Mapping[str, str],
     start: Sequence[Any],
     rates: Any,
-    inputs: tuple[Variable, ...] = (),
-    memory: tuple[str, ...] = (),
     jump: Any = None,
     remember: Any = NOTHING,
     nominals: Any = None,
     conditions: Mapping[str, ca.SX] | None = None,
     events: ca.SX = NOTHING,
-    active: tuple[ActiveInput, ...] = (),
+    **more: Any,
 ) -> Model:
     t, y, u, k, m = vectors
     point = [t, y, u, k]
@@ -229,11 +231,8 @@ def _model(
         name=name,
         description=f"{name}, by hand",
         documentation="By hand.",
-        parameters=parameters,
-        inputs=inputs,
         outputs=outputs,
         states=tuple(State(state, derivative) for derivative, state in derivatives.items()),
-        memory=memory,
         start=function("start", [t, u, k], *start),
         derivatives=function("derivatives", point, rates),
         outputs_function=function("outputs", [*point, m], ca.vertcat(*(e for _, _, e in z.values()))),
@@ -243,8 +242,8 @@ def _model(
         conditions=function("conditions", point, ca.vertcat(*conditions.values()) if conditions else NOTHING),
         condition_texts=tuple(conditions),
         events=function("events", [k], events),
-        active=active,
         experiment=Experiment(stop_time=5.0, step_size=0.1, tolerance=1e-8),
+        **{"inputs": (), "memory": (), **more},
     )
 
 

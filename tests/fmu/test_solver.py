@@ -69,15 +69,16 @@ def motion(library, size: float, tolerance: float, **start: float) -> tuple[NDAr
     return (1 + np.arange(len(rows))) * size, *np.array(rows).T
 
 
-def errors(library, size: float, tolerance: float) -> tuple[float, float]:
+def errors(library, size: float, tolerance: float) -> list[float]:
     """Largest error of angle and rate against elliptic functions, in libration and in rotation."""
-    t, theta, theta_dot, _ = motion(library, size, tolerance, theta_0=AMPLITUDE)
-    exact, exact_dot = libration(t, AMPLITUDE)
-    swing = max(np.abs(theta - exact).max(), np.abs(theta_dot - exact_dot).max())
-    t, theta, theta_dot, _ = motion(library, size, tolerance, theta_0=0.0, theta_dot_0=RATE)
-    exact, exact_dot = rotation(t, RATE)
-    turn = max(np.abs(theta - exact).max(), np.abs(theta_dot - exact_dot).max())
-    return float(swing), float(turn)
+    found = []
+    for exact, value, start in (
+        (libration, AMPLITUDE, {"theta_0": AMPLITUDE}),
+        (rotation, RATE, {"theta_0": 0.0, "theta_dot_0": RATE}),
+    ):
+        t, *angles, _ = motion(library, size, tolerance, **start)
+        found.append(float(np.abs(np.array(angles) - exact(t, value)).max()))
+    return found
 
 
 @pytest.mark.parametrize("size", [1.0, 0.1, 0.01])

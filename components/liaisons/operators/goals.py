@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, Literal, TypeAlias
 
@@ -29,24 +29,17 @@ _SHORTEST, _LONGEST = 1e-100, 1e100
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """The arguments of :func:`liaisons.plan`."""
+    """The arguments of :func:`liaisons.plan`; without end, cost and bounds a mechanism with its initial state."""
 
     component: Target
     moves: tuple[str, ...]
-    start: Mapping[str, Value] | Expression
-    end: Mapping[str, Value] | Expression
-    closed: tuple[str, ...]
     duration: tuple[float, float]
-    minimize: Cost
-    bounds: Mapping[str, tuple[float | None, float | None]]
     values: Mapping[str, float]
-
-
-def bare_goal(
-    target: Target, moves: tuple[str, ...], duration: float, values: Mapping[str, float], start: Mapping[str, Any]
-) -> Goal:
-    """A goal without end, cost and bounds: a mechanism with its initial state."""
-    return Goal(target, moves, start, {}, (), (duration, duration), "time", {}, values)
+    start: Mapping[str, Value] | Expression
+    end: Mapping[str, Value] | Expression = field(default_factory=dict)
+    closed: tuple[str, ...] = ()
+    minimize: Cost = "time"
+    bounds: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
 
 
 class Readings(Mapping[str, ca.SX]):

@@ -35,7 +35,7 @@ from liaisons.operators.feedback import (
     steady,
     through,
 )
-from liaisons.operators.goals import bare_goal, is_expression, motion_names, move_names
+from liaisons.operators.goals import Goal, is_expression, motion_names, move_names
 from liaisons.operators.plans import Plan
 from liaisons.operators.sampling import SampledMechanism, reduced
 from liaisons.operators.symbols import goal_symbols
@@ -128,7 +128,7 @@ def hold(
             raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
     usual = component(motion).experiment.step_size
     H = usual if step_size is None else step_size
-    goal = bare_goal(motion, move_names(motion, moves), H, values, at)
+    goal = Goal(motion, move_names(motion, moves), (H, H), values, at)
     sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_MANY * H)
     if step_size is None and sampled.moves_freely:
         H = _plain(sampled.time / _PER_RADIAN)
@@ -258,7 +258,7 @@ def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Cont
 def _beside(motion: Plan) -> SampledMechanism:
     """The mechanism at the start of the plan."""
     goal, T = motion.goal, motion.duration
-    bare = bare_goal(goal.component, goal.moves, T, goal.values, {})
+    bare = Goal(goal.component, goal.moves, (T, T), goal.values, {})
     first, starts = motion.sigma(0.0), motion.fmu_starts
     start: dict[str, Any] = {name: starts[parameter] for name, parameter in goal_symbols(bare).start_parameters.items()}
     start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}

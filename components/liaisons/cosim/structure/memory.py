@@ -41,5 +41,5 @@ def _free() -> float:
 
 
 def _shown(size: float) -> str:
-    power = min(int(log10(max(size, 1))) // 3, 7)
+    power = int(min(log10(max(size, 1)) / 3, 7))
     return f"{size / 1000**power:.3g} {' kMGTPEZ'[power]}B"
