@@ -14,6 +14,7 @@ from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
     from liaisons.language import Component
+    from liaisons.modelica_text import Composition
 
 _MOTOR = {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 6.26}
 _EXAMPLES = {
@@ -32,7 +33,7 @@ _EXAMPLES = {
 }
 
 
-def modelica(subject: Target | System, /) -> str:
+def modelica(subject: Target | System, /, *, standard_library: bool = False) -> str:
     """Modelica text of a component, of several, or of a system: a package that stands alone.
 
     A component is a package of its name.  ``Motion`` has the equations; ``Signals`` takes value, rate and acceleration
@@ -41,15 +42,24 @@ def modelica(subject: Target | System, /) -> str:
 
     :param subject: name, file or class of a component; ``"all"`` for the package ``Liaisons`` with all of them and
         ``Examples``; or a system of components of the catalogue.
+    :param standard_library: with flanges and types of units of the Modelica Standard Library, instead of alone.
     :raises ProjectError: if it names no component.
     :raises ComponentError: if a component cannot be derived, or a connection cannot be said in Modelica.
     :raises SimulationError: if a part of a system is no component of the catalogue, or reads a file.
     """
-    from liaisons.modelica_text import Composition, component_text, system_text
+    from liaisons.modelica_text import component_text, system_text, with_standard_library
 
-    if not isinstance(subject, System):
+    if isinstance(subject, System):
+        text = system_text(_composition(subject))
+    else:
         chosen = components(subject)
-        return component_text(chosen[0]) if len(chosen) == 1 else modelica_library(chosen)
+        text = component_text(chosen[0]) if len(chosen) == 1 else modelica_library(chosen)
+    return with_standard_library(text) if standard_library else text
+
+
+def _composition(subject: System) -> Composition:
+    from liaisons.modelica_text import Composition
+
     classes, parts = catalogue(), subject.filled()
     for part in parts.values():
         if part.fmu.model_name not in classes or has_table(part.fmu.path):
@@ -63,13 +73,13 @@ def modelica(subject: Target | System, /) -> str:
     chosen = {name: (classes[part.fmu.model_name], part.starts) for name, part in parts.items()}
     connections = {str(connection.target): str(connection.source) for connection in subject.connections}
     longest = max((component.experiment for component, _ in chosen.values()), key=lambda e: e.stop_time)
-    return system_text(Composition(identifier(subject.name), chosen, connections, longest))
+    return Composition(identifier(subject.name), chosen, connections, longest)
 
 
-def modelica_library(chosen: Collection[type[Component]]) -> str:
+def modelica_library(chosen: Collection[type[Component]], *, standard_library: bool = False) -> str:
     """Text of the package ``Liaisons``: components, and as ``Examples`` their default experiments and some systems."""
     from liaisons.language import Experiment
-    from liaisons.modelica_text import Composition, library_text
+    from liaisons.modelica_text import Composition, library_text, with_standard_library
 
     classes = {component.__name__: component for component in chosen}
     systems = [
@@ -77,4 +87,5 @@ def modelica_library(chosen: Collection[type[Component]]) -> str:
         for name, (parts, joined) in _EXAMPLES.items()
         if {component for component, _ in parts.values()} <= classes.keys()
     ]
-    return library_text(chosen, systems)
+    text = library_text(chosen, systems)
+    return with_standard_library(text) if standard_library else text

@@ -32,6 +32,7 @@ from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.mechanics import assemble
 from liaisons.modelica_text import Composition, system_text
+from liaisons.modelica_text.standard_library import TYPES
 from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,
@@ -370,6 +371,76 @@ def test_all_examples_of_the_library_move() -> None:
         assert np.all(np.isfinite(result.to_numpy())), name
 
 
+STANDARD_LIBRARY = """package Modelica "Of the Modelica Standard Library what the texts use"
+  package Units
+    package SI
+{types}
+    end SI;
+  end Units;
+  package Mechanics
+    package Translational
+      package Interfaces
+        connector Flange_a Units.SI.Position s; flow Units.SI.Force f; end Flange_a;
+      end Interfaces;
+      package Components
+        model Fixed parameter Units.SI.Position s0; Interfaces.Flange_a flange(s=s0); end Fixed;
+        model Mass
+          parameter Units.SI.Mass m;
+          Units.SI.Position s;
+          Units.SI.Velocity v;
+          Interfaces.Flange_a flange_b(s=s);
+        equation
+          der(s) = v;
+          m*der(v) = flange_b.f;
+        end Mass;
+      end Components;
+    end Translational;
+    package Rotational package Interfaces
+      connector Flange_a Units.SI.Angle phi; flow Units.SI.Torque tau; end Flange_a;
+    end Interfaces; end Rotational;
+  end Mechanics;
+end Modelica;
+"""
+
+
+def standard_library() -> str:
+    types = (f'      type {name} = Real(final unit="{unit}");' for unit, name in TYPES.items())
+    return STANDARD_LIBRARY.format(types="\n".join([*types, "      type Length = Position;"]))
+
+
+@pytest.mark.parametrize("component", ALL)
+def test_text_with_the_standard_library_moves_as_without(component: type[Component]) -> None:
+    """By the same names and units, through its flanges; of the library there is what the texts use."""
+    times, alone = np.linspace(0, min(span(component), 2.0), 51), modelica(component)
+    text = modelica(component, standard_library=True)
+    assert not re.search(r'unit="(m|rad|kg|N)"', text)
+    assert not re.search("connector (Translation|Rotation)", text)
+    changed = {*text.splitlines()} - {*alone.splitlines()}
+    assert max(len(line) for line in changed if " flange(" not in line) <= 120
+    model = flanges(component) if issubclass(component, MechanicalComponent) else signals(component)
+    standard = re.sub(r"\w+\.(Translation|Rotation) ", r"Modelica.Mechanics.\1al.Interfaces.Flange_a ", model)
+    text = standard_library() + text + standard
+    one, other = compiled(alone + model, "Test"), compiled(text, "Test")
+    for kind in ("parameters", "states", "algebraics"):
+        units, expected_units = ({v.name: v.unit or "" for v in getattr(m, kind)} for m in (other, one))
+        assert units == expected_units
+    expected, found = simulated(alone + model, times), simulated(text, times)
+    assert found.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, atol=BOUND * max(1.0, np.max(np.abs(values))), err_msg=name)
+
+
+def test_a_pendulum_hangs_on_a_mass_of_the_standard_library() -> None:
+    """The example of the documentation: nothing pushes the whole sideways, and nothing takes energy from it."""
+    page = (Path(__file__).parents[2] / "docs/howto/modelica.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"model HangingPendulum.*end HangingPendulum;", page, re.DOTALL)
+    text = standard_library() + modelica("Pendulum", standard_library=True) + example
+    r = simulated(text, np.linspace(0, 3, 61), "HangingPendulum")
+    np.testing.assert_allclose(2 * r["cart.s"] + r["pendulum.bob_x"], np.sin(0.5), atol=BOUND)
+    np.testing.assert_allclose(r["pendulum.energy"] + r["cart.v"] ** 2, -9.81 * np.cos(0.5), atol=BOUND)
+    assert np.ptp(r["cart.s"]) > 0.1
+
+
 def test_the_command_writes_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fmus").mkdir()
@@ -377,6 +448,9 @@ def test_the_command_writes_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert main(["build", "Pendulum", "Ramp", "--modelica", "--output", "text"]) == 0
     assert (tmp_path / "text/Pendulum.mo").read_text(encoding="utf-8") == modelica("Pendulum")
     assert (tmp_path / "text/Ramp.mo").is_file()
+    assert main(["build", "Pendulum", "--modelica", "--standard-library", "--output", "text"]) == 0
+    assert (tmp_path / "text/Pendulum.mo").read_text(encoding="utf-8") == modelica("Pendulum", standard_library=True)
+    assert main(["build", "Pendulum", "--standard-library"]) == 2
     assert main(["build", "--modelica"]) == 0
     library = (tmp_path / "fmus/Liaisons.mo").read_text(encoding="utf-8")
     example = compiled(library, "Liaisons.Examples.PumpedSwing")  # its components are among them

@@ -49,7 +49,7 @@ def listing(
     liaisons build Pendulum --fmi 3 --platforms wasm
     liaisons build OscillatorChain --size n=1000
     liaisons build my_component.py --output /tmp/fmus --platforms all
-    liaisons build Pendulum --modelica
+    liaisons build Pendulum --modelica --standard-library
 """)
 def build(
     targets: Annotated[
@@ -88,6 +88,10 @@ def build(
         bool,
         typer.Option("--modelica", help="write Modelica text, NAME.mo, and no FMU; without names one package of all"),
     ] = False,
+    standard_library: Annotated[
+        bool,
+        typer.Option("--standard-library", help="with --modelica: flanges and units of the Modelica Standard Library"),
+    ] = False,
     output: Annotated[Path | None, option("DIR", "where they go (default: fmus/)")] = None,
 ) -> int:
     """Build FMUs."""
@@ -96,7 +100,11 @@ def build(
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     folder = output or fmus_directory()
     if as_modelica:
-        return _write_modelica([component for _, component in named], folder, whole=not targets)
+        return _write_modelica(
+            [component for _, component in named], folder, whole=not targets, standard_library=standard_library
+        )
+    if standard_library:
+        raise typer.BadParameter("--standard-library is of Modelica text; give --modelica, too")
     for _, component in named:
         claim(component, folder)
     names = [(target, component.__name__) for target, component in named]
@@ -109,11 +117,14 @@ def build(
     return 0
 
 
-def _write_modelica(components: list[type[Component]], folder: Path, *, whole: bool) -> int:
+def _write_modelica(components: list[type[Component]], folder: Path, *, whole: bool, standard_library: bool) -> int:
     """Write ``NAME.mo`` for each component, or the package of all."""
     from liaisons.modelica_files import modelica, modelica_library
 
-    texts = {"Liaisons": modelica_library(components)} if whole else {c.__name__: modelica(c) for c in components}
+    if whole:
+        texts = {"Liaisons": modelica_library(components, standard_library=standard_library)}
+    else:
+        texts = {c.__name__: modelica(c, standard_library=standard_library) for c in components}
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         path = folder / f"{name}.mo"

@@ -18,7 +18,7 @@ from liaisons.modelica_text.printer import UnsupportedError, expression, identif
 
 WIDTH = 116
 MOTION = 'partial model Motion "Equations of motion"'
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
+STRING = r'"(?:[^"\\]|\\.)*"'
 
 
 def number(value: float) -> str:
@@ -83,7 +83,7 @@ def asserted(symbols: Iterable[Symbol]) -> list[str]:
 
 def wrapped(statement: str) -> list[str]:
     """Lines of one statement; strings stay whole."""
-    text = _STRING.sub(lambda string: string[0].replace(" ", "\0"), statement)
+    text = re.sub(STRING, lambda string: string[0].replace(" ", "\0"), statement)
     lines = textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     return [line.replace("\0", " ") for line in lines]
 
