@@ -22,11 +22,11 @@ from liaisons.modelica_text.text import (
     asserted,
     declared,
     filled,
-    initial,
     model,
     named,
     parameters,
     quoted,
+    units_of,
 )
 
 
@@ -47,9 +47,9 @@ def motion(component: type[Mechanism]) -> list[str]:
     section.add("kinetic_energy", e.kinetic_energy)
     section.add("potential_energy", e.potential_energy)
     section.add("energy", ca.SX.sym("kinetic_energy") + ca.SX.sym("potential_energy"))
-    starts = m.layout().parameters
-    declarations = [*parameters(starts, m.symbols), *_unknowns(e, section), *section.comment]
-    return model(MOTION, declarations, filled([*conditions, *section.statements]), initial(starts, m.symbols))
+    constants, initial = parameters(m)
+    declarations = [*constants, *_unknowns(e, section), *section.comment]
+    return model(MOTION, declarations, filled([*conditions, *section.statements]), initial)
 
 
 def _laws(e: Equations, section: Section) -> None:
@@ -101,9 +101,7 @@ def _constraints(e: Equations, section: Section) -> None:
 def _unknowns(e: Equations, section: Section) -> Iterator[str]:
     """Declarations: active and free coordinates with their rates, then all the others."""
     m = e.mechanism
-    unit = {v.name: v.unit for v in m.layout().variables}
-    unit |= {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
-    unit |= {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
+    unit = units_of(m) | {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
     unit |= {f"{name}_dot": units.rate(of) for name, of in unit.items() if name.endswith("_residual")}
     described = (*m.actives, *m.coordinates, *m.internal_states, *m.outputs, *m.calculated_parameters)
     texts = {item.name: item.description for item in described}

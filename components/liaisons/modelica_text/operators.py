@@ -13,7 +13,7 @@ from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable
 from liaisons.mechanics import assemble
 from liaisons.modelica_text.faces import experiment
-from liaisons.modelica_text.text import Section, asserted, declared, filled, initial, model, named, number, parameters
+from liaisons.modelica_text.text import Section, asserted, declared, filled, model, named, number, parameters
 
 _ENTRY = """\
 function entry "Of a column of a table: in the row where the interval of a time begins (ahead = 0), or ends (1)"
@@ -68,16 +68,16 @@ def operator_classes(component: type[Operator]) -> list[str]:
     rows = max((len(p.leading) for p in operator.table if len({*p.leading}) > 1), default=2)
 
     def value(v: Variable) -> str:
-        return f"{{{', '.join(map(number, v.starts[:rows]))}}}" if v.dimension else number(v.starts[0])
+        return number(v.starts[:rows] if v.dimension else v.starts[0])
 
-    own = [p.name for p in component.parameters]
+    constants, initial = parameters(operator, value, "[:]")
     states = {state.name: state for state in component.internal_states}
-    given = [v.name for v in (*layout.parameters, *layout.inputs)]
+    without = [v.name for v in (*layout.parameters, *layout.inputs)]
     declarations = [
-        *parameters(layout.parameters, own, value, "[:]"),
+        *constants,
         *(f'input Real {named(v.name, v.unit)} = {number(v.starts[0])} "{v.description}";' for v in layout.inputs),
         *(f"Real {named(x.name, x.unit, x.description, start=f'{x.name}_0')};" for x in states.values()),
-        *declared("Real", section.further(*given, *states, "time", "y")),
+        *declared("Real", section.further(*without, *states, "time", "y")),
         'output Real y[3] "signal, first and second derivative";',
     ]
     return [
@@ -86,7 +86,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
             'model Signals "The signal and its two derivatives"',
             declarations,
             filled([*asserted(component.parameters), *section.statements]),
-            initial(layout.parameters, own),
+            initial,
             experiment(component.experiment),
         ),
         _FOLLOWER.format("Translational", "Translation", "s"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import final
 
@@ -13,6 +13,7 @@ import casadi as ca
 
 from liaisons.formulas import Notation, formula
 from liaisons.language import Variable
+from liaisons.language.component import Component
 from liaisons.language.declarations import Symbol
 from liaisons.modelica_text.printer import UnsupportedError, expression, identifier
 
@@ -21,8 +22,10 @@ MOTION = 'partial model Motion "Equations of motion"'
 STRING = r'"(?:[^"\\]|\\.)*"'
 
 
-def number(value: float) -> str:
-    """A literal."""
+def number(value: float | tuple[float, ...]) -> str:
+    """A literal of a number or an array."""
+    if isinstance(value, tuple):
+        return f"{{{', '.join(map(number, value))}}}"
     return repr(float(value)).removesuffix(".0")
 
 
@@ -45,33 +48,32 @@ def declared(kind: str, variables: Iterable[str]) -> list[str]:
 
 
 def parameters(
-    variables: Iterable[Variable],
-    symbols: Container[str],
-    value: Callable[[Variable], str] = lambda v: number(v.starts[0]),
-    size: str = "",
-) -> list[str]:
-    """Declarations of parameters, and of all start values together.
+    component: Component, value: Callable[[Variable], str] = lambda v: number(v.starts[0]), size: str = ""
+) -> tuple[list[str], list[str]]:
+    """Declarations of parameters, of all start values together, and statements that give them to variables.
 
-    :param symbols: names of those that are no start values.
     :param size: of arrays.
     """
-    declarations, starts = list[str](), list[str]()
-    for v in variables:
+    declarations, starts, initial = list[str](), list[str](), list[str]()
+    own = {p.name for p in component.parameters}
+    for v in component.layout().parameters:
         pairs = (("min", v.minimum), ("max", v.maximum))
         limits = {name: number(bound) for name, bound in pairs if bound is not None}
         text = f"{named(v.name + size * bool(v.dimension), v.unit, **limits)} = {value(v)}"
-        if v.name in symbols:
+        if v.name in own:
             declarations.append(f"parameter Real {text} {quoted(v.description)};")
         else:
             starts.append(text)
-    return declarations + declared(
-        "parameter Real", [*starts[:-1], *(f'{last} "at the start"' for last in starts[-1:])]
-    )
+            initial.append(f"{v.name[:-2]} = {v.name};")
+    if starts:
+        starts[-1] += ' "at the start"'
+    return declarations + declared("parameter Real", starts), initial
 
 
-def initial(variables: Iterable[Variable], symbols: Container[str]) -> list[str]:
-    """Statements that give variables their start values."""
-    return [f"{v.name[:-2]} = {v.name};" for v in variables if v.name not in symbols]
+def units_of(component: Component) -> dict[str, str]:
+    """Units of variables, and of forces Q from outside."""
+    unit = {v.name: v.unit for v in component.layout().variables}
+    return unit | {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
 
 
 def asserted(symbols: Iterable[Symbol]) -> list[str]:
