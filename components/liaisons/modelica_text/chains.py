@@ -72,18 +72,15 @@ def chain_motion(component: type[Chain]) -> list[str]:
         ("{}[i]", points, link.points),
         ("{}[i]", ("kinetic", "potential"), ca.vertcat(T, link.potential)),
     ):
-        for name, row in zip(of, ca.vertsplit(column), strict=True):
-            loop.add(form.format(name), row)
+        loop.rows(map(form.format, of), column)
 
     base = m.base()
     joint = ca.SX.zeros(len(axes)) if base is None else m.joint_column(base)
     forces = ca.jacobian(joint, m.s).T @ (pi_dot - phi)
     for end in _ENDS:
-        for axis, row in zip(axes, ca.vertsplit(joint), strict=True):
-            outside.add(f"joint_{axis}{end}[1]", row)
+        outside.rows((f"joint_{axis}{end}[1]" for axis in axes), joint)
         joint = m.dot(joint)
-    for s, row in zip(m.actives, ca.vertsplit(forces), strict=True):
-        outside.add(f"{s.name}_force", row)
+    outside.rows((f"{s.name}_force" for s in m.actives), forces)
     for item in m.calculated_parameters:
         outside.add(item.name, getattr(m, item.name))
     outside.statements += [f"{x}[n + 1] = 0;" for b in beyond for x in ca.vertsplit(b)]

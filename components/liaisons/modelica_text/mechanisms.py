@@ -61,8 +61,7 @@ def _laws(e: Equations, section: Section) -> None:
     applied = [ca.SX.sym(f"Q_{q.name}") for q in m.coordinates]
     attached = [-ca.SX.sym(f"Q_{name}") for name in e.points]
     inside, outside = ca.vertcat(e.drives, e.loads, e.point_loads), ca.vertcat(*applied, *[0] * len(applied), *attached)
-    for name, momentum in zip(names, ca.vertsplit(e.momenta), strict=True):
-        section.add(name, momentum)
+    section.rows(names, e.momenta)
     section.statements += [f"der({q.name}) = {q.name}_dot;" for q in m.coordinates]
     count, forces = len(m.coordinates), list[ca.SX]()
     accelerated = dict(zip(names[:count], rates, strict=False))
@@ -78,11 +77,9 @@ def _laws(e: Equations, section: Section) -> None:
             section.add(law.left, right, LONGEST if law.section == "outputs" else math.inf)
     for o in m.orientations:  # H = R p; the rate of p in the body frame is p × ω + Rᵀ Ḣ
         attitude, p = getattr(m, o.name), momenta[count:]
-        for name, momentum in zip(o.momenta, ca.vertsplit(attitude.matrix @ p), strict=True):
-            section.add(name, momentum)
+        section.rows(o.momenta, attitude.matrix @ p)
         balance = ca.cross(p, attitude.rate) + attitude.matrix.T @ ca.vertcat(*forces[count:])
-        for rate, right in zip(rates[count:], ca.vertsplit(balance), strict=True):
-            section.add(f"{section.written(rate)}", right)
+        section.rows((f"{section.written(rate)}" for rate in rates[count:]), balance)
 
 
 def _constraints(e: Equations, section: Section) -> None:
@@ -116,8 +113,6 @@ def _unknowns(e: Equations, section: Section) -> Iterator[str]:
     groups += [[q.name, f"{q.name}_dot", f"{q.name}_ddot", f"p_{q.name}"] for q in m.coordinates]
     without = [p.name for p in m.layout().parameters] + [name for group in groups for name in group]
     for group in (*groups, section.further(*without)):
-        modified = ({"start": starts[name]} if name in starts else {} for name in group)
         yield from declared(
-            "Real",
-            (named(x, unit.get(x, ""), texts.get(x, ""), **more) for x, more in zip(group, modified, strict=True)),
+            "Real", (named(x, unit.get(x, ""), texts.get(x, ""), start=starts.get(x, "")) for x in group)
         )

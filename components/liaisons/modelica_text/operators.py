@@ -59,11 +59,9 @@ def operator_classes(component: type[Operator]) -> list[str]:
                     read_at = f"instant_{count}, {operator.table[0].name}, {column}, {ahead}"
                     rests = "true" if lookup.rests else "false"
                     section.statements.append(f"{entries[-1]} = entry({read_at}, {rests});")
-    triple, rates = (ca.vertsplit(ca.substitute(x, stack(symbols), stack(entries))) for x in columns)
-    for state, rate in zip(component.internal_states, rates, strict=False):
-        section.add(f"der({state.name})", rate)
-    for i, y in enumerate(triple, start=1):
-        section.add(f"y[{i}]", y)
+    triple, rates = (ca.substitute(x, stack(symbols), stack(entries)) for x in columns)
+    section.rows((f"der({state.name})" for state in component.internal_states), rates)
+    section.rows((f"y[{i}]" for i in (1, 2, 3)), triple)
 
     rows = max((len(p.leading) for p in operator.table if len({*p.leading}) > 1), default=2)
 
@@ -71,13 +69,12 @@ def operator_classes(component: type[Operator]) -> list[str]:
         return number(v.starts[:rows] if v.dimension else v.starts[0])
 
     constants, initial = parameters(operator, value, "[:]")
-    states = {state.name: state for state in component.internal_states}
-    without = [v.name for v in (*layout.parameters, *layout.inputs)]
+    without = [x.name for x in (*layout.parameters, *layout.inputs, *component.internal_states)]
     declarations = [
         *constants,
         *(f'input Real {named(v.name, v.unit)} = {number(v.starts[0])} "{v.description}";' for v in layout.inputs),
-        *(f"Real {named(x.name, x.unit, x.description, start=f'{x.name}_0')};" for x in states.values()),
-        *declared("Real", section.further(*without, *states, "time", "y")),
+        *(f"Real {named(x.name, x.unit, x.description, start=f'{x.name}_0')};" for x in component.internal_states),
+        *declared("Real", section.further(*without, "time", "y")),
         'output Real y[3] "signal, first and second derivative";',
     ]
     return [

@@ -10,7 +10,7 @@ from liaisons.errors import ComponentError
 from liaisons.language import Experiment, Operator
 from liaisons.language.component import Component
 from liaisons.modelica_text.faces import experiment
-from liaisons.modelica_text.text import model, number
+from liaisons.modelica_text.text import model, modification, number
 
 Starts = Mapping[str, Any]
 
@@ -56,8 +56,7 @@ def composition(whole: Composition, prefix: str = "") -> list[str]:
         inputs = (item.name for item in getattr(component, "inputs", ()))
         values |= {name: sources.pop(f"{part}.{name}") for name in inputs if f"{part}.{name}" in sources}
         face = faces.get(part, "Signals") if issubclass(component, Operator) else "Flanges"
-        modified = ", ".join(f"{name}={value}" for name, value in values.items())
-        parts.append(f"{prefix}{component.__name__}.{face} {part}({modified});")
+        parts.append(f"{prefix}{component.__name__}.{face} {part}({modification(values)});")
     if sources:
         target, source = sources.popitem()
         raise ComponentError(f"{whole.name}: {source} -> {target} connects no flanges, and is not said in Modelica")
@@ -74,7 +73,6 @@ def default_experiment(component: type[Component], prefix: str = "") -> list[str
             values.pop(name, None)
         s, v, a = (f"({number(starts[name])})" for name in astuple(triple))
         values[f"u_{triple.value}"] = f"{{{s} + {v}*time + {a}/2*time^2, {v} + {a}*time, {a}}}"
-    modified = ", ".join(f"{name}={value}" for name, value in values.items())
     name = component.__name__
-    part = f"{prefix}{name}.Signals signals({modified});"
+    part = f"{prefix}{name}.Signals signals({modification(values)});"
     return model(f'model {name} "Default experiment"', [part], [], annotation=experiment(e))

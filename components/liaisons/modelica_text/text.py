@@ -36,9 +36,14 @@ def quoted(text: str) -> str:
 
 def named(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
     """A variable in a declaration: name, attributes, description."""
-    modified = {"unit": quoted(unit)} | attributes if unit else attributes
-    values = ", ".join(f"{attribute}={value}" for attribute, value in modified.items())
+    modified = {"unit": unit and quoted(unit)} | attributes
+    values = modification({attribute: value for attribute, value in modified.items() if value})
     return identifier(name) + f"({values})" * bool(values) + f" {quoted(text)}" * bool(text)
+
+
+def modification(values: Mapping[str, str]) -> str:
+    """What stands between the brackets."""
+    return ", ".join(f"{name}={value}" for name, value in values.items())
 
 
 def declared(kind: str, variables: Iterable[str]) -> list[str]:
@@ -57,9 +62,8 @@ def parameters(
     declarations, starts, initial = list[str](), list[str](), list[str]()
     own = {p.name for p in component.parameters}
     for v in component.layout().parameters:
-        pairs = (("min", v.minimum), ("max", v.maximum))
-        limits = {name: number(bound) for name, bound in pairs if bound is not None}
-        text = f"{named(v.name + size * bool(v.dimension), v.unit, **limits)} = {value(v)}"
+        low, high = ("" if bound is None else number(bound) for bound in (v.minimum, v.maximum))
+        text = f"{named(v.name + size * bool(v.dimension), v.unit, min=low, max=high)} = {value(v)}"
         if v.name in own:
             declarations.append(f"parameter Real {text} {quoted(v.description)};")
         else:
@@ -167,6 +171,11 @@ class Section:
         else:
             self.variables |= dict.fromkeys(re.findall(r"^(?:der\()?(\w+)[\[\w\s+\])]*$", left))
             self.statements.append(f"{left} = {text};")
+
+    def rows(self, lefts: Iterable[str], column: ca.SX) -> None:
+        """Write an equation for each row of a column."""
+        for left, right in zip(lefts, ca.vertsplit(column), strict=True):
+            self.add(left, right)
 
     def further(self, *without: str) -> list[str]:
         """Names of its variables, and of abbreviations."""
