@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-from liaisons.language import Experiment
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.modelica_text.text import declared, filled, model, number, units_of
 
@@ -21,12 +20,6 @@ model FixedRotation parameter Real phi_0(unit="rad") = 0; Rotation flange(phi=ph
 def interfaces(text: str) -> list[str]:
     """Lines of the connectors and models that a text uses."""
     return [line for line in _INTERFACES.splitlines() if re.search(rf"\b{line.split()[1]} ", text)]
-
-
-def experiment(e: Experiment) -> str:
-    """Annotation of a default experiment."""
-    values = f"StopTime={number(e.stop_time)}, Interval={number(e.step_size)}, Tolerance={number(e.tolerance)}"
-    return f"annotation(experiment({values}));"
 
 
 def faces(m: MechanicalComponent) -> list[str]:
@@ -50,7 +43,7 @@ def faces(m: MechanicalComponent) -> list[str]:
             'model Signals "Inputs u_s prescribe value, rate and acceleration of a coordinate s"',
             [f"extends Motion({', '.join(outer)});", *declared("input Real", inputs)],
             filled(f"{{{s.name}, {s.name}_dot, {s.name}_ddot}} = u_{s.name};" for s in m.actives),
-            annotation=experiment(m.experiment),
+            experiment=m.experiment,
         ),
         *model(
             'model Flanges "Coordinates and points as connectors" extends Motion;',

@@ -102,8 +102,7 @@ def _unknowns(e: Equations, section: Section) -> Iterator[str]:
     unit |= {f"{name}_dot": units.rate(of) for name, of in unit.items() if name.endswith("_residual")}
     described = (*m.actives, *m.coordinates, *m.internal_states, *m.outputs, *m.calculated_parameters)
     texts = {item.name: item.description for item in described}
-    starts = {name: f"{name}_0" for o in m.orientations for name in o.quaternion}
-    starts |= {q.name: f"{q.name}_0" for q in m.coordinates}
+    starts = {x: f"{x}_0" for x in map(str, ca.vertsplit(m.free.q))}
     if m.constraints or m.non_holonomic:  # without a guess of the momenta multipliers are sought where they do nothing
         motion = ca.vertcat(m.free.q, m.free.q_dot)
         at_start = ca.vertcat(*(ca.SX.sym(f"{x}_0") for x in ca.vertsplit(motion)))

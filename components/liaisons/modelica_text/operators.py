@@ -12,7 +12,6 @@ from liaisons.expressions.operations import interpret
 from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable
 from liaisons.mechanics import assemble
-from liaisons.modelica_text.faces import experiment
 from liaisons.modelica_text.text import Section, asserted, declared, filled, model, named, number, parameters
 
 _ENTRY = """\
@@ -84,7 +83,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
             declarations,
             filled([*asserted(component.parameters), *section.statements]),
             initial,
-            experiment(component.experiment),
+            component.experiment,
         ),
         _FOLLOWER.format("Translational", "Translation", "s"),
         _FOLLOWER.format("Rotational", "Rotation", "phi"),

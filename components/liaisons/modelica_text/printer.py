@@ -29,8 +29,9 @@ _RESERVED = re.compile(
 )
 
 _CALLED = re.compile(r"a?(sin|cos|tan)|(sin|cos|tan)h|atan2|exp|log|abs|sign|floor|ceil|min|max")
-_SPELLED = {"fmod": "rem", "or": "max"}
 _WRITTEN = {
+    "fmod": "rem({0}, {1})",
+    "or": "max({0}, {1})",
     "asinh": "log({0} + sqrt(({0})^2 + 1))",
     "acosh": "log({0} + sqrt(({0})^2 - 1))",
     "atanh": "log((1 + {0})/(1 - ({0})))/2",
@@ -91,6 +92,6 @@ def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> 
                 return f"(if {relation if events else f'noEvent({relation})'} then 1 else 0)"
             if function in _WRITTEN:
                 return _WRITTEN[function].format(*texts)
-            if function not in _SPELLED and not _CALLED.fullmatch(function):
+            if not _CALLED.fullmatch(function):
                 raise UnsupportedError(function)
-            return f"{_SPELLED.get(function, function)}({', '.join(texts)})"
+            return f"{function}({', '.join(texts)})"

@@ -9,7 +9,6 @@ from typing import Any, final
 from liaisons.errors import ComponentError
 from liaisons.language import Experiment, Operator
 from liaisons.language.component import Component
-from liaisons.modelica_text.faces import experiment
 from liaisons.modelica_text.text import model, modification, number
 
 Starts = Mapping[str, Any]
@@ -60,7 +59,7 @@ def composition(whole: Composition, prefix: str = "") -> list[str]:
     if sources:
         target, source = sources.popitem()
         raise ComponentError(f"{whole.name}: {source} -> {target} connects no flanges, and is not said in Modelica")
-    return model(f"model {whole.name}", [*parts, *fixed], joined, annotation=experiment(whole.experiment))
+    return model(f"model {whole.name}", [*parts, *fixed], joined, experiment=whole.experiment)
 
 
 def default_experiment(component: type[Component], prefix: str = "") -> list[str]:
@@ -75,4 +74,4 @@ def default_experiment(component: type[Component], prefix: str = "") -> list[str
         values[f"u_{triple.value}"] = f"{{{s} + {v}*time + {a}/2*time^2, {v} + {a}*time, {a}}}"
     name = component.__name__
     part = f"{prefix}{name}.Signals signals({modification(values)});"
-    return model(f'model {name} "Default experiment"', [part], [], annotation=experiment(e))
+    return model(f'model {name} "Default experiment"', [part], [], experiment=e)

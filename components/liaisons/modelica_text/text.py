@@ -12,7 +12,7 @@ from typing import final
 import casadi as ca
 
 from liaisons.formulas import Notation, formula
-from liaisons.language import Variable
+from liaisons.language import Experiment, Variable
 from liaisons.language.component import Component
 from liaisons.language.declarations import Symbol
 from liaisons.modelica_text.printer import UnsupportedError, expression, identifier
@@ -82,8 +82,12 @@ def units_of(component: Component) -> dict[str, str]:
 
 def asserted(symbols: Iterable[Symbol]) -> list[str]:
     """Statements that keep to bounds that are excluded, which ``min`` and ``max`` cannot say."""
-    bounds = [(s, sign, bound) for s in symbols if s.strict for sign, bound in ((">", s.minimum), ("<", s.maximum))]
-    limits = [f"{s.name} {sign} {number(bound)}" for s, sign, bound in bounds if bound is not None]
+    limits = [
+        f"{s.name} {sign} {number(bound)}"
+        for s in symbols
+        for sign, bound in ((">", s.minimum), ("<", s.maximum))
+        if s.strict and bound is not None
+    ]
     return [f"assert({limit}, {quoted(f'{limit} is needed')});" for limit in limits]
 
 
@@ -111,7 +115,11 @@ def indented(lines: Iterable[str]) -> list[str]:
 
 
 def model(
-    head: str, declarations: Iterable[str], equations: list[str], initial: Iterable[str] = (), annotation: str = ""
+    head: str,
+    declarations: Iterable[str],
+    equations: list[str],
+    initial: Iterable[str] = (),
+    experiment: Experiment | None = None,
 ) -> list[str]:
     """Lines of a model from statements.
 
@@ -121,7 +129,10 @@ def model(
     lines = [head, *indented(line for statement in declarations for line in wrapped(statement))]
     for title, block in (("initial equation", filled(initial)), ("equation", equations)):
         lines += [title, *indented(block)] if block else []
-    return [*lines, *indented([annotation] * bool(annotation)), f"end {head.split()[head.split().index('model') + 1]};"]
+    if e := experiment:
+        values = f"StopTime={number(e.stop_time)}, Interval={number(e.step_size)}, Tolerance={number(e.tolerance)}"
+        lines.append(f"  annotation(experiment({values}));")
+    return [*lines, re.sub(r".*?model (\w+).*", r"end \1;", head)]
 
 
 @final
