@@ -603,7 +603,7 @@ DAMAGED: dict[str, tuple[tuple[str | int, ...], Any]] = {
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("plans") / "crane.json"
-    crane(bounds={"pivot_x_ddot": (-5, 5)}, accuracy=None, tries=1).save(path)
+    crane(bounds={"pivot_x_ddot": np.array([-5, 5])}, accuracy=None, tries=1).save(path)
     return path
 
 

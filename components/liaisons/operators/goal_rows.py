@@ -152,7 +152,7 @@ def _path_rows(symbols: GoalSymbols) -> list[Row]:
     owner, variables = symbols.name, symbols.model.variables
     rows: dict[str, Row] = {}
     for name, value in elements(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():
-        pair = value if isinstance(value, (tuple, list)) else shown(value)
+        pair = value if isinstance(value, (tuple, list, np.ndarray)) else shown(value)
         low, high = limits(owner, "bounds", name, pair)
         rows[name] = Row(name, symbols.signals[name], low, high)
     domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}

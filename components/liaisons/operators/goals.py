@@ -158,6 +158,7 @@ def limits(owner: str, label: str, name: str, value: Any) -> tuple[float, float]
     :raises PlanError: if it is none.
     """
     label = f"{owner}: {label} of {name} = {shown(value)}"
+    value = value.tolist() if isinstance(value, np.ndarray) else value
     if isinstance(value, (tuple, list)):
         if len(value) != 2 or not all(x is None or (isinstance(x, Real) and not np.isnan(float(x))) for x in value):
             raise PlanError(f"{label}: give a number, or two, (low, high)")
