@@ -1,10 +1,11 @@
-"""The catalogue: of each component the page that lies in its FMU, and from it the picture and the formula."""
+"""The catalogue: of each component the page that lies in its FMU, as a page of the site; from it picture, formula."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import re
+from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor
 from html import escape
 from pathlib import Path
@@ -18,6 +19,7 @@ from liaisons.language import Operator
 from liaisons.library import catalogue
 
 _STYLE = ".frame { fill: none } polyline { fill: none; stroke-width: 6 } text { display: none }"
+FENCE = "`" * 8
 LONGEST = 6000
 """Characters of markup of a formula in the table; longer ones stand on their page."""
 
@@ -37,39 +39,70 @@ def setup(app: Sphinx) -> None:
 
 
 def write_catalogue(app: Sphinx) -> None:
-    """Write ``reference/catalogue.md``, a picture of each component, and the pages of the FMUs."""
-    folder, live = Path(app.outdir) / "catalogue", Path(app.outdir) / "gallery" / "live"
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write ``reference/catalogue.md``, and of each component a picture and a page."""
+    pages, shown = Path(app.srcdir) / "catalogue", Path(app.outdir) / "catalogue"
+    alive = {path.stem for path in (Path(app.outdir) / "gallery" / "live").glob("*.html")}
+    for folder in (pages, shown):
+        folder.mkdir(parents=True, exist_ok=True)
+    for page in pages.glob("*.md"):
+        page.unlink()
+    names = list(catalogue())
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
-        rows = list(pool.map(write_component, catalogue(), [folder] * len(catalogue())))
-    alive = {path.stem for path in live.glob("*.html")}
+        rows = list(pool.map(write_component, names, [pages] * len(names), [shown] * len(names), [alive] * len(names)))
     text = [
         "# Catalogue",
-        "Each name leads to the page in its FMU: equations, variables, ports.  `liaisons list` prints all of them.",
+        "Each name leads to the page that is also in its FMU: equations, variables, ports; `liaisons list` prints all.",
     ]
     for title, operators in (("Mechanisms", False), ("Operators", True)):
-        lines = "\n".join(_row(row, row.name in alive) for row in rows if row.operator is operators)
-        text += [f"## {title}", f'<table class="catalogue">\n{lines}\n</table>']
+        chosen = [row for row in rows if row.operator is operators]
+        lines = "\n".join(_row(row, row.name in alive) for row in chosen)
+        tree = "\n".join(f"../catalogue/{row.name}" for row in chosen)
+        text += [
+            f"## {title}",
+            f'<table class="catalogue">\n{lines}\n</table>',
+            f"```{{toctree}}\n:hidden:\n\n{tree}\n```",
+        ]
     page = Path(app.srcdir) / "reference" / "catalogue.md"
     page.write_text("\n\n".join(text) + "\n", encoding="utf-8")
 
 
-def write_component(name: str, folder: Path) -> Row:
-    """Write picture and page of a component."""
+def write_component(name: str, pages: Path, shown: Path, alive: Collection[str]) -> Row:
+    """Write page and picture of a component.
+
+    :param alive: those that have a live page.
+    """
     component = catalogue()[name]
     is_operator = issubclass(component, Operator)
     with ZipFile(fmu_path(name)) as archive:
         page = archive.read("documentation/index.html").decode()
         icon = archive.read("terminalsAndIcons/icon.svg").decode()
-    (folder / f"{name}.html").write_text(page, encoding="utf-8")
+    text = page_of_the_site(name, component.summary(), page, live=name in alive)
+    (pages / f"{name}.md").write_text(text, encoding="utf-8")
     drawn = re.search(r'<svg class="figure"(.*?</svg>)', page, re.DOTALL)
     picture = drawn[1].replace(">", f"><style>{_STYLE}</style>", 1) if drawn else ""
     alone = f'<svg xmlns="http://www.w3.org/2000/svg"{picture}' if picture else icon
-    (folder / f"{name}.svg").write_text(alone, encoding="utf-8")
+    (shown / f"{name}.svg").write_text(alone, encoding="utf-8")
     found = re.search(r"<div class=equations>(.*?)</div>", page, re.DOTALL)
     first = found[1] if found else ""
     formula = re.sub(r"</?p[^>]*>", " ", first.partition("<p>where</p>")[0] if is_operator else first).strip()
     return Row(name, component.summary(), formula if len(formula) < LONGEST else "", is_operator)
+
+
+def page_of_the_site(name: str, summary: str, page: str, *, live: bool) -> str:
+    """The sections of an FMU's page as Markdown.
+
+    Main entries of the index come first in a search: the name as one word and in words.
+    """
+    entries = dict.fromkeys((name, re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)))
+    link = f'\n<p><a href="../gallery/live/{name}.html">Live, to be tried out</a></p>' if live else ""
+    parts = [
+        "\n".join(f"```{{index}} single: !{entry}\n```" for entry in entries),
+        f"# {name}",
+        f"<p>{escape(summary)}</p>{link}",
+    ]
+    for title, body in re.findall(r"<section id=[^>]*><h2>(.*?)</h2>\n(.*?)</section>", page, re.DOTALL):
+        parts.append(f'## {title}\n\n{FENCE}{{raw}} html\n<div class="component">\n{body}</div>\n{FENCE}')
+    return "\n\n".join(parts) + "\n"
 
 
 def _row(row: Row, alive: bool) -> str:

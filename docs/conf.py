@@ -15,6 +15,7 @@ sys.path.insert(0, str(DOCS))
 
 import catalogue  # noqa: E402
 import gallery  # noqa: E402
+import hosting  # noqa: E402
 import links  # noqa: E402
 import mathml  # noqa: E402
 import reference  # noqa: E402
@@ -71,4 +72,5 @@ def setup(app: Sphinx) -> None:
     mathml.setup(app)
     reference.setup(app)
     texts.setup(app)
+    hosting.setup(app)
     links.setup(app)

@@ -155,6 +155,7 @@ CALLS: dict[str, tuple[Call, Any]] = {
     "to_parquet": (lambda x, w: x.result.to_parquet(w), TEXT),
     "from_parquet": (lambda _, w: Result.from_parquet(w), ()),
     "plot": (lambda x, w: x.result.plot(w, path="x.png"), ()),
+    "plot axes": (lambda x, w: x.result.plot("theta", axes=w), ()),
     "plot path": (lambda x, w: x.result.plot(path=w), PATH),
 }  # fmt: skip
 

@@ -271,6 +271,75 @@ def test_plot_over_time_cases_or_another_signal(tmp_path: Path, cases: Result, b
         both.plot("e", over="x", path=path)
 
 
+def test_a_phase_portrait_in_axes_of_a_figure(result: Result, tmp_path: Path) -> None:
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert result.plot("swing.theta_dot", over="swing.theta", axes=left) is figure
+    assert (left.get_xlabel(), left.get_ylabel()) == ("swing.theta [rad]", "[rad/s]")
+    np.testing.assert_array_equal(
+        left.lines[0].get_xydata(), np.array([result["swing.theta"], result["swing.theta_dot"]]).T
+    )
+    result.plot("swing.phi", axes=right)
+    result.plot("swing.theta", axes=right, path=tmp_path / "both.png")  # beside what is there, the whole figure saved
+    assert _drawn(figure) == [["swing.theta_dot"], ["swing.phi", "swing.theta"]]
+    assert len({line.get_color() for line in right.lines}) == 2
+    assert (tmp_path / "both.png").stat().st_size > 1000
+
+
+def test_axes_that_do_not_do(result: Result) -> None:
+    figure = Figure()
+    with pytest.raises(
+        SimulationError, match=r"axes: plain, swing.phi \[rad\] of a swing need a diagram each; name sig"
+    ):
+        result.plot("plain", "swing.phi", axes=figure.subplots())
+    with pytest.raises(SimulationError, match=r"plot: axes = .*: give one Axes, as matplotlib.pyplot.subplots\(\)"):
+        result.plot("plain", axes=figure.subplots(1, 2))
+    with pytest.raises(SimulationError, match=r"no signal 'swing\.thet'; did you mean 'swing\.theta'"):
+        result.plot("swing.phi", over="swing.thet", axes=figure.subplots())
+    assert all(not axes.lines for axes in figure.axes)
+
+
+def _mapped(count: int) -> Result:
+    """As of a sweep of two values on a grid of so many times three, in no order, whose last case has failed."""
+    mass, length = (column.ravel() for column in np.meshgrid(np.arange(1.0, count + 1), [0.5, 1.0, 4.0]))
+    signals = {"mass": mass, "length": length, "period": mass + 10 * length, "x[1]": mass, "x[2]": length}
+    shuffled = np.array(list(signals.values()))[:, np.random.default_rng(0).permutation(mass.size)]
+    shuffled[2:, -1] = np.nan
+    units = {**dict.fromkeys(signals, ""), "mass": "kg", "length": "m", "period": "s"}
+    return Result("a grid", np.empty(0), tuple(signals), shuffled, units, failures={mass.size - 1: "too much"})
+
+
+def test_a_sweep_over_two_is_a_map(tmp_path: Path) -> None:
+    grid = _mapped(4)
+    figure = grid.plot(path=tmp_path / "map.png")
+    maps = [axes for axes in figure.axes if axes.collections and axes.get_xlabel()]
+    assert [(axes.get_xlabel(), axes.get_ylabel()) for axes in maps] == 3 * [("mass [kg]", "length [m]")]
+    assert {axes.get_ylabel() for axes in figure.axes} == {"length [m]", "period [s]", "x[1]", "x[2]"}  # of the bars
+    drawn = np.ma.masked_invalid(np.ma.asarray(maps[0].collections[0].get_array()))
+    expected = np.arange(1.0, 5.0) + 10 * np.array([[0.5], [1.0], [4.0]])
+    assert drawn.mask.sum() == 1
+    np.testing.assert_array_equal(drawn.compressed(), expected[~drawn.mask])
+    failed = [float(grid[name][-1]) for name in ("mass", "length")]
+    assert expected[drawn.mask] == failed[0] + 10 * failed[1]
+    other = Figure()
+    axes = other.subplots()
+    assert grid.plot("period", axes=axes) is other
+    assert [each.get_ylabel() for each in other.axes] == ["length [m]", "period [s]"]
+    with pytest.raises(SimulationError, match=r"axes: x\[1\], x\[2\] of a grid need a diagram each"):
+        grid.plot("x", axes=axes)
+    with pytest.raises(SimulationError, match="no signal 'perio'; did you mean 'period'"):
+        grid.plot("perio")
+
+
+def test_a_sweep_that_is_no_map(tmp_path: Path) -> None:
+    """A third value, a line, pairs that are missing, or another signal on the horizontal axis."""
+    grid = _mapped(4)
+    third = dataclasses.replace(grid, values=np.hstack([grid.values, grid.values]))
+    for other in (third, _mapped(1), dataclasses.replace(grid, values=grid.values[:, 1:])):
+        assert other.plot("period", path=tmp_path / "x.png").axes[0].lines
+    assert grid.plot("period", over="mass", path=tmp_path / "x.png").axes[0].lines
+
+
 @pytest.mark.parametrize("suffix", ["csv", "fmu"])
 def test_plot_to_a_file_of_unknown_kind(result: Result, tmp_path: Path, suffix: str) -> None:
     with pytest.raises(SimulationError, match=rf"two\.{suffix}: .*'{suffix}' is not supported"):

@@ -18,11 +18,11 @@ from liaisons.modelica_text.text import (
     declared,
     filled,
     indented,
-    initial,
     model,
     named,
     number,
     parameters,
+    units_of,
 )
 
 _ENDS = ("", "_dot", "_ddot")
@@ -72,24 +72,21 @@ def chain_motion(component: type[Chain]) -> list[str]:
         ("{}[i]", points, link.points),
         ("{}[i]", ("kinetic", "potential"), ca.vertcat(T, link.potential)),
     ):
-        for name, row in zip(of, ca.vertsplit(column), strict=True):
-            loop.add(form.format(name), row)
+        loop.rows(map(form.format, of), column)
 
     base = m.base()
     joint = ca.SX.zeros(len(axes)) if base is None else m.joint_column(base)
     forces = ca.jacobian(joint, m.s).T @ (pi_dot - phi)
     for end in _ENDS:
-        for axis, row in zip(axes, ca.vertsplit(joint), strict=True):
-            outside.add(f"joint_{axis}{end}[1]", row)
+        outside.rows((f"joint_{axis}{end}[1]" for axis in axes), joint)
         joint = m.dot(joint)
-    for s, row in zip(m.actives, ca.vertsplit(forces), strict=True):
-        outside.add(f"{s.name}_force", row)
+    outside.rows((f"{s.name}_force" for s in m.actives), forces)
     for item in m.calculated_parameters:
         outside.add(item.name, getattr(m, item.name))
     outside.statements += [f"{x}[n + 1] = 0;" for b in beyond for x in ca.vertsplit(b)]
     sums = [f"{name}_energy = sum({name});" for name in ("kinetic", "potential")]
 
-    layout = m.layout()
+    constants, initial = parameters(m, _starts, "[n]")
     unit = _units(m)
     texts = {item.name: item.description for item in (*m.coordinates, *m.actives)}
     known = [p.name for p in m.parameters] + ["bonded"]
@@ -104,7 +101,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
     declarations = [
         f'parameter Integer n = {m.sizes["n"]} "{component.n.description}";',
         f'parameter Real bonded[n] = {bonded} "1: has a bond to the link before";',
-        *parameters(layout.parameters, m.symbols, _starts, "[n]"),
+        *constants,
         *declared("Real", map(variable, dict.fromkeys([*single, "kinetic_energy", "potential_energy", "energy"]))),
         *declared("Real", (variable(name, "[n]") for name in of_links)),
     ]
@@ -115,12 +112,11 @@ def chain_motion(component: type[Chain]) -> list[str]:
         "end for;",
         *filled([*sums, "energy = kinetic_energy + potential_energy;"]),
     ]
-    return model(MOTION, declarations, equations, initial(layout.parameters, m.symbols))
+    return model(MOTION, declarations, equations, initial)
 
 
 def _units(m: Chain) -> dict[str, str]:
-    unit = {x.name: x.unit for x in m.layout().variables} | dict.fromkeys(("kinetic", "potential"), "J")
-    unit |= {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
+    unit = units_of(m) | dict.fromkeys(("kinetic", "potential"), "J")
     for axis, of in type(m).joint.unit_of.items():
         unit |= {
             f"joint_{axis}": of,
@@ -136,6 +132,6 @@ def _column(names: Iterable[str]) -> ca.SX:
 
 
 def _starts(v: Variable) -> str:
-    if v.dimension is None or not isinstance(v.start, tuple):
-        return f"fill({number(v.starts[0])}, n)" if v.dimension else number(v.starts[0])
-    return f"cat(1, {{{', '.join(map(number, v.start))}}}, zeros(n - {len(v.start)}))"
+    if v.dimension and isinstance(v.start, tuple):
+        return f"cat(1, {number(v.start)}, zeros(n - {len(v.start)}))"
+    return f"fill({number(v.starts[0])}, n)" if v.dimension else number(v.starts[0])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+import math
+from collections.abc import Callable, Container, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.arguments import shown
 from liaisons.array_names import split
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
@@ -21,6 +24,9 @@ if TYPE_CHECKING:
 
 Curves = Mapping[str, NDArray[np.float64]]
 """Name -> values, shape (points,) or (points, elements)."""
+_Grid = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]
+_Subplots = Callable[[Sequence[str], int], "Sequence[Axes]"]
+"""Makes diagrams for groups of signals, in so many columns."""
 
 DIAGRAMS, CURVES = 6, 8
 """Most diagrams on a screen, and most curves in one that can be distinguished."""
@@ -52,14 +58,34 @@ def essential(signals: Curves, units: Mapping[str, str], ports: Mapping[str, Por
     return chosen or [name for name in signals if _largest(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
 
-def plot(result: LabelledSignals, names: Sequence[str], over: str | None, path: Path | None) -> Figure:
-    """Draw signals, those of one unit in one diagram, its legend beside it.
+def plot(
+    result: LabelledSignals, names: Sequence[str], over: str | None, path: Path | None, axes: Axes | None = None
+) -> Figure:
+    """Draw signals: those of one unit in one diagram, or of a sweep on a grid of two values a map of each.
 
-    :param names: what to draw; if empty, :func:`essential` chooses.
+    :param names: what to draw; if empty, :func:`essential` chooses, or the first of the maps are drawn.
     :param over: signal on the horizontal axis; None: as in :meth:`liaisons.Result.plot`.
     :param path: where to save the figure, which pyplot does not know then.
-    :raises SimulationError: if the axis has another shape than a signal, or the file cannot be written.
+    :param axes: where to draw the only diagram; None: in a new figure.
+    :raises SimulationError: if the axis has another shape than a signal, the axes are none or too few, or the file
+        cannot be written.
     """
+    subplots = partial(_subplots, result.title, axes, alone=path is not None)
+    grid = _grid(result) if over is None else None
+    if grid is None:
+        diagrams = _draw_diagrams(result, names, over, subplots, beside=axes is None)
+    else:
+        diagrams = _draw_maps(result, names, grid, subplots)
+    figure = diagrams[0].figure.canvas.figure
+    if path is not None:
+        _save(figure, path)
+    return figure
+
+
+def _draw_diagrams(
+    result: LabelledSignals, names: Sequence[str], over: str | None, subplots: _Subplots, *, beside: bool
+) -> Sequence[Axes]:
+    """Curves, those of one unit in one diagram, with its legend beside or in it."""
     timed = result.kind != "sweep"
     if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
         over = result.names[0]
@@ -76,12 +102,9 @@ def plot(result: LabelledSignals, names: Sequence[str], over: str | None, path: 
     unit = "s" if label == "time" else result.units.get(label)
     label = f"{label} [{unit}]" if unit else label
     joined = timed or over is not None
-    count = max(1, len(groups))
-    figure = _new_figure(alone=path is not None)
-    figure.set_size_inches(10.0, 1.0 + max(3.0, 1.6 * count))
-    diagrams = figure.subplots(count, sharex=True, squeeze=False)[:, 0]
+    diagrams = subplots([result.label(group[0]) for group in groups.values()], 1)
     for diagram, ((unit, text), group) in zip(diagrams, groups.items(), strict=False):
-        for number, name in enumerate(group):
+        for number, name in enumerate(group, len(diagram.get_legend_handles_labels()[0])):
             if x.ndim > 1 and x.shape != signals[name].shape:
                 raise SimulationError(f"plot: {name} and {label} have different shapes; choose another over=...")
             style = {"color": f"C{number}", "linestyle": "-" if joined else "", "marker": "" if joined else "."}
@@ -92,15 +115,68 @@ def plot(result: LabelledSignals, names: Sequence[str], over: str | None, path: 
         if text:
             texts = result.texts[result.element(text)]
             diagram.set_yticks(range(len(texts)), texts)
-        diagram.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize="small")
+        outside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.05)} if beside else {}
+        diagram.legend(**outside, frameon=False, fontsize="small")
         diagram.grid(visible=True, alpha=0.3)
         diagram.margins(x=0.0)
-    diagrams[0].set_title(result.title)
     diagrams[-1].set_xlabel(label)
-    figure.align_ylabels(diagrams)
-    if path is not None:
-        _save(figure, path)
-    return figure
+    return diagrams
+
+
+def _grid(result: LabelledSignals) -> _Grid | None:
+    """The first two values of a sweep, ascending, and the case of each pair (second, first); None: it is on no grid."""
+    if result.kind != "sweep" or len(result.names) < 3:
+        return None
+    (x, columns), (y, rows) = (np.unique(values, return_inverse=True) for values in result.values[:2])
+    if min(x.size, y.size) < 2 or x.size * y.size != rows.size:
+        return None
+    cases = np.full((y.size, x.size), -1)
+    cases[rows, columns] = np.arange(rows.size)
+    return (x, y, cases) if cases.min() == 0 else None
+
+
+def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subplots: _Subplots) -> Sequence[Axes]:
+    """A map of each signal over the first two values of a sweep; cases that have failed stay blank."""
+    for name in names:
+        result.numbers(name)  # or it says that there is none
+    asked = [n for name in names for n in result.names if name in {n, split(n)[0]}] or result.names[2 : 2 + DIAGRAMS]
+    chosen = list(dict.fromkeys(asked))
+    x, y, cases = grid
+    diagrams = subplots(chosen, math.ceil(math.sqrt(len(chosen))))
+    for diagram, name in zip(diagrams, chosen, strict=True):
+        mesh = diagram.pcolormesh(x, y, result.numbers(name)[cases], rasterized=True)
+        bar = diagram.figure.colorbar(mesh, ax=diagram, label=result.label(name))
+        if texts := result.texts.get(name):
+            bar.set_ticks(range(len(texts)), labels=texts)
+        diagram.set(xlabel=result.label(result.names[0]), ylabel=result.label(result.names[1]))
+    return diagrams
+
+
+def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int, *, alone: bool) -> Sequence[Axes]:
+    """Diagrams for groups of signals, in a new figure, or the axes for the only group."""
+    if axes is None:
+        count = max(1, len(groups))
+        rows = math.ceil(count / columns)
+        figure = _new_figure(alone=alone)
+        figure.set_size_inches(10.0, 1.0 + max(3.0, (1.6 if columns == 1 else 3.0) * rows))
+        diagrams = figure.subplots(rows, columns, sharex=columns == 1, squeeze=False).ravel().tolist()
+        if columns == 1:
+            diagrams[0].set_title(title)
+        else:
+            figure.suptitle(title)
+        figure.align_ylabels(diagrams)
+        for diagram in diagrams[count:]:
+            diagram.remove()
+        return diagrams[:count]
+    from matplotlib.axes import Axes as MatplotlibAxes
+
+    if not isinstance(axes, MatplotlibAxes):
+        raise SimulationError(f"plot: axes = {shown(axes)}: give one Axes, as matplotlib.pyplot.subplots() returns")
+    if len(groups) > 1:
+        raise SimulationError(
+            f"plot: axes: {', '.join(groups)} of {title} need a diagram each; name signals of one, or leave axes out"
+        )
+    return [axes]
 
 
 def _save(figure: Figure, path: Path) -> None:

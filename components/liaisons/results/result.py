@@ -16,6 +16,7 @@ from liaisons.results import figures, notebook, tables
 from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -106,19 +107,31 @@ class Result(LabelledSignals):
         """
         return tables.dataset(self)
 
-    def plot(self, *names: str | Iterable[str], over: str | None = None, path: Path | str | None = None) -> Figure:
+    def plot(
+        self,
+        *names: str | Iterable[str],
+        over: str | None = None,
+        axes: Axes | None = None,
+        path: Path | str | None = None,
+    ) -> Figure:
         """Draw signals, those of one unit in one diagram.
 
+        A sweep on a grid of two values is drawn as a map of each signal: the first value to the right, the second one
+        up, the signal as a colour; what has failed stays blank.
+
         :param names: what to draw, one by one or in a list; if nothing is named, what
-            :func:`liaisons.results.figures.essential` finds worth it.
-        :param over: signal on the horizontal axis; else time, or of a sweep what was varied, if it is one ascending
-            value, else the number of the case.
+            :func:`liaisons.results.figures.essential` finds worth it, or the first six maps.
+        :param over: signal on the horizontal axis, for phase portraits; else time, or of a sweep what was varied, if it
+            is one ascending value, else the number of the case.
+        :param axes: Matplotlib's axes to draw into, signals of one unit or one map, beside what is there already; else
+            a new figure.
         :param path: where to save the figure, its kind by the suffix; without it, a notebook shows what is returned,
             and elsewhere ``matplotlib.pyplot.show`` shows it.
-        :raises SimulationError: if a name is unknown or the file cannot be written.
+        :raises SimulationError: if a name is unknown, the signals need more than the axes, or the file cannot be
+            written.
         """
         chosen = [name for group in names for name in listed("plot", group)]
-        return figures.plot(self, chosen, over, None if path is None else as_path("plot: path", path))
+        return figures.plot(self, chosen, over, None if path is None else as_path("plot: path", path), axes)
 
     def animate(
         self,
