@@ -337,6 +337,53 @@ def test_the_view_is_dragged_and_zoomed_also_in_the_dark(opened: Opened) -> None
         assert live.evaluate(view) == before
 
 
+def drawn_in_the_plot(live: Any) -> tuple[list[list[list[float]]], list[list[float]], list[str]]:
+    """Curves, dots and words that the page paints into its plot, in pixels."""
+    return live.evaluate(
+        """() => {
+        const context = document.getElementById("plot").getContext("2d"), paths = [], dots = [], words = [];
+        context.beginPath = () => paths.push([]);
+        context.moveTo = context.lineTo = (x, y) => paths.at(-1).push([x, y]);
+        context.arc = (x, y) => dots.push([x, y]);
+        context.fillText = (text) => words.push(text);
+        window.page.paint();
+        for (const name of ["beginPath", "moveTo", "lineTo", "arc", "fillText"]) delete context[name];
+        window.page.paint();
+        return [paths.filter((path) => path.length > 2), dots, words];
+    }"""
+    )
+
+
+@in_a_browser
+def test_one_signal_over_another(opened: Opened) -> None:
+    """A phase portrait: pixels to the right go with the one signal, pixels up with the other."""
+    with opened("Pendulum", viewport={"width": 1280, "height": 1000}) as live:
+        live.enter("theta_0", 1.0)
+        for button in live.page.locator("#signals button").all():
+            button.click()
+        live.page.locator("[data-signals]").select_option("theta_dot")
+        live.run_for(3)
+        (over_time,), dots, words = drawn_in_the_plot(live)
+        assert dots == []
+        assert "2 s" in words
+        live.page.locator("[data-over]").select_option("theta")
+        (curve,), (dot,), words = drawn_in_the_plot(live)
+        live.page.screenshot(path=SCREENSHOTS / "phase_portrait.png")
+        signals = live.evaluate(
+            "['theta', 'theta_dot'].map((n) => window.page.history.map((v) => v[window.page.machine.place.get(n)]))"
+        )
+        assert not [word for word in words if word.endswith("s")]
+        assert [y for _, y in curve] == [y for _, y in over_time]
+        for pixel, signal, side in zip(np.transpose(curve), signals, (1, -1), strict=True):  # y is down on a canvas
+            slope, start = np.polyfit(signal, pixel, 1)
+            assert side * slope > 10.0
+            assert pixel == pytest.approx(slope * np.array(signal) + start, abs=1e-6)
+        assert dot == curve[-1]
+        live.page.locator("[data-over]").select_option("over time")
+        assert drawn_in_the_plot(live)[0] == [over_time]
+        assert live.complaints == []
+
+
 @in_a_browser
 def test_presets_suit_what_they_move(opened: Opened) -> None:
     """Pumped twice a period a pendulum swings ever higher; shaken fast enough it stands upright on its pivot."""

@@ -44,19 +44,14 @@ def _graphics(component: type[Mechanism]) -> list[str]:
     plane = sorted(np.argsort(low - high, kind="stable")[:2])
     scale = 150 / (np.max(high - low) or 1)
     drawn = [np.round(scale * (path - (low + high) / 2)).astype(int)[:, plane].tolist() for path in paths]
-    return [
-        f"Line(points={_literal(path)})"
-        if len(path) > 1
-        else f"Ellipse(extent={_literal([[x + d for x in path[0]] for d in (-20, 20)])})"
+    texts = (
+        f"Line(points={path})" if path[1:] else f"Ellipse(extent={[[x + d for x in path[0]] for d in (-20, 20)]})"
         for path in drawn
-    ]
+    )
+    return [text.translate(str.maketrans("[]", "{}")) for text in texts]
 
 
 def _path(**shape: Any) -> list[list[float]]:
     points = shape.get("points") or [shape[end] for end in ("at", "from", "to") if end in shape]
     points = points[:: len(points) // MOST_POINTS or 1]
     return [*points, *points[: int(shape.get("closed", 0))]]
-
-
-def _literal(points: list[list[int]]) -> str:
-    return str(points).replace("[", "{").replace("]", "}")

@@ -18,11 +18,11 @@ from liaisons.modelica_text.text import (
     declared,
     filled,
     indented,
-    initial,
     model,
     named,
     number,
     parameters,
+    units_of,
 )
 
 _ENDS = ("", "_dot", "_ddot")
@@ -36,16 +36,13 @@ def chain_motion(component: type[Chain]) -> list[str]:
     m, axes = component(), component.joint.axes
     link, points, notation = link_of(m), [*m.point_components()], Notation.from_model(assemble(component))
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
-    beyond = pi, phi, pi_dot = [_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot")]
-    Q, attached = (_column(f"Q_{name}" for name in names) for names in (map(str, ca.vertsplit(q)), points))
-    names = [item.name for item in component.coordinates]
+    pi, phi, pi_dot = (_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
+    beyond, names = ca.vertsplit(ca.vertcat(pi, phi, pi_dot)), [item.name for item in component.coordinates]
+    Q, attached = (_column(f"Q_{name}" for name in of) for of in (names, points))
     of_link = ca.vertcat(q, v, m.q_ddot, w, w_dot, m.w_ddot, link.bonded, Q, attached)
     indexed = {str(x): f"{x}[i]" for x in ca.vertsplit(of_link)}
-    indexed |= {str(x): f"{x}[i + 1]" for x in ca.vertsplit(ca.vertcat(*beyond))}
-    loop, outside = (
-        Section(notation, indexed, "[i]"),
-        Section(notation, {str(x): f"{x}[1]" for b in beyond for x in ca.vertsplit(b)}),
-    )
+    indexed |= {str(x): f"{x}[i + 1]" for x in beyond}
+    loop, outside = Section(notation, indexed, "[i]"), Section(notation, {str(x): f"{x}[1]" for x in beyond})
 
     L, F_q, F_w, F_dot = T - link.potential, ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
     p_v, p_w = gradient(T, v), gradient(T, w_dot)
@@ -72,24 +69,21 @@ def chain_motion(component: type[Chain]) -> list[str]:
         ("{}[i]", points, link.points),
         ("{}[i]", ("kinetic", "potential"), ca.vertcat(T, link.potential)),
     ):
-        for name, row in zip(of, ca.vertsplit(column), strict=True):
-            loop.add(form.format(name), row)
+        loop.rows(map(form.format, of), column)
 
     base = m.base()
     joint = ca.SX.zeros(len(axes)) if base is None else m.joint_column(base)
     forces = ca.jacobian(joint, m.s).T @ (pi_dot - phi)
     for end in _ENDS:
-        for axis, row in zip(axes, ca.vertsplit(joint), strict=True):
-            outside.add(f"joint_{axis}{end}[1]", row)
+        outside.rows((f"joint_{axis}{end}[1]" for axis in axes), joint)
         joint = m.dot(joint)
-    for s, row in zip(m.actives, ca.vertsplit(forces), strict=True):
-        outside.add(f"{s.name}_force", row)
+    outside.rows((f"{s.name}_force" for s in m.actives), forces)
     for item in m.calculated_parameters:
         outside.add(item.name, getattr(m, item.name))
-    outside.statements += [f"{x}[n + 1] = 0;" for b in beyond for x in ca.vertsplit(b)]
+    outside.statements += [f"{x}[n + 1] = 0;" for x in beyond]
     sums = [f"{name}_energy = sum({name});" for name in ("kinetic", "potential")]
 
-    layout = m.layout()
+    constants, initial = parameters(m, _starts, "[n]")
     unit = _units(m)
     texts = {item.name: item.description for item in (*m.coordinates, *m.actives)}
     known = [p.name for p in m.parameters] + ["bonded"]
@@ -104,7 +98,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
     declarations = [
         f'parameter Integer n = {m.sizes["n"]} "{component.n.description}";',
         f'parameter Real bonded[n] = {bonded} "1: has a bond to the link before";',
-        *parameters(layout.parameters, m.symbols, _starts, "[n]"),
+        *constants,
         *declared("Real", map(variable, dict.fromkeys([*single, "kinetic_energy", "potential_energy", "energy"]))),
         *declared("Real", (variable(name, "[n]") for name in of_links)),
     ]
@@ -115,12 +109,11 @@ def chain_motion(component: type[Chain]) -> list[str]:
         "end for;",
         *filled([*sums, "energy = kinetic_energy + potential_energy;"]),
     ]
-    return model(MOTION, declarations, equations, initial(layout.parameters, m.symbols))
+    return model(MOTION, declarations, equations, initial)
 
 
 def _units(m: Chain) -> dict[str, str]:
-    unit = {x.name: x.unit for x in m.layout().variables} | dict.fromkeys(("kinetic", "potential"), "J")
-    unit |= {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
+    unit = units_of(m) | dict.fromkeys(("kinetic", "potential"), "J")
     for axis, of in type(m).joint.unit_of.items():
         unit |= {
             f"joint_{axis}": of,
@@ -136,6 +129,6 @@ def _column(names: Iterable[str]) -> ca.SX:
 
 
 def _starts(v: Variable) -> str:
-    if v.dimension is None or not isinstance(v.start, tuple):
-        return f"fill({number(v.starts[0])}, n)" if v.dimension else number(v.starts[0])
-    return f"cat(1, {{{', '.join(map(number, v.start))}}}, zeros(n - {len(v.start)}))"
+    if v.dimension and isinstance(v.start, tuple):
+        return f"cat(1, {number(v.start)}, zeros(n - {len(v.start)}))"
+    return f"fill({number(v.starts[0])}, n)" if v.dimension else number(v.starts[0])

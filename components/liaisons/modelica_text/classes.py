@@ -14,13 +14,10 @@ from liaisons.modelica_text.operators import operator_classes
 from liaisons.modelica_text.systems import Composition, composition, default_experiment
 from liaisons.modelica_text.text import indented, quoted
 
-LIBRARY = "Liaisons"
-
 
 def component_text(component: type[Component]) -> str:
     """A package of the component's name, with the models ``Motion``, ``Signals`` and ``Flanges``."""
-    head, *inside, end = _component(component)
-    return _text([head, *indented(interfaces(str(inside))), *inside, end])
+    return "\n".join(_component(component, alone=True))
 
 
 def system_text(whole: Composition) -> str:
@@ -31,30 +28,27 @@ def system_text(whole: Composition) -> str:
 
 def library_text(components: Collection[type[Component]], systems: Iterable[Composition] = ()) -> str:
     """The package ``Liaisons`` with components, and their default experiments and some systems as ``Examples``."""
-    prefix = f"{LIBRARY}."
-    examples = [line for component in components for line in default_experiment(component, prefix)]
-    examples += [line for whole in systems for line in composition(whole, prefix)]
-    return _library(LIBRARY, components, _package("Examples", "Default experiments, and systems", examples))
+    examples = [line for component in components for line in default_experiment(component, "Liaisons.")]
+    examples += [line for whole in systems for line in composition(whole, "Liaisons.")]
+    return _library("Liaisons", components, _package("Examples", "Default experiments, and systems", examples))
 
 
 def _library(name: str, components: Iterable[type[Component]], lines: list[str]) -> str:
     inside = [*(line for component in components for line in _component(component)), *lines]
-    return _text(_package(name, "Written from Lagrangians", [*interfaces(str(inside)), *inside]))
+    return "\n".join(_package(name, "Written from Lagrangians", inside, alone=True))
 
 
-def _component(component: type[Component]) -> list[str]:
+def _component(component: type[Component], *, alone: bool = False) -> list[str]:
     if issubclass(component, Operator):
         classes = operator_classes(component)
     else:
         assert issubclass(component, Chain | Mechanism)
         moving = chain_motion(component) if issubclass(component, Chain) else motion(component)
         classes = [*moving, *faces(component())]
-    return _package(component.__name__, component.summary(), [*classes, annotation(component)])
+    return _package(component.__name__, component.summary(), [*classes, annotation(component)], alone=alone)
 
 
-def _package(name: str, text: str, lines: list[str]) -> list[str]:
-    return [f"package {name} {quoted(text)}", *indented(lines), f"end {name};"]
-
-
-def _text(lines: Iterable[str]) -> str:
-    return "\n".join([*lines, ""])
+def _package(name: str, text: str, lines: list[str], *, alone: bool = False) -> list[str]:
+    """Lines of a package; of one that stands alone with its connectors, and a line end."""
+    lines = [*interfaces(str(lines)), *lines] if alone else lines
+    return [f"package {name} {quoted(text)}", *indented(lines), f"end {name};", *[""] * alone]

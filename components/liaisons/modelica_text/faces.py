@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 
-from liaisons.language import Experiment
 from liaisons.language.mechanical import MechanicalComponent
-from liaisons.modelica_text.text import declared, filled, model, number
+from liaisons.modelica_text.text import declared, filled, model, number, units_of
 
 ROLES = {"m": ("Translation", "s", "f"), "rad": ("Rotation", "phi", "tau")}
 _INTERFACES = """\
@@ -23,29 +22,20 @@ def interfaces(text: str) -> list[str]:
     return [line for line in _INTERFACES.splitlines() if re.search(rf"\b{line.split()[1]} ", text)]
 
 
-def experiment(e: Experiment) -> str:
-    """Annotation of a default experiment."""
-    values = f"StopTime={number(e.stop_time)}, Interval={number(e.step_size)}, Tolerance={number(e.tolerance)}"
-    return f"annotation(experiment({values}));"
-
-
 def faces(m: MechanicalComponent) -> list[str]:
     """Lines of the models ``Signals``, whose inputs prescribe coordinates, and ``Flanges``."""
-    layout = m.layout()
-    unit = {v.name: v.unit for v in layout.variables}
-    points = {port.name: unit[port.name] for port in layout.ports if port.kind == "point"}
-    size, zero = ("[n]", "zeros(n)") if m.dimension else ("", "0")
+    unit, size, zero = units_of(m), *(("[n]", "zeros(n)") if m.dimension else ("", "0"))
+    points = [port.name for port in m.layout().ports if port.kind == "point"]
     inputs = [f"u_{s.name}[3]{f'(start={{{number(s.start)}, 0, 0}})' * bool(s.start)}" for s in m.actives]
     inputs += [f"{q.name}{end}{size}\0=\0{zero}" for q in m.coordinates for end in ("_force", "_load")]
     inputs += [f"{name}_load{size}\0=\0{zero}" for name in points]
     outer = [f"Q_{q.name}={q.name}_force - {q.name}_load" for q in m.coordinates]
     outer += [f"Q_{name}=-{name}_load" for name in points]
-    ports = [(s.name, s.unit, "", f"{s.name}_force") for s in m.actives]
-    ports += [(q.name, q.unit, size, f"Q_{q.name}") for q in m.coordinates]
-    ports += [(name, unit, size, f"Q_{name}") for name, unit in points.items()]
+    ports = [(s.name, "", f"{s.name}_force") for s in m.actives]
+    ports += [(name, size, f"Q_{name}") for name in (*(q.name for q in m.coordinates), *points)]
     kinds: dict[str, list[str]] = {}
-    for name, unit, count, force in ports:
-        kind, position, effort = ROLES.get(unit, ("Generalised", "q", "Q"))
+    for name, count, force in ports:
+        kind, position, effort = ROLES.get(unit[name], ("Generalised", "q", "Q"))
         kinds.setdefault(kind, []).append(f"flange_{name}{count}({position}={name}, {effort}={force})")
     rates = (f"{s.name}_{d}dot = der({s.name}{'_dot' * bool(d)});" for s in m.actives for d in ("", "d"))
     return [
@@ -53,7 +43,7 @@ def faces(m: MechanicalComponent) -> list[str]:
             'model Signals "Inputs u_s prescribe value, rate and acceleration of a coordinate s"',
             [f"extends Motion({', '.join(outer)});", *declared("input Real", inputs)],
             filled(f"{{{s.name}, {s.name}_dot, {s.name}_ddot}} = u_{s.name};" for s in m.actives),
-            annotation=experiment(m.experiment),
+            experiment=m.experiment,
         ),
         *model(
             'model Flanges "Coordinates and points as connectors" extends Motion;',

@@ -22,11 +22,11 @@ from liaisons.modelica_text.text import (
     asserted,
     declared,
     filled,
-    initial,
     model,
     named,
     parameters,
     quoted,
+    units_of,
 )
 
 
@@ -47,9 +47,9 @@ def motion(component: type[Mechanism]) -> list[str]:
     section.add("kinetic_energy", e.kinetic_energy)
     section.add("potential_energy", e.potential_energy)
     section.add("energy", ca.SX.sym("kinetic_energy") + ca.SX.sym("potential_energy"))
-    starts = m.layout().parameters
-    declarations = [*parameters(starts, m.symbols), *_unknowns(e, section), *section.comment]
-    return model(MOTION, declarations, filled([*conditions, *section.statements]), initial(starts, m.symbols))
+    constants, initial = parameters(m)
+    declarations = [*constants, *_unknowns(e, section), *section.comment]
+    return model(MOTION, declarations, filled([*conditions, *section.statements]), initial)
 
 
 def _laws(e: Equations, section: Section) -> None:
@@ -61,8 +61,7 @@ def _laws(e: Equations, section: Section) -> None:
     applied = [ca.SX.sym(f"Q_{q.name}") for q in m.coordinates]
     attached = [-ca.SX.sym(f"Q_{name}") for name in e.points]
     inside, outside = ca.vertcat(e.drives, e.loads, e.point_loads), ca.vertcat(*applied, *[0] * len(applied), *attached)
-    for name, momentum in zip(names, ca.vertsplit(e.momenta), strict=True):
-        section.add(name, momentum)
+    section.rows(names, e.momenta)
     section.statements += [f"der({q.name}) = {q.name}_dot;" for q in m.coordinates]
     count, forces = len(m.coordinates), list[ca.SX]()
     accelerated = dict(zip(names[:count], rates, strict=False))
@@ -78,11 +77,9 @@ def _laws(e: Equations, section: Section) -> None:
             section.add(law.left, right, LONGEST if law.section == "outputs" else math.inf)
     for o in m.orientations:  # H = R p; the rate of p in the body frame is p × ω + Rᵀ Ḣ
         attitude, p = getattr(m, o.name), momenta[count:]
-        for name, momentum in zip(o.momenta, ca.vertsplit(attitude.matrix @ p), strict=True):
-            section.add(name, momentum)
+        section.rows(o.momenta, attitude.matrix @ p)
         balance = ca.cross(p, attitude.rate) + attitude.matrix.T @ ca.vertcat(*forces[count:])
-        for rate, right in zip(rates[count:], ca.vertsplit(balance), strict=True):
-            section.add(f"{section.written(rate)}", right)
+        section.rows((f"{section.written(rate)}" for rate in rates[count:]), balance)
 
 
 def _constraints(e: Equations, section: Section) -> None:
@@ -101,14 +98,11 @@ def _constraints(e: Equations, section: Section) -> None:
 def _unknowns(e: Equations, section: Section) -> Iterator[str]:
     """Declarations: active and free coordinates with their rates, then all the others."""
     m = e.mechanism
-    unit = {v.name: v.unit for v in m.layout().variables}
-    unit |= {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
-    unit |= {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
+    unit = units_of(m) | {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
     unit |= {f"{name}_dot": units.rate(of) for name, of in unit.items() if name.endswith("_residual")}
     described = (*m.actives, *m.coordinates, *m.internal_states, *m.outputs, *m.calculated_parameters)
     texts = {item.name: item.description for item in described}
-    starts = {name: f"{name}_0" for o in m.orientations for name in o.quaternion}
-    starts |= {q.name: f"{q.name}_0" for q in m.coordinates}
+    starts = {x: f"{x}_0" for x in map(str, ca.vertsplit(m.free.q))}
     if m.constraints or m.non_holonomic:  # without a guess of the momenta multipliers are sought where they do nothing
         motion = ca.vertcat(m.free.q, m.free.q_dot)
         at_start = ca.vertcat(*(ca.SX.sym(f"{x}_0") for x in ca.vertsplit(motion)))
@@ -118,8 +112,6 @@ def _unknowns(e: Equations, section: Section) -> Iterator[str]:
     groups += [[q.name, f"{q.name}_dot", f"{q.name}_ddot", f"p_{q.name}"] for q in m.coordinates]
     without = [p.name for p in m.layout().parameters] + [name for group in groups for name in group]
     for group in (*groups, section.further(*without)):
-        modified = ({"start": starts[name]} if name in starts else {} for name in group)
         yield from declared(
-            "Real",
-            (named(x, unit.get(x, ""), texts.get(x, ""), **more) for x, more in zip(group, modified, strict=True)),
+            "Real", (named(x, unit.get(x, ""), texts.get(x, ""), start=starts.get(x, "")) for x in group)
         )

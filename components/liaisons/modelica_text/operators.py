@@ -12,8 +12,7 @@ from liaisons.expressions.operations import interpret
 from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable
 from liaisons.mechanics import assemble
-from liaisons.modelica_text.faces import experiment
-from liaisons.modelica_text.text import Section, asserted, declared, filled, initial, model, named, number, parameters
+from liaisons.modelica_text.text import Section, asserted, declared, filled, model, named, number, parameters
 
 _ENTRY = """\
 function entry "Of a column of a table: in the row where the interval of a time begins (ahead = 0), or ends (1)"
@@ -59,25 +58,22 @@ def operator_classes(component: type[Operator]) -> list[str]:
                     read_at = f"instant_{count}, {operator.table[0].name}, {column}, {ahead}"
                     rests = "true" if lookup.rests else "false"
                     section.statements.append(f"{entries[-1]} = entry({read_at}, {rests});")
-    triple, rates = (ca.vertsplit(ca.substitute(x, stack(symbols), stack(entries))) for x in columns)
-    for state, rate in zip(component.internal_states, rates, strict=False):
-        section.add(f"der({state.name})", rate)
-    for i, y in enumerate(triple, start=1):
-        section.add(f"y[{i}]", y)
+    triple, rates = (ca.substitute(x, stack(symbols), stack(entries)) for x in columns)
+    section.rows((f"der({state.name})" for state in component.internal_states), rates)
+    section.rows((f"y[{i}]" for i in (1, 2, 3)), triple)
 
     rows = max((len(p.leading) for p in operator.table if len({*p.leading}) > 1), default=2)
 
     def value(v: Variable) -> str:
-        return f"{{{', '.join(map(number, v.starts[:rows]))}}}" if v.dimension else number(v.starts[0])
+        return number(v.starts[:rows] if v.dimension else v.starts[0])
 
-    own = [p.name for p in component.parameters]
-    states = {state.name: state for state in component.internal_states}
-    given = [v.name for v in (*layout.parameters, *layout.inputs)]
+    constants, initial = parameters(operator, value, "[:]")
+    without = [x.name for x in (*layout.parameters, *layout.inputs, *component.internal_states)]
     declarations = [
-        *parameters(layout.parameters, own, value, "[:]"),
+        *constants,
         *(f'input Real {named(v.name, v.unit)} = {number(v.starts[0])} "{v.description}";' for v in layout.inputs),
-        *(f"Real {named(x.name, x.unit, x.description, start=f'{x.name}_0')};" for x in states.values()),
-        *declared("Real", section.further(*given, *states, "time", "y")),
+        *(f"Real {named(x.name, x.unit, x.description, start=f'{x.name}_0')};" for x in component.internal_states),
+        *declared("Real", section.further(*without, "time", "y")),
         'output Real y[3] "signal, first and second derivative";',
     ]
     return [
@@ -86,8 +82,8 @@ def operator_classes(component: type[Operator]) -> list[str]:
             'model Signals "The signal and its two derivatives"',
             declarations,
             filled([*asserted(component.parameters), *section.statements]),
-            initial(layout.parameters, own),
-            experiment(component.experiment),
+            initial,
+            component.experiment,
         ),
         _FOLLOWER.format("Translational", "Translation", "s"),
         _FOLLOWER.format("Rotational", "Rotation", "phi"),

@@ -29,8 +29,9 @@ _RESERVED = re.compile(
 )
 
 _CALLED = re.compile(r"a?(sin|cos|tan)|(sin|cos|tan)h|atan2|exp|log|abs|sign|floor|ceil|min|max")
-_SPELLED = {"fmod": "rem", "or": "max"}
 _WRITTEN = {
+    "fmod": "rem({0}, {1})",
+    "or": "max({0}, {1})",
     "asinh": "log({0} + sqrt(({0})^2 + 1))",
     "acosh": "log({0} + sqrt(({0})^2 - 1))",
     "atanh": "log((1 + {0})/(1 - ({0})))/2",
@@ -67,16 +68,13 @@ def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> 
 
     match term:
         case Number(value):
-            return f"{value!r}" if isinstance(value, int) else f"{float(value)!r}"
+            return repr(value if isinstance(value, int) else float(value))
         case Name(name):
             return repr(math.pi) if name == "π" else names.get(name, identifier(name))
         case Addition() | Negative():
             parts = summands(term)
             signs = [isinstance(part, Negative) for part in parts]
-            texts = [
-                factor(p.term, Addition) if isinstance(p, Negative) else expression(p, names, events=events)
-                for p in parts
-            ]
+            texts = [factor(p.term, Addition) if isinstance(p, Negative) else factor(p) for p in parts]
             first, *further = zip(signs, texts, strict=True)
             return "".join(["-" * first[0] + first[1], *(f" {'-' if sign else '+'} {text}" for sign, text in further)])
         case Product(factors):
@@ -84,16 +82,16 @@ def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> 
         case Quotient(above, below):
             return f"{factor(above, Addition)}/{factor(below, Addition, Product, Quotient)}"
         case Root(inside):
-            return f"sqrt({expression(inside, names, events=events)})"
+            return f"sqrt({factor(inside)})"
         case Power(base, exponent):
             return f"{factor(base, Addition, Product, Quotient, Power)}^{factor(exponent, Addition, Product, Quotient)}"
         case Application(function, arguments):
-            texts = [expression(argument, names, events=events) for argument in arguments]
+            texts = [*map(factor, arguments)]
             if function in _RELATIONS:
                 relation = _RELATIONS[function].format(*texts)
                 return f"(if {relation if events else f'noEvent({relation})'} then 1 else 0)"
             if function in _WRITTEN:
                 return _WRITTEN[function].format(*texts)
-            if function not in _SPELLED and not _CALLED.fullmatch(function):
+            if not _CALLED.fullmatch(function):
                 raise UnsupportedError(function)
-            return f"{_SPELLED.get(function, function)}({', '.join(texts)})"
+            return f"{function}({', '.join(texts)})"

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any, final
 
 from liaisons.errors import ComponentError
 from liaisons.language import Experiment, Operator
 from liaisons.language.component import Component
-from liaisons.modelica_text.faces import experiment
-from liaisons.modelica_text.text import model, number
+from liaisons.modelica_text.text import model, modification, number
 
 Starts = Mapping[str, Any]
 
@@ -42,7 +41,7 @@ def composition(whole: Composition, prefix: str = "") -> list[str]:
             other, _, name = source.partition(".")
             sources.pop(f"{source}_load", "")
             if not source:
-                fixed.append(f"{prefix}Fixed{kind} {part}_{s.name}({at}={_literal(starts.get(s.name, s.start))});")
+                fixed.append(f"{prefix}Fixed{kind} {part}_{s.name}({at}={number(starts.get(s.name, s.start))});")
                 flange = f"{part}_{s.name}.flange"
             elif not issubclass(whole.parts[other][0], Operator):
                 flange = f"{other}.flange_{name}"
@@ -52,16 +51,15 @@ def composition(whole: Composition, prefix: str = "") -> list[str]:
                 raise ComponentError(f"{whole.name}: {other} moves coordinates of two kinds; use an operator for each")
             joined.append(f"connect({flange}, {part}.flange_{s.name});")
     for part, (component, starts) in whole.parts.items():
-        values = {p.name: _literal(starts[p.name]) for p in component().layout().parameters if p.name in starts}
+        values = {p.name: number(starts[p.name]) for p in component().layout().parameters if p.name in starts}
         inputs = (item.name for item in getattr(component, "inputs", ()))
         values |= {name: sources.pop(f"{part}.{name}") for name in inputs if f"{part}.{name}" in sources}
         face = faces.get(part, "Signals") if issubclass(component, Operator) else "Flanges"
-        modified = ", ".join(f"{name}={value}" for name, value in values.items())
-        parts.append(f"{prefix}{component.__name__}.{face} {part}({modified});")
+        parts.append(f"{prefix}{component.__name__}.{face} {part}({modification(values)});")
     if sources:
         target, source = sources.popitem()
         raise ComponentError(f"{whole.name}: {source} -> {target} connects no flanges, and is not said in Modelica")
-    return model(f"model {whole.name}", [*parts, *fixed], joined, annotation=experiment(whole.experiment))
+    return model(f"model {whole.name}", [*parts, *fixed], joined, experiment=whole.experiment)
 
 
 def default_experiment(component: type[Component], prefix: str = "") -> list[str]:
@@ -70,14 +68,10 @@ def default_experiment(component: type[Component], prefix: str = "") -> list[str
     starts = {v.name: v.starts[0] for v in layout.inputs} | dict(e.reference)
     values = {name: number(value) for name, value in e.reference.items()}
     for triple in layout.active:
-        s, v, a = (f"({number(starts[name])})" for name in (triple.value, triple.rate, triple.acceleration))
-        values = {k: x for k, x in values.items() if k not in (triple.value, triple.rate, triple.acceleration)}
+        for name in astuple(triple):
+            values.pop(name, None)
+        s, v, a = (f"({number(starts[name])})" for name in astuple(triple))
         values[f"u_{triple.value}"] = f"{{{s} + {v}*time + {a}/2*time^2, {v} + {a}*time, {a}}}"
-    modified = ", ".join(f"{name}={value}" for name, value in values.items())
     name = component.__name__
-    part = f"{prefix}{name}.Signals signals({modified});"
-    return model(f'model {name} "Default experiment"', [part], [], annotation=experiment(e))
-
-
-def _literal(value: float | tuple[float, ...]) -> str:
-    return f"{{{', '.join(map(number, value))}}}" if isinstance(value, tuple) else number(value)
+    part = f"{prefix}{name}.Signals signals({modification(values)});"
+    return model(f'model {name} "Default experiment"', [part], [], experiment=e)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import final
 
 import casadi as ca
 
 from liaisons.formulas import Notation, formula
-from liaisons.language import Variable
+from liaisons.language import Experiment, Variable
+from liaisons.language.component import Component
 from liaisons.language.declarations import Symbol
 from liaisons.modelica_text.printer import UnsupportedError, expression, identifier
 
@@ -21,8 +22,10 @@ MOTION = 'partial model Motion "Equations of motion"'
 STRING = r'"(?:[^"\\]|\\.)*"'
 
 
-def number(value: float) -> str:
-    """A literal."""
+def number(value: float | tuple[float, ...]) -> str:
+    """A literal of a number or an array."""
+    if isinstance(value, tuple):
+        return f"{{{', '.join(map(number, value))}}}"
     return repr(float(value)).removesuffix(".0")
 
 
@@ -33,9 +36,14 @@ def quoted(text: str) -> str:
 
 def named(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
     """A variable in a declaration: name, attributes, description."""
-    modified = {"unit": quoted(unit)} | attributes if unit else attributes
-    values = ", ".join(f"{attribute}={value}" for attribute, value in modified.items())
+    modified = {"unit": unit and quoted(unit)} | attributes
+    values = modification({attribute: value for attribute, value in modified.items() if value})
     return identifier(name) + f"({values})" * bool(values) + f" {quoted(text)}" * bool(text)
+
+
+def modification(values: Mapping[str, str]) -> str:
+    """What stands between the brackets."""
+    return ", ".join(f"{name}={value}" for name, value in values.items())
 
 
 def declared(kind: str, variables: Iterable[str]) -> list[str]:
@@ -45,39 +53,41 @@ def declared(kind: str, variables: Iterable[str]) -> list[str]:
 
 
 def parameters(
-    variables: Iterable[Variable],
-    symbols: Container[str],
-    value: Callable[[Variable], str] = lambda v: number(v.starts[0]),
-    size: str = "",
-) -> list[str]:
-    """Declarations of parameters, and of all start values together.
+    component: Component, value: Callable[[Variable], str] = lambda v: number(v.starts[0]), size: str = ""
+) -> tuple[list[str], list[str]]:
+    """Declarations of parameters, of all start values together, and statements that give them to variables.
 
-    :param symbols: names of those that are no start values.
     :param size: of arrays.
     """
-    declarations, starts = list[str](), list[str]()
-    for v in variables:
-        pairs = (("min", v.minimum), ("max", v.maximum))
-        limits = {name: number(bound) for name, bound in pairs if bound is not None}
-        text = f"{named(v.name + size * bool(v.dimension), v.unit, **limits)} = {value(v)}"
-        if v.name in symbols:
+    declarations, starts, initial = list[str](), list[str](), list[str]()
+    own = {p.name for p in component.parameters}
+    for v in component.layout().parameters:
+        low, high = ("" if bound is None else number(bound) for bound in (v.minimum, v.maximum))
+        text = f"{named(v.name + size * bool(v.dimension), v.unit, min=low, max=high)} = {value(v)}"
+        if v.name in own:
             declarations.append(f"parameter Real {text} {quoted(v.description)};")
         else:
             starts.append(text)
-    return declarations + declared(
-        "parameter Real", [*starts[:-1], *(f'{last} "at the start"' for last in starts[-1:])]
-    )
+            initial.append(f"{v.name[:-2]} = {v.name};")
+    if starts:
+        starts[-1] += ' "at the start"'
+    return declarations + declared("parameter Real", starts), initial
 
 
-def initial(variables: Iterable[Variable], symbols: Container[str]) -> list[str]:
-    """Statements that give variables their start values."""
-    return [f"{v.name[:-2]} = {v.name};" for v in variables if v.name not in symbols]
+def units_of(component: Component) -> dict[str, str]:
+    """Units of variables, and of forces Q from outside."""
+    unit = {v.name: v.unit for v in component.layout().variables}
+    return unit | {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
 
 
 def asserted(symbols: Iterable[Symbol]) -> list[str]:
     """Statements that keep to bounds that are excluded, which ``min`` and ``max`` cannot say."""
-    bounds = [(s, sign, bound) for s in symbols if s.strict for sign, bound in ((">", s.minimum), ("<", s.maximum))]
-    limits = [f"{s.name} {sign} {number(bound)}" for s, sign, bound in bounds if bound is not None]
+    limits = [
+        f"{s.name} {sign} {number(bound)}"
+        for s in symbols
+        for sign, bound in ((">", s.minimum), ("<", s.maximum))
+        if s.strict and bound is not None
+    ]
     return [f"assert({limit}, {quoted(f'{limit} is needed')});" for limit in limits]
 
 
@@ -105,7 +115,11 @@ def indented(lines: Iterable[str]) -> list[str]:
 
 
 def model(
-    head: str, declarations: Iterable[str], equations: list[str], initial: Iterable[str] = (), annotation: str = ""
+    head: str,
+    declarations: Iterable[str],
+    equations: list[str],
+    initial: Iterable[str] = (),
+    experiment: Experiment | None = None,
 ) -> list[str]:
     """Lines of a model from statements.
 
@@ -115,7 +129,10 @@ def model(
     lines = [head, *indented(line for statement in declarations for line in wrapped(statement))]
     for title, block in (("initial equation", filled(initial)), ("equation", equations)):
         lines += [title, *indented(block)] if block else []
-    return [*lines, *indented([annotation] * bool(annotation)), f"end {head.split()[head.split().index('model') + 1]};"]
+    if e := experiment:
+        values = f"StopTime={number(e.stop_time)}, Interval={number(e.step_size)}, Tolerance={number(e.tolerance)}"
+        lines.append(f"  annotation(experiment({values}));")
+    return [*lines, re.sub(r".*?model (\w+).*", r"end \1;", head)]
 
 
 @final
@@ -165,6 +182,11 @@ class Section:
         else:
             self.variables |= dict.fromkeys(re.findall(r"^(?:der\()?(\w+)[\[\w\s+\])]*$", left))
             self.statements.append(f"{left} = {text};")
+
+    def rows(self, lefts: Iterable[str], column: ca.SX) -> None:
+        """Write an equation for each row of a column."""
+        for left, right in zip(lefts, ca.vertsplit(column), strict=True):
+            self.add(left, right)
 
     def further(self, *without: str) -> list[str]:
         """Names of its variables, and of abbreviations."""

@@ -46,9 +46,11 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
 
 
 def _inlined(module: str) -> str:
-    """A module as part of one script, after those that it imports, because a file:// page loads no modules."""
-    without_imports = re.sub(r"^import .*?;\n", "", module, flags=re.MULTILINE | re.DOTALL)
-    return re.sub(r"^export ", "", without_imports, flags=re.MULTILINE)
+    """A module as part of one script, after those that it imports, because a file:// page loads no modules.
+
+    Without indentation, which means nothing in JavaScript.
+    """
+    return re.sub(r"^(import [^;]*;\n|export | +)", "", module, flags=re.MULTILINE)
 
 
 def _hash(text: str) -> str:

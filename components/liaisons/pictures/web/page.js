@@ -38,6 +38,7 @@ class Page {
     this.speed = plan.speed;
     this.running = false;
     this.chosen = plan.signals.slice(0, MOST);
+    this.over = ""; // the signal on the horizontal axis; time
     this.colours = palette();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.colours = palette();
@@ -97,7 +98,8 @@ class Page {
     this.view.draw(this.now, this.colours, this.machine.time);
     const place = this.machine.place;
     for (const part of this.machine.parts) for (const [name, source] of part.sources) if (source instanceof Operator) this.#show(part.prefix + name, this.now[place.get(part.prefix + name)]);
-    plot($("plot"), this.times, this.chosen.map((name) => ({ name, values: this.history.map((v) => v[place.get(name)]) })), this.colours.of);
+    const past = (name) => this.history.map((v) => v[place.get(name)]);
+    plot($("plot"), this.over ? past(this.over) : this.times, this.chosen.map((name) => ({ name, values: past(name) })), this.colours.of, this.over);
     this.#account();
     $("time").textContent = `t = ${this.machine.time.toFixed(2)} s`;
   }
@@ -286,12 +288,15 @@ class Page {
           button.onclick = () => { this.chosen = this.chosen.filter((other) => other !== name); render(); };
           return button;
         }),
-        choice,
+        choice, over,
       );
       this.paint();
     };
     const choice = make("select", { data: { signals: "" } }, make("option", { textContent: "plot ..." }), ...this.machine.told.map((text) => make("option", { textContent: text })));
     choice.setAttribute("aria-label", "signals to plot");
+    const over = make("select", { data: { over: "" } }, ...["", ...this.machine.told].map((name) => make("option", { value: name, textContent: `over ${name || "time"}` })));
+    over.setAttribute("aria-label", "horizontal axis of the plot");
+    over.onchange = () => { this.over = over.value; this.paint(); };
     choice.onchange = () => {
       if (!this.chosen.includes(choice.value)) this.chosen = [...this.chosen, choice.value].slice(-MOST);
       choice.selectedIndex = 0;
