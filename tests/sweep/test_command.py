@@ -5,10 +5,10 @@ from __future__ import annotations
 import shlex
 from importlib import import_module
 
+import numpy as np
 import pytest
 
 from liaisons.cli import main
-from liaisons.cli.sweep import _values
 from liaisons.sweeps.outcome import Completed, Failure, Outcome
 from liaisons.sweeps.workers import Deliver
 
@@ -59,8 +59,11 @@ def test_misuse_is_one_line(pendulum, tmp_path, monkeypatch, capsys, words) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-def test_values_are_spaced_evenly_from_first_to_last() -> None:
-    assert _values("theta_0=0:1:3") == ("theta_0", [0.0, 0.5, 1.0])
+def test_values_are_spaced_evenly_from_first_to_last(pendulum, tmp_path) -> None:
+    words = "--over theta_0=0:1:3 --keep theta --stop 0.1 --csv"
+    assert main(["sweep", str(pendulum), *words.split(), str(tmp_path / "table.csv")]) == 0
+    table = np.genfromtxt(tmp_path / "table.csv", delimiter=",", skip_header=1)
+    assert table[:, 0].tolist() == [0, 0.5, 1]
 
 
 def test_the_help_says_whom_to_trust(capsys) -> None:
