@@ -44,17 +44,20 @@ def main(claim: Claims) -> None:
         ("against DoublePendulum, 1 s", "H [s]", "error [rad]"),
         ("implicit, H = 2 ms, 1 s", "m$_2$/m$_1$", "error [rad]"),
         ("two FMUs, H = 1 ms", "t [s]", "θ [rad]"),
+        mosaic="ab;cc",
+        size=(9.0, 7.0),
     )
     higher = within(0.05, because="terms of higher order, rate · H < 0.1")
+    below: Any = {"marker": "o", "markersize": 9, "linewidth": 5, "alpha": 0.4}  # of two curves that coincide
     for coupling, order, style in (
-        ("jacobi", 1, "o-"),
-        ("gauss-seidel", 1, "x--"),
-        ("waveform", 4, "o-"),
-        ("implicit", 4, "x--"),
+        ("jacobi", 1, below),
+        ("gauss-seidel", 1, {"marker": "x"}),
+        ("waveform", 4, below),
+        ("implicit", 4, {"marker": "x"}),
     ):
         errors = [compared(LARGE, 1.0, H, coupling)[1] for H in SIZES]
         claim.order(f"{coupling}: order {order}", SIZES, errors, order, higher)
-        orders.loglog(SIZES, errors, style, label=coupling)
+        orders.loglog(SIZES, errors, label=coupling, **style)
     orders.set_xticks(SIZES, [f"{size:g}" for size in SIZES])
     orders.minorticks_off()
 

@@ -22,6 +22,8 @@ def main(claim: Claims) -> None:
     motion, force = panels(
         ("all rods turn as one pendulum", "t [s]", "x of B$_0$ [m]"),
         ("force of the first lying rod", "t [s]", "λ$_1$ [N]"),
+        mosaic="a;b",
+        size=(9.0, 6.5),
     )
     pole = within(1e-4, "N", because="as the angles, 1e-6 rad, times 10 N, times 10: 1/sin θ at most instants")
     for windows in (2, 6):
@@ -37,5 +39,5 @@ def main(claim: Claims) -> None:
         pull = run["lambda_rod_1"] * np.sin(exact)
         claim(f"N = {windows}: the force on the first lying rod grows as 1/sin θ", pull, component.pull(exact), pole)
         motion.plot(run.time, np.cos(run["theta_0"]), label=f"N = {windows}")
-        force.plot(run.time, run["lambda_rod_1"], ".-", linewidth=0.5, label=f"N = {windows}")
+        force.plot(run.time, run["lambda_rod_1"], ".-", linewidth=0.8, markersize=3, label=f"N = {windows}")
     force.set_yscale("symlog", linthresh=10)

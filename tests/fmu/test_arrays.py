@@ -237,7 +237,7 @@ def test_configuration_mode(ring3, pendulum3) -> None:
 
 def test_description_does_not_grow_with_the_arrays() -> None:
     """In XML only an array whose elements start differently has a list of them."""
-    small, large = (description3(ring(n)) for n in (3, 100_000))
+    small, large = (description3(ring(n)) for n in (3, 10_000))
     for variable in (*small.iter("Float64"), *large.iter("Float64")):
         if variable.get("name") == "x_0":
             variable.set("start", "")

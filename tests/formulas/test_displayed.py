@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Iterable, Mapping
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -41,13 +42,15 @@ UNCONSTRAINED = [
     if issubclass(c, Mechanism) and not (c.constraints or c.non_holonomic or c.rheonomic_constraints)
 ]
 
+displayed = cache(equations)  # a component's are written once for all tests
+
 
 # ---- LaTeX and text ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
 def test_latex_is_read_by_mathtext(component) -> None:
-    text, parser = equations(component).latex(), MathTextParser("path")
+    text, parser = displayed(component).latex(), MathTextParser("path")
     inside = re.findall(r"\\begin\{align\*\}\n(.*?)\n\\end\{align\*\}", text, re.DOTALL)
     lines = [line for block in inside for line in block.split(" \\\\\n")] + re.findall(r"\$(.+?)\$", text)
     assert inside or text.endswith("It is read from a table.")
@@ -57,7 +60,7 @@ def test_latex_is_read_by_mathtext(component) -> None:
 
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
 def test_text_fits_the_terminal(component) -> None:
-    shown = equations(component)
+    shown = displayed(component)
     for columns in (80, 50):
         lines = shown.text(columns).splitlines()
         assert max(map(width, lines)) <= columns
@@ -65,12 +68,12 @@ def test_text_fits_the_terminal(component) -> None:
 
 
 def test_signs_of_equality_stand_below_each_other() -> None:
-    lines = equations(Pendulum)["effective_mass"].text().splitlines()[1:]
+    lines = displayed(Pendulum)["effective_mass"].text().splitlines()[1:]
     assert len({width(line.partition(" = ")[0]) for line in lines}) == 1
 
 
 def test_the_terminal_decides_how_wide_the_text_is(monkeypatch) -> None:
-    shown = equations(Pendulum)
+    shown = displayed(Pendulum)
     monkeypatch.setenv("COLUMNS", "60")
     assert str(shown) == shown.text(60) != shown.text(90)
 
@@ -159,7 +162,7 @@ class Reader:
 
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
 def test_text_read_back_has_the_values_of_the_symbols(component) -> None:
-    shown = equations(component)
+    shown = displayed(component)
     notation, rng, count = shown.notation, np.random.default_rng(5), 0
     printer = Unicode(notation)
     for equation in shown.equations:
@@ -211,7 +214,7 @@ def number(sympy, expression, values: Mapping[str, float]) -> float:
 @pytest.mark.parametrize("component", UNCONSTRAINED, ids=lambda c: c.__name__)
 def test_numbers_of_sympy_are_those_of_the_fmu(component) -> None:
     sympy = pytest.importorskip("sympy", reason="optional: pip install 'liaisons[sympy]'")
-    shown, checked = equations(component), 0
+    shown, checked = displayed(component), 0
     for equation in shown.sympy():
         for seed in (1, 2):
             values = values_at_a_state(component, seed)
@@ -226,7 +229,7 @@ def test_numbers_of_sympy_are_those_of_the_fmu(component) -> None:
 @pytest.mark.parametrize("component", [EllipticHoop, Flywheel, ChargedParticle], ids=lambda c: c.__name__)
 def test_canonical_equations_follow_from_the_hamiltonian_and_it_from_the_lagrangian(component) -> None:
     sympy = pytest.importorskip("sympy", reason="optional: pip install 'liaisons[sympy]'")
-    shown = equations(component)
+    shown = displayed(component)
     (L,), (H,) = ([e.rhs for e in shown[part].sympy()] for part in ("lagrangian", "hamiltonian"))
     rows = {str(e.lhs): e.rhs for e in shown["canonical"].sympy()}
     names = [item.name for item in (*component.coordinates, *component.actives)]
@@ -268,7 +271,7 @@ def test_numbers_of_sympy_are_those_of_the_fmu_on_the_constraints() -> None:
 def test_without_sympy_the_error_says_what_to_install(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "sympy", None)
     with pytest.raises(ProjectError, match=r"pip install 'liaisons\[sympy\]'"):
-        equations(Pendulum).sympy()
+        displayed(Pendulum).sympy()
 
 
 # ---- parts and subjects --------------------------------------------------------------------------------------------
@@ -291,7 +294,7 @@ def test_parts_have_names() -> None:
     [(SpatialCat, "attitude is no coordinate"), (CartesianPendulum, "rod is no coordinate")],
 )
 def test_without_a_hamiltonian_a_line_says_why(component, reason) -> None:
-    shown = equations(component)
+    shown = displayed(component)
     assert "canonical" not in shown.parts
     assert reason in shown["hamiltonian"].text(200)
     assert reason in shown["hamiltonian"].latex()

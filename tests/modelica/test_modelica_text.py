@@ -46,6 +46,7 @@ from liaisons.models import (
     Regulator,
     Sinusoid,
     SmoothStep,
+    SwingPump,
 )
 
 rumoca = pytest.importorskip("rumoca")
@@ -428,6 +429,17 @@ def test_text_with_the_standard_library_moves_as_without(component: type[Compone
     assert found.keys() == expected.keys()
     for name, values in expected.items():
         np.testing.assert_allclose(found[name], values, atol=BOUND * max(1.0, np.max(np.abs(values))), err_msg=name)
+
+
+def test_examples_with_the_standard_library_move_as_without() -> None:
+    chosen, times = [Pendulum, Sinusoid, SwingPump], np.linspace(0, 2, 21)
+    alone = modelica_files.modelica_library(chosen)
+    text = standard_library() + modelica_files.modelica_library(chosen, standard_library=True)
+    for name in modelica_files._EXAMPLES:
+        expected, found = (simulated(whole, times, f"Liaisons.Examples.{name}") for whole in (alone, text))
+        assert found.keys() == expected.keys()
+        for signal, values in expected.items():
+            np.testing.assert_allclose(found[signal], values, atol=BOUND * max(1.0, np.max(np.abs(values))))
 
 
 def test_a_pendulum_hangs_on_a_mass_of_the_standard_library() -> None:

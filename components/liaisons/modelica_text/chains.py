@@ -36,16 +36,13 @@ def chain_motion(component: type[Chain]) -> list[str]:
     m, axes = component(), component.joint.axes
     link, points, notation = link_of(m), [*m.point_components()], Notation.from_model(assemble(component))
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
-    beyond = pi, phi, pi_dot = [_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot")]
-    Q, attached = (_column(f"Q_{name}" for name in names) for names in (map(str, ca.vertsplit(q)), points))
-    names = [item.name for item in component.coordinates]
+    pi, phi, pi_dot = (_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
+    beyond, names = ca.vertsplit(ca.vertcat(pi, phi, pi_dot)), [item.name for item in component.coordinates]
+    Q, attached = (_column(f"Q_{name}" for name in of) for of in (names, points))
     of_link = ca.vertcat(q, v, m.q_ddot, w, w_dot, m.w_ddot, link.bonded, Q, attached)
     indexed = {str(x): f"{x}[i]" for x in ca.vertsplit(of_link)}
-    indexed |= {str(x): f"{x}[i + 1]" for x in ca.vertsplit(ca.vertcat(*beyond))}
-    loop, outside = (
-        Section(notation, indexed, "[i]"),
-        Section(notation, {str(x): f"{x}[1]" for b in beyond for x in ca.vertsplit(b)}),
-    )
+    indexed |= {str(x): f"{x}[i + 1]" for x in beyond}
+    loop, outside = Section(notation, indexed, "[i]"), Section(notation, {str(x): f"{x}[1]" for x in beyond})
 
     L, F_q, F_w, F_dot = T - link.potential, ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
     p_v, p_w = gradient(T, v), gradient(T, w_dot)
@@ -83,7 +80,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
     outside.rows((f"{s.name}_force" for s in m.actives), forces)
     for item in m.calculated_parameters:
         outside.add(item.name, getattr(m, item.name))
-    outside.statements += [f"{x}[n + 1] = 0;" for b in beyond for x in ca.vertsplit(b)]
+    outside.statements += [f"{x}[n + 1] = 0;" for x in beyond]
     sums = [f"{name}_energy = sum({name});" for name in ("kinetic", "potential")]
 
     constants, initial = parameters(m, _starts, "[n]")

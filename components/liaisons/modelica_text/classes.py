@@ -14,8 +14,6 @@ from liaisons.modelica_text.operators import operator_classes
 from liaisons.modelica_text.systems import Composition, composition, default_experiment
 from liaisons.modelica_text.text import indented, quoted
 
-LIBRARY = "Liaisons"
-
 
 def component_text(component: type[Component]) -> str:
     """A package of the component's name, with the models ``Motion``, ``Signals`` and ``Flanges``."""
@@ -30,10 +28,9 @@ def system_text(whole: Composition) -> str:
 
 def library_text(components: Collection[type[Component]], systems: Iterable[Composition] = ()) -> str:
     """The package ``Liaisons`` with components, and their default experiments and some systems as ``Examples``."""
-    prefix = f"{LIBRARY}."
-    examples = [line for component in components for line in default_experiment(component, prefix)]
-    examples += [line for whole in systems for line in composition(whole, prefix)]
-    return _library(LIBRARY, components, _package("Examples", "Default experiments, and systems", examples))
+    examples = [line for component in components for line in default_experiment(component, "Liaisons.")]
+    examples += [line for whole in systems for line in composition(whole, "Liaisons.")]
+    return _library("Liaisons", components, _package("Examples", "Default experiments, and systems", examples))
 
 
 def _library(name: str, components: Iterable[type[Component]], lines: list[str]) -> str:
