@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from liaisons import Result, operator, simulate
+from liaisons import Result, System, operator, simulate
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
@@ -164,6 +164,29 @@ def test_the_other_kinds(swing: Result, tmp_path: Path) -> None:
 def test_long_motions_are_shown_faster(swing: Result, tmp_path: Path) -> None:
     stretched = Result("slow", swing.time * 1000, swing.names, swing.values.copy(), {}, scene=swing.scene)
     assert stretched.animate(tmp_path / "slow.html") == pytest.approx(50)
+
+
+def test_what_is_not_connected_does_not_pile_up(fmu: Fmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is connected stays together, and a ghost where its own mechanism is."""
+    system = System("two of them")
+    first = system.add("first", fmu(Pendulum), theta_0=0.3)
+    system.add("second", fmu(Pendulum), theta_0=3.0, length=0.5)
+    system.connect(first["bob_x"], system.add("follower", fmu(Pendulum))["pivot_x"])
+    result = system.simulate(2.0, step_size=0.02)
+    assert result.scene is not None
+    seen: list[Frames] = []
+    monkeypatch.setattr("liaisons.pictures.animation.Stage", lambda *them: [seen.extend(them), Stage(*them)][1])
+    result.animate(tmp_path / "two.png", against={"second.theta": result["second.theta"] - 1.0})
+    shown, ghost = seen
+    assert ghost.shifts == shown.shifts
+    x: dict[str, list[float]] = {}
+    for shape, moving, shift in zip(result.scene.picture.shapes, shown.shapes, shown.shifts, strict=True):
+        owner = shape.get("to", shape.get("at"))[0].partition(".")[0]
+        assert (shift > 0) == (owner == "second")
+        x.setdefault(owner, []).extend(moving.points[..., 0].ravel())
+    assert max(*x["first"], *x["follower"]) < min(x["second"])
+    bob = shown.values[:, result.scene.picture.variables.index("second.bob_x")]
+    assert min(x["second"]) == pytest.approx(bob.min() + max(shown.shifts))
 
 
 def test_a_ghost_follows_what_it_is_told(swing: Result) -> None:

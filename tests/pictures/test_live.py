@@ -302,6 +302,38 @@ def test_a_recorded_motion_is_played(browser: Any, moved: Moved, tmp_path: Path)
 
 
 @in_a_browser
+def test_recorded_motions_stand_side_by_side(browser: Any, fmu: Fmu, tmp_path: Path) -> None:
+    system = System("two")
+    for name in ("left", "right"):
+        system.add(name, fmu(catalogue()["Pendulum"]), theta_0=0.5)
+    system.simulate(1.0, step_size=0.02).animate(tmp_path / "two.html")
+    session = browser.new_context()
+    page = session.new_page()
+    page.goto((tmp_path / "two.html").as_uri())
+    page.click("#run")
+    page.locator("#place").fill("12")
+    page.screenshot(path=SCREENSHOTS / "recorded_side_by_side.png")
+    plan = json.loads(page.locator("#plan").text_content() or "")
+    assert list(dict.fromkeys(plan["shifts"])) == [
+        0.0,
+        pytest.approx(2 * 1.1 * math.cos(0.5), abs=1e-4),
+    ]  # their height
+    dark = page.evaluate(
+        """() => {
+        const canvas = document.getElementById("picture"), { width, height } = canvas;
+        const pixels = canvas.getContext("2d").getImageData(0, 0, width, height).data;
+        return Array.from({ length: width }, (_, x) => {
+          for (let y = 0; y < height * 0.9; y += 1) if (pixels[4 * (y * width + x) + 3]) return true;
+          return false;
+        });
+    }"""
+    )
+    runs = [before for before, after in pairwise(dark) if before != after]
+    assert runs == [False, True, False, True]  # empty, a pendulum, empty, a pendulum
+    session.close()
+
+
+@in_a_browser
 def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
     with opened("Pendulum") as live:
         live.run(20)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -18,7 +18,7 @@ from liaisons.compiler import compile_wasm, zig_compiler
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.structure.components import Port
-from liaisons.cosim.structure.scenes import picture_of
+from liaisons.cosim.structure.scenes import connected_groups, picture_of
 from liaisons.cosim.structure.schedule import order
 from liaisons.errors import SimulationError
 from liaisons.pictures import together
@@ -63,7 +63,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
             [index_of[c.source.part.name], c.source.name, index_of[c.target.part.name], c.target.name, *c.conversion]
             for c in connections
         ],
-        "groups": _groups(len(components), ((index_of[a], index_of[b]) for (a, _), (b, _) in feeds.items())),
+        "groups": connected_groups(len(components), ((index_of[a], index_of[b]) for (a, _), (b, _) in feeds.items())),
         "modules": [_module(path) for path in paths],
         "step_size": speed / (2 * _FRAMES),
         "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),
@@ -76,14 +76,6 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         ],
     }
     return page("page.html", _MODULES, title or "", text, plan)
-
-
-def _groups(count: int, pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
-    """Components that are connected; each group is drawn beside the others."""
-    group = list(range(count))
-    for a, b in pairs:
-        group = [group[a] if g == group[b] else g for g in group]
-    return [[i for i in range(count) if group[i] == g] for g in dict.fromkeys(group)]
 
 
 def _module(path: Path) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from itertools import count as counter
 from pathlib import Path
@@ -91,7 +91,7 @@ def animate(
     if against is not None:
         drawn = scene.picture.variables  # these are calculated again
         others = {name: values for name, values in signals.items() if name not in drawn}
-        ghost = motion_frames(scene, time, {**others, **against}, step, title)
+        ghost = motion_frames(scene, time, {**others, **against}, step, title, shifts=shown.shifts)
     count = len(shown.time)
     many = title if count > _MANY else ""
     with replacing(path) as part, progress_bar(many, "frame {:g} of {:g}", 0, count) as show:
@@ -135,6 +135,7 @@ def _recorded(picture: Picture, shown: Frames, *, title: str, speed: float, rate
     plan = {
         "picture": picture.document,
         "signals": picture.variables,
+        "shifts": shown.shifts,
         "values": base64.b64encode(shown.values.astype("<f4").tobytes()).decode(),
         "frames": len(shown.time),
         "rate": rate,
@@ -146,16 +147,23 @@ def _recorded(picture: Picture, shown: Frames, *, title: str, speed: float, rate
 
 
 def motion_frames(
-    scene: Scene, time: NDArray[np.float64], signals: Mapping[str, ArrayLike], step: float, title: str
+    scene: Scene,
+    time: NDArray[np.float64],
+    signals: Mapping[str, ArrayLike],
+    step: float,
+    title: str,
+    *,
+    shifts: Sequence[float] | None = None,
 ) -> Frames:
     """The shapes of the picture at every step [s].
 
+    :param shifts: as in :func:`liaisons.pictures.frames.frames`.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
     """
     count = int(float(time[-1] - time[0]) / step + 1e-9) + 1
     instants = time[0] + np.arange(count) * step
     between = {name: _between(time, np.asarray(values, dtype=float), instants) for name, values in signals.items()}
-    return frames(scene.picture, instants, scene.values(between).__getitem__, title=title)
+    return frames(scene.picture, instants, scene.values(between).__getitem__, title=title, shifts=shifts)
 
 
 def _pace(time: NDArray[np.float64]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -138,10 +138,13 @@ def _check(shape: Shape) -> None:
             raise ValueError(f"a coordinate is {shown(number)}: finite numbers up to {LARGEST:g} m can be drawn")
 
 
-def together(pictures: Mapping[str, Picture]) -> Picture:
+def together(pictures: Mapping[str, Picture], groups: Iterable[Collection[int]] = ()) -> Picture:
     """The pictures of the parts of a system in one.
 
     :param pictures: by what stands before the names of each part's variables.
+    :param groups: numbers of the parts that are drawn together, each group beside the others; none: all in one.
     """
     parts = [picture.renamed(lambda name, p=prefix: f"{p}{name}") for prefix, picture in pictures.items()]
-    return Picture(tuple(shape for part in parts for shape in part.shapes))
+    group_of = {part: number for number, group in enumerate(groups) for part in group}
+    shapes = ({**shape, "group": group_of.get(i, 0)} for i, part in enumerate(parts) for shape in part.shapes)
+    return Picture(tuple(shapes))

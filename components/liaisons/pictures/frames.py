@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any, final
@@ -66,6 +66,7 @@ class Frames:
     shapes: tuple[Moving, ...]
     plane: str | None
     values: NDArray  # (n, variables), in the order of the picture's
+    shifts: Sequence[float]  # of each shape along x [m], which its points have and values have not
 
     @property
     def points(self) -> NDArray:
@@ -73,10 +74,13 @@ class Frames:
         return np.concatenate([points for shape in self.shapes for points in (shape.points, shape.corners)], axis=1)
 
 
-def frames(picture: Picture, time: NDArray, signal: Signal, *, title: str) -> Frames:
-    """The shapes of a picture at some times.
+def frames(
+    picture: Picture, time: NDArray, signal: Signal, *, title: str, shifts: Sequence[float] | None = None
+) -> Frames:
+    """The shapes of a picture at some times, those of different groups side by side.
 
     :param title: for messages.
+    :param shifts: of each shape along x [m]; else as the groups need at the first of the times.
     :raises SimulationError: if a coordinate is not finite, or the axes of a box are no right-handed unit vectors.
     """
     shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
@@ -97,7 +101,25 @@ def frames(picture: Picture, time: NDArray, signal: Signal, *, title: str) -> Fr
                 f"{title}: a box in its picture has axes {shown(axes[wrong[0]].tolist())} at t = {time[wrong[0]]:g} s: "
                 "give three unit vectors at right angles, right-handed"
             )
-    return Frames(time, shapes, picture.plane, values)
+    if shifts is None:
+        shifts = _side_by_side(shapes, [shape.get("group", 0) for shape in picture.shapes])
+    shifted = (
+        replace(s, points=s.points + np.array([x, 0, 0])) if x else s for s, x in zip(shapes, shifts, strict=True)
+    )
+    return Frames(time, tuple(shifted), picture.plane, values, shifts)
+
+
+def _side_by_side(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[float]:
+    """Shifts of shapes along x by what the groups before take at the start, with room to swing; as on live pages."""
+    right, shifts = None, {}
+    for group in dict.fromkeys(groups):
+        members = [shape for shape, number in zip(shapes, groups, strict=True) if number == group]
+        points = np.concatenate([points[0] for shape in members for points in (shape.points, shape.corners)])
+        low, high = points.min(axis=0), points.max(axis=0)
+        centre, room = (low[0] + high[0]) / 2, 1.1 * (high - low).max() or 1.0
+        shifts[group] = 0.0 if right is None else float(right + room - centre)
+        right = centre + shifts[group] + room
+    return [shifts[group] for group in groups]
 
 
 def _moving(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:

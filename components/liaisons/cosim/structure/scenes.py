@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from ctypes import c_double
 from dataclasses import dataclass, replace
@@ -32,14 +32,16 @@ class FmuScene:
     """The picture of one FMU or of several.
 
     :param parts: by the prefix of their variables in the result.
+    :param groups: as in :func:`liaisons.pictures.together`.
     """
 
     parts: Mapping[str, SystemComponent]
+    groups: Sequence[Sequence[int]] = ()
 
     @property
     def picture(self) -> Picture:
         """The picture of all; of an FMU without a picture, its points."""
-        return together(self._pictures)
+        return together(self._pictures, self.groups)
 
     @cached_property
     def _pictures(self) -> Mapping[str, Picture]:
@@ -67,6 +69,14 @@ def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
     :raises SimulationError: if a file cannot be read.
     """
     return replace(Result.from_csv(result), scene=FmuScene({"": SystemComponent.of(fmu.stem, fmu, starts)}))
+
+
+def connected_groups(count: int, pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
+    """Numbers of components that are connected; each group is drawn beside the others."""
+    group = list(range(count))
+    for a, b in pairs:
+        group = [group[a] if g == group[b] else g for g in group]
+    return [[i for i in range(count) if group[i] == g] for g in dict.fromkeys(group)]
 
 
 def picture_of(part: SystemComponent) -> Picture:

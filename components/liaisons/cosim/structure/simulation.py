@@ -19,7 +19,7 @@ from liaisons.cosim.structure import checks
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.memory import check_memory
-from liaisons.cosim.structure.scenes import FmuScene
+from liaisons.cosim.structure.scenes import FmuScene, connected_groups
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
 from liaisons.errors import InvalidValueError, SimulationError, suggestion
@@ -111,7 +111,10 @@ class Simulation:
     def scene(self) -> FmuScene:
         """What it looks like."""
         prefix = {part: name.removesuffix(variable) for name, (part, variable) in self.recorded.items()}
-        return FmuScene({prefix.get(name, f"{name}."): part for name, part in self.parts.items()})
+        number = {name: i for i, name in enumerate(self.parts)}
+        pairs = ((number[c.source.part.name], number[c.target.part.name]) for c in self.connections)
+        parts = {prefix.get(name, f"{name}."): part for name, part in self.parts.items()}
+        return FmuScene(parts, connected_groups(len(parts), pairs))
 
     @property
     def iterates(self) -> bool:

@@ -12,7 +12,8 @@ function floats(packed) {
 function play(plan) {
   const place = new Map(plan.signals.map((name, i) => [name, i])), values = floats(plan.values);
   const width = plan.signals.length, count = plan.frames, colours = palette();
-  const view = new View($("picture"), shapesOf(plan.picture, place), plan.plane);
+  const shapes = plan.picture.shapes.flatMap((shape, i) => shapesOf({ shapes: [shape] }, place, "", { x: plan.shifts[i] }));
+  const view = new View($("picture"), shapes, plan.plane);
   let running = true, shown = 0, last;
   const draw = () => {
     const k = Math.floor(shown);
