@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ Client = Any
 """A ``distributed.Client``; the package is an extra."""
 
 _PATIENCE = "10s"  # for a scheduler to answer
+_CANCELLED = "the Dask cluster has cancelled the sweep; is its scheduler still there?"
 _PAUSE = 0.2  # [s] between two requests for the list of workers, once one of them has failed
 _pools: dict[tuple[str, int], tuple[Pool, ExitStack]] = {}  # on a worker: sweep and thread -> process, and its folder
 
@@ -49,8 +51,12 @@ def simulate_on_cluster(
     :param time_limit: of a case [s].
     :raises SweepError: if the cluster goes away.
     """
+    from dask import config
+
     key = uuid4().hex  # of this run
-    shipment = client.scatter((key, study, study.files()), broadcast=True, hash=False)
+    # A task, not scattered data: when all workers die, it is done again, and the cases go on.
+    with config.set({"distributed.admin.large-graph-warning-threshold": "1 TB"}):
+        shipment = client.submit(_shipment, key, study, study.files(), pure=False)
     remaining = list(cases)
     size = max(1, min(256, len(remaining) // (8 * max(1, sum(client.nthreads().values())))))
     try:
@@ -93,7 +99,10 @@ class _Sweep:
 
     def _take(self, future: Any, cases: list[int]) -> None:
         if future.status == "finished":
-            answer: dict[int, Outcome] | _Unable = future.result()
+            try:
+                answer: dict[int, Outcome] | _Unable = future.result()
+            except CancelledError:
+                raise SweepError(_CANCELLED) from None
             if not isinstance(answer, _Unable):
                 self._deliver(answer)
                 return
@@ -104,7 +113,7 @@ class _Sweep:
                 reason = f"the Dask worker {answer.worker} cannot begin: {answer.reason}"
                 self._deliver(dict.fromkeys(cases, Failure(reason, refused=False)))
         elif future.status == "cancelled":
-            raise SweepError("the Dask cluster has cancelled the sweep; is its scheduler still there?")
+            raise SweepError(_CANCELLED)
         elif len(cases) == 1 and future.status == "error":
             words = " ".join(str(future.exception()).split())
             self._deliver({cases[0]: Failure(f"Dask: {words}", refused=False)})
@@ -157,6 +166,11 @@ def connected(client: Client | str) -> Iterator[Client]:
         ) from None
     with opened:
         yield opened
+
+
+def _shipment(*parts: Any) -> Any:
+    """On a worker: the run's name, study and files; each other worker that needs them copies them from this one."""
+    return parts
 
 
 def _simulate(
