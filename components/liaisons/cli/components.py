@@ -102,7 +102,7 @@ def build(
     if as_modelica:
         if (backend, platforms, fmi, arrays, size) != ("auto", "host", "2", True, None):
             raise typer.BadParameter(
-                "--backend, --platforms, --fmi, --no-arrays and --size are of FMUs; omit --modelica"
+                "--backend, --platforms, --fmi, --no-arrays, --size are of FMUs; omit --modelica"
             )
         return _write_modelica(
             [component for _, component in named], folder, whole=not targets, standard_library=standard_library
