@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import mpmath as mp
 import numpy as np
 import pytest
-from liaisons.derivatives.motion import DifferentiableMotion, motion_of
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
+
+from liaisons.derivatives.motion import DifferentiableMotion, motion_of
 
 DIGITS = 40
 DIFFERENCE = mp.mpf("1e-13")  # truncation 1e-26 of a third derivative, rounding 1e-40/1e-13
