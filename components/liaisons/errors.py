@@ -98,6 +98,10 @@ class PlanError(LiaisonsError, ValueError):
     """A motion cannot be planned, or its goal was not reached."""
 
 
+class IdentificationError(LiaisonsError, ValueError):
+    """Measurements cannot be read, or tell nothing of what is unknown."""
+
+
 class SweepError(LiaisonsError, ValueError):
     """A sweep has a bad argument; errors of single cases are recorded in the table."""
 

@@ -6,6 +6,7 @@ A unit is a product of SI symbols with integer exponents, at most one ``/``, fac
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -37,6 +38,17 @@ _DISPLAY: dict[str, tuple[tuple[str, float], ...]] = {
     "J": (("kJ", 1e-3),),
     "W": (("kW", 1e-3),),
 }
+
+_PREFIXES = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "µ": 1e-6, "u": 1e-6, "n": 1e-9}
+_MEASURED = {prefix + name: (name, size) for prefix, size in _PREFIXES.items() for name in (*BASE, *_DERIVED)} | {
+    **{f"{prefix}g": ("kg", 1e-3 * size) for prefix, size in _PREFIXES.items()},
+    "deg": ("rad", math.pi / 180),
+    "°": ("rad", math.pi / 180),
+    "rev": ("rad", 2 * math.pi),
+    "min": ("s", 60.0),
+    "h": ("s", 3600.0),
+}
+"""Symbols in units of measurements: the SI unit, and how many of it they are."""
 
 _FACTOR = re.compile(r"^([A-Za-z]+|1)(-?\d+)?$")
 
@@ -73,6 +85,23 @@ def parse(name: str) -> Unit:
             exponents[base] = exponents.get(base, 0) + power * exponent
     ordered = tuple((base, exponents[base]) for base in BASE if exponents.get(base))
     return Unit(name, ordered, _DISPLAY.get(name, ()))
+
+
+def in_si(name: str, unit: str) -> float:
+    """How many of an SI unit a measured unit is: π/180 for ``"deg/s"`` in ``"rad/s"``, 0.01 for ``"cm"`` in ``"m"``.
+
+    :raises ValueError: for an unknown unit, or one of another quantity.
+    """
+    written = name.translate({ord("^"): None, ord("²"): "2", ord("·"): "."}).replace("rpm", "rev/min")
+    top, _, _ = written.partition("/")
+    size = 1.0
+    for match in re.finditer(r"([^\W\d_]+|°)(-?\d*)", written):
+        power = int(match[2] or 1) * (1 if match.start() < len(top) else -1)
+        size *= _MEASURED.get(match[1], ("", 1.0))[1] ** power
+    base = re.sub(r"[^\W\d_]+|°", lambda match: _MEASURED.get(match[0], match)[0], written)
+    if parse(base).exponents != parse(unit).exponents:
+        raise ValueError(f"unit {name!r} is none of what is measured in {unit!r}")
+    return size
 
 
 def _exponents(symbol: str) -> dict[str, int]:

@@ -26,6 +26,8 @@ MISUSE = {
     "build --fast": ["liaisons build: ", "--fast", "liaisons build --help"],
     "build bead.py --backend python --output file": ["file"],
     "build bead.py:Bead --backend python --fmi 3": ["FMI 2.0", "native"],
+    "build Pendulum --modelica --fmi 3": ["--fmi", "of FMUs", "omit --modelica"],
+    "build Pendulum --standard-library": ["--modelica"],
     "sweep Pendulum --ovr=theta_0=0:1:3 --keep theta": ["liaisons sweep: ", "--ovr", "--over"],
     "run": ["--all"],
     "run no_such_claim": ["'no_such_claim'"],

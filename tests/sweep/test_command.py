@@ -36,6 +36,7 @@ MISUSE = {
     "--over theta_0=1 --time-limit -1": "time_limit = -1",
     "--over theta_0=1 --time-limit nan": "time_limit = nan",
     "--over theta_0=1 --retry": "--retry needs the journal",
+    "--over theta_0=1 --plot table.film": "no figure ends so",
     "--over theta_0=1 --csv .": "Is a directory; choose another path",
     "--over theta_0=1 --csv both --journal both": "cannot be the table and the journal",
     "--over theta_0=1 --csv nowhere/table.csv": "No such file or directory; choose another path",
@@ -116,10 +117,13 @@ def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, caps
 
 
 def test_random_cases(pendulum, tmp_path) -> None:
+    figure = tmp_path / "table.png"
     csv = tmp_path / "table.csv"
     random = ["--random", "theta_0=0:1", "--random", "mass=normal:1:0.1", "--samples", "5", "--latin-hypercube"]
     arguments = [str(pendulum), *random, "--keep", "theta:max", "--stop", "0.1", "--csv", str(csv)]
-    assert main(["sweep", *arguments]) == 0
+    assert main(["sweep", *arguments, "--plot", str(figure)]) == 0
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    figure.unlink()
     assert len(csv.read_text(encoding="utf-8").splitlines()) == 8  # names, units, the title, five cases
     assert list(tmp_path.iterdir()) == [csv]  # the journal is gone
 

@@ -6,10 +6,13 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from inspect import cleandoc
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from liaisons.errors import SimulationError
+from liaisons.files import check_writable
 from liaisons.library import catalogue_names, variables
 from liaisons.version import __version__
 
@@ -185,3 +188,14 @@ Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", 
 Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)", parser=float)]
 Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)", parser=float)]
 Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU's)", parser=float)]
+
+
+def check_figure(path: Path | None) -> None:
+    """Refuse, before the run, a figure that cannot be written after it."""
+    if path is not None:
+        from matplotlib.figure import Figure
+
+        check_writable(path)
+        kinds = Figure().canvas.get_supported_filetypes()
+        if (path.suffix[1:].lower() or "png") not in kinds:
+            raise SimulationError(f"{path}: no figure ends so; choose one of {', '.join(sorted(kinds))}")

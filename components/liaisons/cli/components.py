@@ -100,6 +100,8 @@ def build(
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     folder = output or fmus_directory()
     if as_modelica:
+        if (backend, platforms, fmi, arrays, size) != ("auto", "host", "2", True, None):
+            raise typer.BadParameter("--backend, --platforms, --fmi, --no-arrays, --size are of FMUs; omit --modelica")
         return _write_modelica(
             [component for _, component in named], folder, whole=not targets, standard_library=standard_library
         )

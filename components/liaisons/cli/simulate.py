@@ -21,6 +21,7 @@ from liaisons.cli._command import (
     Stop,
     Tolerance,
     UnpackedLimit,
+    check_figure,
     command,
     option,
     show,
@@ -148,13 +149,8 @@ def _taken_out(result: Result, requested: Collection[str]) -> tuple[Result, list
 
 def _check_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:
     """Notice before the run what would keep files from being written after it."""
-    for path in filter(None, (csv, parquet, figure)):
+    for path in filter(None, (csv, parquet)):
         check_writable(path)
     if parquet and find_spec("pyarrow") is None:
         raise SimulationError(f"{parquet}: Parquet needs PyArrow; pip install 'liaisons[parquet]'")
-    if figure:
-        from matplotlib.figure import Figure
-
-        kinds = Figure().canvas.get_supported_filetypes()
-        if (figure.suffix[1:].lower() or "png") not in kinds:
-            raise SimulationError(f"{figure}: no figure ends so; choose one of {', '.join(sorted(kinds))}")
+    check_figure(figure)

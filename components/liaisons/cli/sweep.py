@@ -19,6 +19,7 @@ from liaisons.cli._command import (
     Stop,
     Tolerance,
     UnpackedLimit,
+    check_figure,
     command,
     option,
     several,
@@ -29,6 +30,7 @@ from liaisons.files import check_writable
 from liaisons.project import ProjectError
 
 if TYPE_CHECKING:
+    from liaisons.results import Result
     from liaisons.sweeps import Cases
 
 _MOST = 10_000_000  # values of one name
@@ -126,6 +128,7 @@ def sweep(
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
     csv: Annotated[Path | None, option("FILE", "write the table to a file")] = None,
+    plot: Annotated[Path | None, option("FILE", "draw the table: curves over one name, maps over two")] = None,
     journal: Annotated[
         Path | None,
         option(
@@ -163,12 +166,7 @@ def sweep(
 
     passing = None if csv is None or journal is not None else _beside(csv)
     journal = journal or passing
-    if csv is not None:
-        check_writable(csv)
-        if journal is not None and csv.resolve() == journal.resolve():
-            raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
-    if retry and journal is None:
-        raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
+    _check_files(csv, plot, journal, retry=retry)
     with _interrupted(journal):
         result = sweep(
             cases=_cases(over, random, samples, seed, latin_hypercube=latin_hypercube),
@@ -186,19 +184,37 @@ def sweep(
     count = len(result.index["case"])
     if count > _SHOWN:
         print(f"... {count - _SHOWN} more; --csv FILE writes all")
-    if csv is not None:
-        result.to_csv(csv)
-        print(f"table: {csv}")
+    for title, path, write in (("table", csv, result.to_csv), ("figure", plot, lambda path: result.plot(path=path))):
+        if path is not None:
+            write(path)
+            print(f"{title}: {path}")
     if passing is not None and not result.unfinished:
         passing.unlink(missing_ok=True)
+    _tell_failures(result, kept=journal is not None)
+    return 1 if result.failures else 0
+
+
+def _check_files(csv: Path | None, plot: Path | None, journal: Path | None, *, retry: bool) -> None:
+    """Refuse, before the sweep, files that cannot be written after it."""
+    check_figure(plot)
+    if csv is not None:
+        check_writable(csv)
+        if journal is not None and csv.resolve() == journal.resolve():
+            raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
+    if retry and journal is None:
+        raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
+
+
+def _tell_failures(result: Result, *, kept: bool) -> None:
+    """Print which cases have failed and why; ``kept``: whether there is a journal."""
     for case, reason in list(result.failures.items())[:_SHOWN]:
         print(f"case {case} {'not finished' if case in result.unfinished else 'failed'}: {reason}")
     if len(result.failures) > _SHOWN:
         print(f"... {len(result.failures) - _SHOWN} more that failed")
     if result.unfinished:
-        cure = f"{'' if journal else 'give --journal, and '}the same command tries them again"
+        cure = f"{'' if kept else 'give --journal, and '}the same command tries them again"
+        count = len(result.index["case"])
         print(f"{len(result.unfinished)} of {count} cases not finished; {cure}")
-    return 1 if result.failures else 0
 
 
 def _beside(csv: Path) -> Path | None:

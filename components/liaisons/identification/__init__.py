@@ -1,0 +1,1 @@
+"""Parameters from measurements, with their covariance and what makes it believed."""

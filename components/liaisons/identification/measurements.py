@@ -1,0 +1,243 @@
+"""Measurements: columns of files, results and arrays, as signals that are fitted and inputs that drive, in SI units."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly, make_lsq_spline
+
+from liaisons.arguments import listed, positive, shown
+from liaisons.array_names import split
+from liaisons.cosim.structure.knots import curve, knots
+from liaisons.errors import IdentificationError, suggestion
+from liaisons.mechanics.model import Model
+from liaisons.results import Result
+from liaisons.units import in_si
+
+Floats = NDArray[np.float64]
+_Columns = list[tuple[str, str, Sequence[Any]]]
+"""Heading, unit and cells of each."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """One experiment.
+
+    :param times: [s], ascending, shape (n,).
+    :param signals: names of the outputs that were measured, element by element.
+    :param values: of these, in SI units; not-a-number where one is missing; shape (signals, n).
+    :param inputs: name of an input or active coordinate -> its values over time, of degree 5 at most.
+    :param title: of the file or result.
+    """
+
+    times: Floats
+    signals: tuple[str, ...]
+    values: Floats
+    inputs: Mapping[str, PPoly]
+    title: str
+
+
+def measurements(
+    data: object,
+    model: Model,
+    *,
+    measured: str | Iterable[str] | None = None,
+    unknown: Iterable[str] = (),
+    ignore: str | Iterable[str] = (),
+    smoothing: float | None = None,
+) -> tuple[Measurements, ...]:
+    """Experiments in files, results, or mappings of arrays.
+
+    A column is a signal if it has the name of an output.  It drives if it has that of an input or active coordinate: by
+    the quintic spline through its values, or through its rates and accelerations, too, where these have columns.
+
+    A CSV file has names in its first line and units behind them, ``theta [deg]``, or in the next line after ``#``;
+    what has no unit is SI.  An empty cell is a missing value.
+
+    :param data: a path, a :class:`liaisons.Result`, a mapping of names to arrays, ``time`` [s] among them; or a list of
+        these, one an experiment.
+    :param model: what was measured.
+    :param measured: outputs that are fitted, arrays as a whole or by elements; None: all that have a column.
+    :param unknown: what is to be identified: a column of it must be constant, and is left out.
+    :param ignore: columns that are not read.
+    :param smoothing: distance [s] of the knots of quintic splines that fit the drives; None: they pass through all
+        values.
+    :raises IdentificationError: for a column or cell that cannot be used; names it and its row.
+    """
+    if smoothing is not None:
+        positive("smoothing", smoothing, IdentificationError)
+    flat, ignored = model.flat(), listed("ignore", ignore, IdentificationError)
+    outputs = [variable.name for variable in flat.outputs]
+    chosen = outputs if measured is None else listed("measured", measured, IdentificationError)
+    experiments = []
+    for one in data if isinstance(data, (list, tuple)) else [data]:
+        title, columns, rows = _columns(one)
+        with _within(title):
+            values = _by_name(columns, flat, ignored, rows)
+            times = values.pop("time", np.empty(0))
+            with _within("column time"):
+                if times.size < 2:
+                    raise ValueError(f"{times.size} rows; give two at least")
+                _refuse(np.isnan(times), rows, "a value is missing")
+                _refuse(np.diff(times, prepend=-np.inf) <= 0, rows, "it must be greater than the one before")
+            signals = tuple(name for name in outputs if name in values and _is_among(name, chosen))
+            if not signals:
+                raise ValueError(
+                    f"no column is a measured output of {model.name}; it has {', '.join(values) or 'none'}"
+                )
+            for name in signals:
+                if np.isnan(values[name]).all():
+                    raise ValueError(f"column {name}: all values are missing")
+            inputs = dict(_inputs(flat, times, values, unknown, smoothing, rows))
+        experiments.append(Measurements(times, signals, np.array([values[name] for name in signals]), inputs, title))
+    return tuple(experiments)
+
+
+def noise_levels(noise: object, experiment: Measurements) -> Floats:
+    """Standard deviation of each signal, shape (signals,).
+
+    :param noise: a number for all signals, or a mapping by names of signals or of whole arrays.
+    :raises IdentificationError: for a number that is not > 0, a name that is no signal, or a signal without noise.
+    """
+    levels = noise if isinstance(noise, Mapping) else dict.fromkeys(experiment.signals, noise)
+    for name, level in levels.items():
+        positive(f"noise: {name}", level, IdentificationError)
+        if not any(_is_among(signal, [name]) for signal in experiment.signals):
+            words = suggestion(name, experiment.signals)
+            raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{words}")
+    of_signals = [levels.get(name, levels.get(split(name)[0])) for name in experiment.signals]
+    if None in of_signals:
+        raise IdentificationError(f"noise: {experiment.signals[of_signals.index(None)]} is missing")
+    return np.array(of_signals, dtype=float)
+
+
+@contextmanager
+def _within(label: str) -> Iterator[None]:
+    """Put a label before the messages of errors."""
+    try:
+        yield
+    except ValueError as error:
+        raise IdentificationError(f"{label}: {error}") from None
+
+
+def _refuse(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
+    """Raise an error that names the first row with something wrong."""
+    if wrong.any():
+        raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
+
+
+def _is_among(name: str, chosen: Iterable[str]) -> bool:
+    """Whether an element is chosen, itself or with its array."""
+    return not {name, split(name)[0]}.isdisjoint(chosen)
+
+
+def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
+    """Columns in SI units by the names of variables, and ``time``."""
+    units = {"time": "s"} | {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
+    values: dict[str, Floats] = {}
+    for heading, below, cells in columns:
+        bracketed = None if heading in units else re.fullmatch(r"(.*?)\s*[\[(]([^\[(]*)[\])]", heading)
+        name, unit = bracketed.groups() if bracketed else (heading, below)
+        if _is_among(name, [*ignored, "coupling_error"]) or name.startswith("error of "):  # of results in files
+            continue
+        name = "time" if name == "t" else name
+        with _within(f"column {name}"):
+            if name in values or name not in units:
+                words = "is there twice" if name in values else f"is no variable{suggestion(name, units)}"
+                raise ValueError(f"it {words}; ignore=[...] leaves columns out")
+            numbers = np.empty(len(rows))
+            for i, cell in enumerate(map(str, cells)):
+                with _within(rows[i]):
+                    numbers[i] = float(cell or "nan")
+            _refuse(np.isinf(numbers), rows, "finite numbers only")
+            values[name] = numbers * (in_si(unit, units[name]) if unit else 1.0)
+    return values
+
+
+def _inputs(  # noqa: PLR0917
+    model: Model,
+    times: Floats,
+    values: Mapping[str, Floats],
+    unknown: Iterable[str],
+    smoothing: float | None,
+    rows: Sequence[str],
+) -> Iterator[tuple[str, PPoly]]:
+    """What drives, over time; not what keeps its declared value, as results record it."""
+    rates = {triple.value: (triple.rate, triple.acceleration) for triple in model.active}
+    owners = {rate: name for name, pair in rates.items() for rate in pair}
+    for name, start in ((v.name, v.starts[0]) for v in model.inputs if v.name in values):
+        with _within(f"column {name}"):
+            _refuse(np.isnan(values[name]), rows, "a value is missing")
+            if owners.get(name, name) not in values:
+                raise ValueError(f"{owners[name]} has no column; add it")
+            triple = [values.get(part) for part in (name, *rates.get(name, ()))]
+            moves = any(column is not None and np.ptp(column) > 0 for column in triple)
+            if moves and name in unknown:
+                raise ValueError("it moves, and is unknown; ignore it, or give it")
+            if name not in owners and (moves or (name not in unknown and values[name][0] != start)):
+                table = _fitted(times, values[name], smoothing) if smoothing else knots(times, *triple)  # type: ignore[arg-type]
+                yield name, curve(table)
+
+
+def _fitted(times: Floats, values: Floats, width: float) -> Floats:
+    """Knots of the quintic spline that fits values best, shape (4, knots)."""
+    at = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / width)))
+    few = np.histogram(times, at)[0] < 2 + 4 * (at.size == 2)
+    if few.any():
+        raise ValueError(
+            f"smoothing = {width:g} s leaves less than two values after t = {at[few.argmax()]:g} s; widen it"
+        )
+    spline = make_lsq_spline(times, values, np.pad(at, 5, mode="edge"), 5)
+    return np.array([at, *(spline(at, order) for order in range(3))])
+
+
+def _columns(data: object) -> tuple[str, _Columns, list[str]]:
+    """Title, columns, and the label of each row."""
+    if isinstance(data, (str, PathLike)):
+        return _read(Path(data))
+    units: Mapping[str, str] = getattr(data, "units", {})
+    try:
+        recorded = isinstance(data, Result) and {"time": data.time} | {name: data.numbers(name) for name in data.names}
+        arrays: dict[str, Any] = recorded or dict(data)  # type: ignore[call-overload]
+        (count,) = {len(array) for array in arrays.values()}
+    except (TypeError, ValueError):
+        raise IdentificationError(
+            f"data = {shown(data)}: give a path, a Result, a mapping of arrays of one length, or a list of these"
+        ) from None
+    columns = [(str(name), units.get(name, ""), array) for name, array in arrays.items()]
+    return getattr(data, "title", "data"), columns, [f"row {row}" for row in range(count)]
+
+
+def _read(path: Path) -> tuple[str, _Columns, list[str]]:
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise IdentificationError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    separator = next((sign for sign in "\t;" if any(sign in line for line in lines)), ",")
+    cells = {n: [cell.strip() for cell in row] for n, row in enumerate(csv.reader(lines, delimiter=separator), 1)}
+    rows = {f"line {n}": row for n, row in cells.items() if any(row) and not row[0].startswith("#")}
+    if not rows:
+        raise IdentificationError(f"{path}: empty; its first line has to name columns, one of them time")
+    first = next(iter(rows))
+    names = rows.pop(first)
+    for label, row in rows.items():
+        if len(row) != len(names):
+            raise IdentificationError(f"{path}: {label}: {len(row)} cells for {len(names)} columns")
+    below = cells.get(int(first[5:]) + 1, [""])
+    units = [unit.strip("# ") for unit in below] if "".join(below[:1]).startswith("#") else []
+    columns = zip(names, (units + [""] * len(names))[: len(names)], zip(*rows.values(), strict=True), strict=False)
+    return (
+        str(path),
+        [(name, unit, [cell.replace(",", ".") for cell in column]) for name, unit, column in columns],
+        list(rows),
+    )
