@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import final
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,10 +52,13 @@ class NullSpace:
 
     @property
     def dependent(self) -> list[int]:
-        """As many unknowns as there are directions: where these are held, all others are determined."""
-        count = self.directions.shape[1]
-        last = len(self.values) - 1  # of equal ones the last
-        return sorted(last - i for i in qr(self.directions[::-1].T, pivoting=True)[2][:count]) if count else []
+        """Unknowns, the last ones, that have to be held for all others to be determined."""
+        held: list[int] = []
+        for i in reversed(range(len(self.values))):
+            rows = self.directions[[*held, i]]
+            if np.linalg.matrix_rank(rows, tol=_INVOLVED) == len(rows):
+                held.append(i)
+        return sorted(held)
 
     def projection(self) -> Floats:
         """Onto the directions."""

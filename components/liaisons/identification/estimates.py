@@ -13,7 +13,7 @@ from scipy.stats import norm, t
 
 from liaisons.identification.determinacy import NullSpace, sentences
 from liaisons.identification.minimising import Minimum, influence, minimise
-from liaisons.identification.problems import Floats, Problem, WeightedResiduals
+from liaisons.identification.problems import Floats, Objective, Problem
 
 _APART = 0.02
 """Relative distance of the values at which a product of unknowns has to be the same."""
@@ -32,7 +32,7 @@ class Estimate:
     """
 
     problem: Problem
-    residuals: WeightedResiduals
+    objective: Objective
     minimum: Minimum
     held: tuple[int, ...] = ()
     at_bound: tuple[int, ...] = ()
@@ -45,7 +45,7 @@ class Estimate:
     @cached_property
     def linearization(self) -> tuple[Floats, Floats]:
         """Residuals and their derivatives by the unknowns."""
-        return self.residuals(self.values)
+        return self.objective(self.values)
 
     @cached_property
     def null_space(self) -> NullSpace:
@@ -59,21 +59,21 @@ class Estimate:
             return ()
         shifts = 1 + _APART * np.random.default_rng(0).uniform(0.5, 1, len(self.values))
         values = np.where(self.values == 0, _APART * shifts, self.values * shifts)
-        near = NullSpace.of(self.residuals(np.clip(values, self.problem.low, self.problem.high))[1], values)
+        near = NullSpace.of(self.objective(np.clip(values, *self.objective.limits))[1], values)
         signals = dict.fromkeys(name for data in self.problem.measurements for name in data.signals)
         return sentences(self.null_space, near, self.problem.names, list(signals))
 
     @cached_property
     def covariance(self) -> Floats:
         """Of the unknowns; not-a-number for what is not determined or at a bound."""
-        own = np.setdiff1d(np.arange(len(self.values)), [*self.held, *self.at_bound])
+        own = np.setdiff1d(np.arange(len(self.values)), self.fixed)
         covariance = np.full((len(self.values),) * 2, np.nan)
         residuals, derivatives = self.linearization
-        slope, curvature = influence(self.problem.loss, residuals)
+        slope, curvature = influence(self.objective.loss, residuals)
         J = derivatives[:, own]
         scale = np.linalg.norm(J, axis=0)
         inverse = np.linalg.inv(np.einsum("ri,r,rj->ij", J / scale, curvature, J / scale)) / np.outer(scale, scale)
-        if self.problem.loss != "linear":
+        if self.objective.loss != "linear":
             inverse = inverse @ np.einsum("ri,r,rj->ij", J, slope**2, J) @ inverse
         covariance[np.ix_(own, own)] = inverse
         unsure = self.null_space.undetermined
@@ -88,12 +88,12 @@ class Estimate:
     @cached_property
     def fitted(self) -> tuple[Floats, ...]:
         """Signals of each experiment at its times, shape (signals, times)."""
-        return tuple(experiment.forward(self.values)[0] for experiment in self.residuals.experiments)
+        return tuple(experiment.forward(self.values)[0] for experiment in self.objective.experiments)
 
     def standardised(self) -> Iterator[tuple[str, Floats, float]]:
         """Of each signal its name, its residuals over their standard deviation, and the rounding of these."""
         several = len(self.fitted) > 1
-        for i, (experiment, fitted) in enumerate(zip(self.residuals.experiments, self.fitted, strict=True), start=1):
+        for i, (experiment, fitted) in enumerate(zip(self.objective.experiments, self.fitted, strict=True), start=1):
             data = experiment.measurements
             rows = zip(data.signals, data.values, fitted, experiment.deviations, strict=True)
             for name, measured, signal, level in rows:
@@ -103,27 +103,24 @@ class Estimate:
 
     def with_finer_steps(self) -> Minimum:
         """The minimum for steps of a tenth of the tolerance."""
-        problem = self.problem
-        levels = [experiment.deviations for experiment in self.residuals.experiments]
-        residuals = problem.residuals(self.values, levels, tolerance=problem.motion["tolerance"] / 10)
-        return self._minimised(residuals, self.values)
+        levels = [experiment.deviations for experiment in self.objective.experiments]
+        finer = self.problem.objective(self.values, levels, self.problem.tolerance / 10)
+        return minimise(finer, self.values, self.fixed)
 
-    def _minimised(self, residuals: WeightedResiduals, start: Floats, *held: int) -> Minimum:
-        problem = self.problem
-        return minimise(
-            residuals, start, problem.low, problem.high, problem.loss, {*held, *self.held, *self.at_bound}
-        )
+    @property
+    def fixed(self) -> tuple[int, ...]:
+        """Indices of unknowns that are held, or at a bound."""
+        return *self.held, *self.at_bound
 
     @property
     def freedom(self) -> int:
         """Count of measured values and priors, less that of the unknowns that were fitted."""
-        return len(self.linearization[0]) - len(self.values) + len(self.held) + len(self.at_bound)
+        return len(self.linearization[0]) - len(self.values) + len(self.fixed)
 
     def intervals(self, probability: float) -> Floats:
         """Ends of an interval for each unknown, shape (unknowns, 2); one-sided at a bound, by profile likelihood."""
         half = self._quantile((1 + probability) / 2) * self.standard_errors
-        problem = self.problem
-        ends = np.clip(self.values[:, None] + np.outer(half, [-1, 1]), problem.low[:, None], problem.high[:, None])
+        ends = np.clip(self.values + np.outer([-1, 1], half), *self.objective.limits).T
         for i in self.at_bound:
             ends[i] = sorted([self.values[i], self._profile(i, self._quantile(probability))])
         return ends
@@ -133,14 +130,14 @@ class Estimate:
 
     def _profile(self, i: int, quantile: float) -> float:
         """Value of an unknown at which the least cost has risen by half the square of a quantile."""
-        problem, best = self.problem, self.minimum
-        side = 1 if self.values[i] == problem.low[i] else -1
+        best = self.minimum
+        side = 1 if self.values[i] == self.objective.limits[0, i] else -1
         latest = [best]
 
         def excess(distance: float) -> float:
             start = latest[0].values.copy()
             start[i] = self.values[i] + side * distance
-            latest[0] = self._minimised(self.residuals, start, i)
+            latest[0] = minimise(self.objective, start, {i, *self.fixed})
             return 2 * (latest[0].cost - best.cost) - quantile**2
 
         slope, curvature = (abs(float(x)) for x in self._curve(i))
@@ -166,7 +163,7 @@ class Estimate:
         residuals, _ = self.linearization
         for _ in range(count):
             noise = random.standard_normal(residuals.shape)
-            if self.problem.loss != "linear":
+            if self.objective.loss != "linear":
                 noise = random.choice(residuals, residuals.shape)
-            simulated = replace(self.residuals, shift=self.residuals.shift - residuals - noise)
-            yield self._minimised(simulated, self.values)
+            simulated = replace(self.objective, shift=self.objective.shift - residuals - noise)
+            yield minimise(simulated, self.values, self.fixed, 1e-8)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -69,12 +67,12 @@ class Fit:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What measurements do not determine, and which unknowns are at a bound."""
-        problem, estimate = self.estimate.problem, self.estimate
+        estimate = self.estimate
         bounds = (
             f"{self.names[i]} = {estimate.values[i]:g} is at its bound; its interval is one-sided"
             for i in estimate.at_bound
         )
-        kept = (f"{problem.names[i]} keeps its start value {estimate.values[i]:g}" for i in estimate.held)
+        kept = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
         return (*estimate.sentences, *kept, *bounds)
 
     def intervals(self, probability: float = 0.95) -> dict[str, tuple[float, float]]:
@@ -101,13 +99,13 @@ class Fit:
 
     @property
     def residuals(self) -> tuple[Floats, ...]:
-        """Measured less fitted signals of each experiment, shape (signals, times), not-a-number where one is missing."""
+        """Measured less fitted signals of each experiment, shape (signals, times); not-a-number for missing values."""
         return tuple(data.values - fitted for data, fitted in zip(self.measurements, self.signals, strict=True))
 
     @property
     def noise(self) -> tuple[Floats, ...]:
         """Standard deviation of the signals of each experiment, shape (signals,): as given, or as residuals show it."""
-        return tuple(experiment.deviations for experiment in self.estimate.residuals.experiments)
+        return tuple(experiment.deviations for experiment in self.estimate.objective.experiments)
 
     def replay(self) -> tuple[Result, ...]:
         """The fitted motion of each experiment as the FMUs perform it."""

@@ -10,15 +10,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from liaisons.errors import LiaisonsError
-from liaisons.identification.problems import Floats, WeightedResiduals
+from liaisons.identification.problems import Floats, Objective
 
-_ACCURACY = 1e-12
 _EVALUATIONS = 200
 
 
 def _huber(z: Floats) -> Floats:
     outside = np.maximum(z, 1)
-    return np.where(z <= 1, [z, np.ones_like(z), np.zeros_like(z)], [2 * z**0.5 - 1, outside**-0.5, -(outside**-1.5) / 2])
+    return np.where(
+        z <= 1, [z, np.ones_like(z), np.zeros_like(z)], [2 * z**0.5 - 1, outside**-0.5, -(outside**-1.5) / 2]
+    )
 
 
 LOSSES: Mapping[str, Callable[[Floats], Floats]] = {
@@ -44,16 +45,10 @@ class Minimum:
     message: str
 
 
-def minimise(
-    residuals: WeightedResiduals,
-    start: Floats,
-    low: Floats,
-    high: Floats,
-    loss: str = "linear",
-    held: Collection[int] = (),
-) -> Minimum:
-    """The least of a sum of squared residuals near a start, where some unknowns are held.
+def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
+    """The least cost near a start, where some unknowns are held.
 
+    :param accuracy: relative, of cost and unknowns.
     :raises LiaisonsError: if residuals have no value at the start.
     """
     free = np.setdiff1d(np.arange(len(start)), list(held))
@@ -63,7 +58,7 @@ def minimise(
         if latest[0] is None or not np.array_equal(latest[0], unknowns):
             values = start.copy()
             values[free] = unknowns
-            latest[:] = unknowns.copy(), residuals(values)
+            latest[:] = unknowns.copy(), objective(values)
         return latest[1]
 
     first = at(start[free])[0]
@@ -76,16 +71,16 @@ def minimise(
             return np.full_like(first, np.nan)
 
     if not free.size:
-        return Minimum(start, float(LOSSES[loss](first**2)[0].sum() / 2), "")
+        return Minimum(start, float(LOSSES[objective.loss](first**2)[0].sum() / 2), "")
     solution: Any = least_squares(
         shortened,
         start[free],
         lambda unknowns: at(unknowns)[1][:, free],
-        bounds=(low[free], high[free]),
-        loss=loss if loss == "linear" else LOSSES[loss],  # type: ignore[arg-type]  # SciPy takes functions, too
+        bounds=objective.limits[:, free],
+        loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
         x_scale=np.where(start[free] == 0, 1.0, np.abs(start[free])),
-        ftol=_ACCURACY,
-        xtol=_ACCURACY,
+        ftol=accuracy,
+        xtol=accuracy,
         gtol=None,
         max_nfev=_EVALUATIONS,
     )

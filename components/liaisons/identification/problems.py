@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from liaisons.array_names import split
 from liaisons.derivatives.motion import DifferentiableMotion, motion_of
 from liaisons.identification.measurements import Measurements
+from liaisons.library import Target
 
 Floats = NDArray[np.float64]
 
@@ -74,45 +75,44 @@ class Prior:
 
 @final
 @dataclass(frozen=True, eq=False)
-class WeightedResiduals:
-    """Residuals of measurements, priors and links, each divided by its standard deviation.
+class Objective:
+    """Residuals of measurements, links and priors, each divided by its standard deviation, and what limits unknowns.
 
-    :param shift: is added to all of them.
+    :param limits: least and largest values, infinite where there are none, shape (2, unknowns).
+    :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
+    :param shift: is added to all residuals.
     """
 
     experiments: tuple[Experiment, ...]
-    priors: tuple[Prior, ...] = ()
+    priors: tuple[Prior, ...]
+    limits: Floats
+    loss: str
     links: tuple[Link, ...] = ()
     shift: float | Floats = 0.0
 
     def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Residuals, shape (residuals,), and their derivatives, shape (residuals, unknowns)."""
-        motions = [experiment.forward(unknowns) for experiment in self.experiments]
-        parts = [
-            (((signals[: len(level)] - e.measurements.values) / level)[seen], (rates[: len(level)] / level[..., None])[seen])
-            for e, (signals, rates) in zip(self.experiments, motions, strict=True)
-            for seen, level in [(np.isfinite(e.measurements.values), e.deviations[:, None])]
-        ]
-        unit = np.eye(len(unknowns))
+        unit, parts, motions = np.eye(len(unknowns)), [], []
+        for experiment in self.experiments:
+            signals, rates = experiment.forward(unknowns)
+            motions.append((signals, rates))
+            values, level = experiment.measurements.values, experiment.deviations[:, None]
+            seen, rows = np.isfinite(values), slice(len(level))
+            parts.append((((signals[rows] - values) / level)[seen], (rates[rows] / level[..., None])[seen]))
         for link in self.links:
             signals, rates = motions[link.experiment]
             rows, columns, level = list(link.signals), list(link.columns), link.deviations
             gap, slope = signals[rows, -1] - unknowns[columns], rates[rows, -1] - unit[columns]
             parts.append((gap / level, slope / level[:, None]))
         for prior in self.priors:
-            gap = np.array([unknowns[prior.column] - prior.mean])
+            gap = unknowns[[prior.column]] - prior.mean
             parts.append((gap / prior.deviation, unit[[prior.column]] / prior.deviation))
         residuals, derivatives = (np.concatenate(column) for column in zip(*parts, strict=True))
         return residuals + self.shift, derivatives
 
-    def linked(self, factor: float) -> WeightedResiduals:
-        """Residuals whose links have so many times their standard deviations."""
+    def linked(self, factor: float) -> Objective:
+        """The same with links of so many times their standard deviations."""
         return replace(self, links=tuple(replace(link, deviations=factor * link.deviations) for link in self.links))
-
-    @property
-    def count(self) -> int:
-        """Of measured values."""
-        return sum(int(np.isfinite(e.measurements.values).sum()) for e in self.experiments)
 
 
 @final
@@ -124,10 +124,11 @@ class Problem:
     :param units: of these.
     :param columns: of each experiment: name -> index among the unknowns.
     :param start: values of the unknowns at which the search begins.
-    :param low: bounds of the unknowns, infinite where there is none; so ``high``.
+    :param limits: least and largest values of the unknowns, shape (2, unknowns).
     :param noise: standard deviations of the signals of each experiment; None: unknown.
     :param starts: start value -> the output that it is the start of.
-    :param motion: further arguments of :func:`liaisons.derivatives.motion_of`.
+    :param operators: active coordinate -> operator.
+    :param tolerance: of steps.
     """
 
     subject: Any
@@ -136,33 +137,34 @@ class Problem:
     units: tuple[str, ...]
     columns: tuple[Mapping[str, int], ...]
     start: Floats
-    low: Floats
-    high: Floats
+    limits: Floats
     noise: tuple[Floats, ...] | None
     priors: tuple[Prior, ...]
     loss: str
     starts: Mapping[str, str]
     start_time: float
     start_values: Mapping[str, Any]
-    motion: Mapping[str, Any]
+    operators: Mapping[str, Target]
+    tolerance: float
 
-    def residuals(self, unknowns: Floats, deviations: Sequence[Floats], **options: Any) -> WeightedResiduals:
-        """Of motions whose steps are chosen for these values."""
+    def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
+        """Residuals of motions whose steps are chosen for these values."""
         experiments = (
-            self.experiment(data, columns, unknowns, level, self.start_time, **options)
+            self._experiment(data, columns, unknowns, level, tolerance=tolerance)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
         )
-        return WeightedResiduals(tuple(experiments), self.priors)
+        return Objective(tuple(experiments), self.priors, self.limits, self.loss)
 
-    def experiment(
+    def _experiment(
         self,
         data: Measurements,
         columns: Mapping[str, int],
         unknowns: Floats,
         deviations: Floats,
-        start_time: float,
+        *,
+        start_time: float | None = None,
         record: Sequence[str] | None = None,
-        **options: Any,
+        tolerance: float | None = None,
     ) -> Experiment:
         """One, with steps for these values.
 
@@ -174,15 +176,16 @@ class Problem:
             self.subject,
             list(own),
             data.times if offset is None else data.times + unknowns[offset],
-            start_time=start_time,
+            start_time=self.start_time if start_time is None else start_time,
             record=list(record or data.signals),
             inputs=data.inputs,
             start_values={**self.start_values, **{name: float(unknowns[column]) for name, column in own.items()}},
-            **{**self.motion, **options},
+            operators=self.operators,
+            tolerance=tolerance or self.tolerance,
         )
         return Experiment(data, motion, tuple(own.values()), offset, deviations)
 
-    def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[WeightedResiduals, Floats]:
+    def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
         """Residuals of shorter motions, each with start values of its own, and links between them.
 
         :returns: residuals, and their unknowns: the start values of all but the first behind the others.  A time offset
@@ -197,7 +200,7 @@ class Problem:
             own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
             record = list(dict.fromkeys([*data.signals, *self.starts.values()]))
             rows = tuple(record.index(output) for output in self.starts.values())
-            whole = self.experiment(data, own, unknowns, level, self.start_time, record).forward(unknowns)[0]
+            whole = self._experiment(data, own, unknowns, level, record=record).forward(unknowns)[0]
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int))
             states = np.array([_near(data, record[row], edges, whole[row, edges]) for row in rows])
             size = np.ptp(states, axis=1)
@@ -214,9 +217,11 @@ class Problem:
                 if last < edges[-1]:
                     seen[:, -1] = np.nan  # the next segment has it
                 segment = replace(data, times=data.times[first : last + 1], values=seen)
-                begin = float(segment.times[0]) if i else self.start_time
-                experiments.append(self.experiment(segment, own, values, level, begin, record))
-        return WeightedResiduals(tuple(experiments), self.priors, tuple(links)), values
+                begin = float(segment.times[0]) if i else None
+                experiments.append(self._experiment(segment, own, values, level, start_time=begin, record=record))
+        free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
+        limits = np.hstack([self.limits, free])
+        return Objective(tuple(experiments), self.priors, limits, self.loss, tuple(links)), np.clip(values, *limits)
 
 
 def _near(data: Measurements, output: str, edges: NDArray[np.int_], simulated: Floats) -> Floats:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from liaisons.errors import LiaisonsError
 from liaisons.identification.determinacy import NullSpace
 from liaisons.identification.estimates import ROUNDING, Estimate
 from liaisons.identification.minimising import Minimum, minimise
-from liaisons.identification.problems import Floats, Problem, WeightedResiduals
+from liaisons.identification.problems import Floats, Objective, Problem
 
 _ROUNDS = 20
 _SETTLED = 1e-6
@@ -42,14 +41,14 @@ def estimated(problem: Problem, segments: int | None = None) -> Estimate:
     for count in (1, *_SEGMENTS) if segments is None else (segments,):
         try:
             start = problem.start if count == 1 else _linked(problem, levels, count)
-            residuals = problem.residuals(start, levels)
-            minimum = _determined(problem, residuals, start)[0]
+            objective = problem.objective(start, levels)
+            minimum = _determined(objective, start)[0]
         except LiaisonsError as error:
             failure = failure or error
             continue
         if best is None or minimum.cost < best.cost:
             best = minimum
-        if not _is_poor(residuals, best):
+        if not _is_poor(objective, best):
             break
     if best is None:
         raise failure or AssertionError
@@ -66,27 +65,24 @@ def _assumed(problem: Problem) -> tuple[Floats, ...]:
     return tuple(np.array([levels[name] for name in data.signals]) for data in problem.measurements)
 
 
-def _is_poor(residuals: WeightedResiduals, minimum: Minimum) -> bool:
-    return _NORMAL * float(np.median(np.abs(residuals(minimum.values)[0]))) > _POOR
+def _is_poor(objective: Objective, minimum: Minimum) -> bool:
+    return _NORMAL * float(np.median(np.abs(objective(minimum.values)[0]))) > _POOR
 
 
 def _linked(problem: Problem, levels: Sequence[Floats], count: int) -> Floats:
     """Start values by multiple shooting, whose links become closer and closer."""
-    residuals, values = problem.segments(problem.start, levels, count)
-    free = np.full(len(values) - len(problem.start), np.inf)
-    low, high = np.append(problem.low, -free), np.append(problem.high, free)
-    values = np.clip(values, low, high)
+    objective, values = problem.segments(problem.start, levels, count)
     for factor in _LINKS:
-        values = minimise(residuals.linked(factor), values, low, high, problem.loss).values
+        values = minimise(objective.linked(factor), values).values
     return values[: len(problem.start)]
 
 
-def _determined(problem: Problem, residuals: WeightedResiduals, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
+def _determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
     """The minimum where unknowns that are not determined are held, and which these are."""
-    held = NullSpace.of(residuals(start)[1], start).dependent
+    held = NullSpace.of(objective(start)[1], start).dependent
     while True:
-        minimum = minimise(residuals, start, problem.low, problem.high, problem.loss, held)
-        fewer = NullSpace.of(residuals(minimum.values)[1], minimum.values).dependent
+        minimum = minimise(objective, start, held)
+        fewer = NullSpace.of(objective(minimum.values)[1], minimum.values).dependent
         if len(fewer) >= len(held):
             return minimum, tuple(held)
         start, held = minimum.values, fewer
@@ -95,11 +91,11 @@ def _determined(problem: Problem, residuals: WeightedResiduals, start: Floats) -
 def _refined(problem: Problem, minimum: Minimum, levels: Sequence[Floats]) -> Estimate:
     """The estimate with steps that are chosen at its values, and with the noise that its residuals show."""
     for _ in range(_ROUNDS):
-        residuals = problem.residuals(minimum.values, levels)
-        before, (minimum, held) = minimum, _determined(problem, residuals, minimum.values)
+        objective = problem.objective(minimum.values, levels)
+        before, (minimum, held) = minimum, _determined(objective, minimum.values)
         change = np.abs(minimum.values - before.values) / np.where(minimum.values == 0, 1, np.abs(minimum.values))
         settled = change.max() < _SETTLED
-        estimate = _bounded(Estimate(problem, residuals, minimum, held))
+        estimate = _bounded(Estimate(problem, objective, minimum, held))
         if problem.noise is None:
             shown = _shown(estimate)
             ratio = np.abs(np.log(np.concatenate(shown) / np.concatenate(levels)))
@@ -111,26 +107,24 @@ def _refined(problem: Problem, minimum: Minimum, levels: Sequence[Floats]) -> Es
 
 def _bounded(estimate: Estimate) -> Estimate:
     """The estimate with unknowns that are next to a bound put onto it, if it is the better for that."""
-    problem, values = estimate.problem, estimate.values
+    values, (low, high) = estimate.values, estimate.objective.limits
     gradient = np.einsum("r,ri->i", *estimate.linearization)
-    errors = np.sqrt(np.diag(estimate.covariance))
+    errors = estimate.standard_errors
     onto = values.copy()
-    for bound, sign in ((problem.low, 1), (problem.high, -1)):
+    for bound, sign in ((low, 1), (high, -1)):
         pressed = (np.abs(values - bound) < _NEAR * errors) & (sign * gradient > 0)
         onto[pressed] = bound[pressed]
     at_bound = tuple(np.flatnonzero(onto != values).tolist())
     if not at_bound:
         return estimate
-    minimum = minimise(
-        estimate.residuals, onto, problem.low, problem.high, problem.loss, {*estimate.held, *at_bound}
-    )
+    minimum = minimise(estimate.objective, onto, {*estimate.held, *at_bound})
     return replace(estimate, minimum=minimum, at_bound=at_bound)
 
 
 def _shown(estimate: Estimate) -> tuple[Floats, ...]:
     """Standard deviations of the signals as their residuals show them; one for a name in all experiments."""
     problem, columns = estimate.problem, {}
-    experiments = estimate.residuals.experiments
+    experiments = estimate.objective.experiments
     for experiment, fitted in zip(experiments, estimate.fitted, strict=True):
         data = experiment.measurements
         for name, r, signal in zip(data.signals, data.values - fitted, fitted, strict=True):

@@ -43,14 +43,14 @@ def verdicts(estimate: Estimate, replays: Sequence[Result]) -> Iterator[Verdict]
 def _replayed(estimate: Estimate, replays: Sequence[Result]) -> Verdict:
     """In each signal, relative to its size, or where that is more to its standard deviation."""
     errors = [0.0]
-    for experiment, fitted, replay in zip(estimate.residuals.experiments, estimate.fitted, replays, strict=True):
+    for experiment, fitted, replay in zip(estimate.objective.experiments, estimate.fitted, replays, strict=True):
         data, levels = experiment.measurements, experiment.deviations
         for name, signal, level in zip(data.signals, fitted, levels, strict=True):
             size = max(np.abs(signal).max(), level * _DEVIATION / _EXACT)
             played = replay[name][np.searchsorted(replay.time, experiment.motion.times)]
             errors.append(float(np.abs(played - signal).max() / size))
     text = "replayed through the FMUs, the motion is the fitted one"
-    return verdict(text, error=max(errors), tolerance=_EXACT, reason="of the largest value, or a hundredth of the noise")
+    return verdict(text, error=max(errors), tolerance=_EXACT, reason="relative, or a hundredth of the noise")
 
 
 def _white(estimate: Estimate) -> Iterator[Verdict]:
@@ -88,8 +88,9 @@ def _variances(estimate: Estimate) -> Iterator[Verdict]:
     for i, ratio in zip(sure, ratios.tolist(), strict=True):
         square = (_REFITS - 1) * ratio
         chance = 2 * min(chi2.cdf(square, _REFITS - 1), chi2.sf(square, _REFITS - 1))
-        text = f"{_REFITS} fits to simulated measurements: the variance of {estimate.problem.names[i]} is {ratio:.2f} times"
-        yield verdict(text, error=1 - chance, tolerance=1 - (1 - _BAND) / len(sure), reason="band of 99 % for all of them")
+        name = estimate.problem.names[i]
+        text = f"the variance of {name} in {_REFITS} fits to simulated measurements is {ratio:.2f} times as large"
+        yield verdict(text, error=1 - chance, tolerance=1 - (1 - _BAND) / len(sure), reason="99 % band of all")
 
 
 def _finer(estimate: Estimate) -> Verdict:
@@ -97,4 +98,4 @@ def _finer(estimate: Estimate) -> Verdict:
     errors = estimate.standard_errors
     change = np.abs(estimate.with_finer_steps().values - estimate.values) / errors
     text = "steps of a tenth of the tolerance give the same values"
-    return verdict(text, error=float(np.nanmax(change, initial=0.0)), tolerance=_DEVIATION, reason="of a standard error")
+    return verdict(text, error=float(np.nanmax(change, initial=0.0)), tolerance=_DEVIATION, reason="standard errors")
