@@ -1,7 +1,8 @@
-"""Files that are replaced as a whole."""
+"""Files that are replaced as a whole, and tables in CSV files."""
 
 from __future__ import annotations
 
+import csv
 import os
 import shutil
 import stat
@@ -13,7 +14,7 @@ from errno import EACCES, EISDIR
 from pathlib import Path
 from typing import IO
 
-from liaisons.errors import SimulationError
+from liaisons.errors import LiaisonsError, SimulationError
 
 
 @contextmanager
@@ -61,6 +62,34 @@ def check_writable(path: Path) -> None:
             raise PermissionError(EACCES, os.strerror(EACCES))
     except OSError as error:
         raise _unwritable(path, error) from None
+
+
+def csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[str], dict[int, list[str]]]:
+    """Headings, units and rows of a CSV file, which commas, semicolons or tabulators separate.
+
+    Lines that begin with ``#`` are left out, but for that below the headings, where units are; empty if there is none.
+
+    :returns: rows by the number of their line, decimal points in place of commas.
+    :raises LiaisonsError: the class ``error``, if it cannot be read, or a row has more or less cells than the headings.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        top = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+        reader = csv.reader(lines, delimiter=next((sign for sign in "\t;" if sign in top), ","))
+        cells = {number: [cell.strip() for cell in row] for number, row in enumerate(reader, start=1)}
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror}") from None
+    except (UnicodeDecodeError, csv.Error) as problem:
+        raise error(f"{path}: no table of numbers: {problem}") from None
+    numbers = [number for number, row in cells.items() if any(row) and not row[0].startswith("#")]
+    headings = cells[numbers[0]] if numbers else []
+    for number in numbers:
+        if len(cells[number]) != len(headings):
+            raise error(f"{path}, line {number}: {len(cells[number])} numbers for {len(headings)} columns")
+    below = cells.get(numbers[0] + 1, [""]) if numbers else [""]
+    units = [unit.strip("# ") for unit in below] if "".join(below[:1]).startswith("#") else []
+    rows = {number: [cell.replace(",", ".") for cell in cells[number]] for number in numbers[1:]}
+    return headings, units if len(units) == len(headings) else [""] * len(headings), rows
 
 
 def _part(target: Path) -> Path:

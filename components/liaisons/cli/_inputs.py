@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from liaisons.cosim.structure.knots import Join, curve, knots
 from liaisons.cosim.structure.sources import Signal
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
+from liaisons.files import csv_cells
 
 if TYPE_CHECKING:
     from liaisons.cosim import OperatorFmu, System
@@ -152,16 +152,7 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[np.fl
 
     :raises SimulationError: if it cannot be read, or is no such file; names the line.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            first = file.readline()
-            separator = next((sign for sign in (",", ";", "\t") if sign in first), ",")
-            names = [name.strip() for name in next(csv.reader([first], delimiter=separator), [])]
-            lines = list(enumerate(csv.reader(file, delimiter=separator), start=2))
-    except OSError as error:
-        raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise SimulationError(f"{path}: no table of numbers: {error}") from None
+    names, _, lines = csv_cells(path, SimulationError)
     time = next((name for name in _TIMES if name in names), "")
     if not time or len(set(names)) < len(names) or len(names) < 2:
         raise SimulationError(
@@ -169,25 +160,17 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[np.fl
             f"it has {', '.join(map(repr, names)) or 'nothing'}"
         )
     rows: list[dict[str, float]] = []
-    for number, row in lines:
-        if row and not row[0].lstrip().startswith("#"):
-            try:
-                rows.append(_numbers(row, names))
-                if len(rows) > 1 and rows[-1][time] < rows[-2][time]:
-                    later, before = rows[-1][time], rows[-2][time]
-                    raise ValueError(f"{time} = {later:g} must not be less than {before:g}, the one before")
-            except ValueError as error:
-                raise SimulationError(f"{path}, line {number}: {error}") from None
+    for number, row in lines.items():
+        try:
+            rows.append(dict(zip(names, map(float, row), strict=True)))
+            if not all(map(math.isfinite, rows[-1].values())):
+                raise ValueError(f"{', '.join(row)}: finite numbers only")
+            if len(rows) > 1 and rows[-1][time] < rows[-2][time]:
+                later, before = rows[-1][time], rows[-2][time]
+                raise ValueError(f"{time} = {later:g} must not be less than {before:g}, the one before")
+        except ValueError as error:
+            raise SimulationError(f"{path}, line {number}: {error}") from None
     if len(rows) < 2:
         raise SimulationError(f"{path}: {len(rows)} lines of numbers; give two at least")
     columns = {name: np.array([row[name] for row in rows]) for name in names}
     return columns.pop(time), columns
-
-
-def _numbers(row: list[str], names: list[str]) -> dict[str, float]:
-    if len(row) != len(names):
-        raise ValueError(f"{len(row)} numbers for {len(names)} columns")
-    numbers = dict(zip(names, map(float, row), strict=True))
-    if not all(map(math.isfinite, numbers.values())):
-        raise ValueError(f"{', '.join(row)}: finite numbers only")
-    return numbers

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from liaisons.arguments import listed, positive, shown
 from liaisons.array_names import split
 from liaisons.cosim.structure.knots import curve, knots
 from liaisons.errors import IdentificationError, suggestion
+from liaisons.files import csv_cells
 from liaisons.mechanics.model import Model
 from liaisons.results import Result
 from liaisons.units import in_si
@@ -81,7 +81,7 @@ def measurements(
     chosen = outputs if measured is None else listed("measured", measured, IdentificationError)
     experiments = []
     for one in data if isinstance(data, (list, tuple)) else [data]:
-        title, columns, rows = _columns(one)
+        title, columns, rows = _table(one)
         with _within(title):
             values = _by_name(columns, flat, ignored, rows)
             times = values.pop("time", np.empty(0))
@@ -201,43 +201,21 @@ def _fitted(times: Floats, values: Floats, width: float) -> Floats:
     return np.array([at, *(spline(at, order) for order in range(3))])
 
 
-def _columns(data: object) -> tuple[str, _Columns, list[str]]:
+def _table(data: object) -> tuple[str, _Columns, list[str]]:
     """Title, columns, and the label of each row."""
     if isinstance(data, (str, PathLike)):
-        return _read(Path(data))
+        headings, below, lines = csv_cells(Path(data), IdentificationError)
+        if not headings:
+            raise IdentificationError(f"{data}: empty; its first line has to name columns, one of them time")
+        columns = zip(*lines.values(), strict=True) if lines else [[]] * len(headings)
+        return str(data), list(zip(headings, below, columns, strict=True)), [f"line {number}" for number in lines]
     units: Mapping[str, str] = getattr(data, "units", {})
     try:
         recorded = isinstance(data, Result) and {"time": data.time} | {name: data.numbers(name) for name in data.names}
         arrays: dict[str, Any] = recorded or dict(data)  # type: ignore[call-overload]
         (count,) = {len(array) for array in arrays.values()}
     except (TypeError, ValueError):
-        raise IdentificationError(
-            f"data = {shown(data)}: give a path, a Result, a mapping of arrays of one length, or a list of these"
-        ) from None
-    columns = [(str(name), units.get(name, ""), array) for name, array in arrays.items()]
-    return getattr(data, "title", "data"), columns, [f"row {row}" for row in range(count)]
-
-
-def _read(path: Path) -> tuple[str, _Columns, list[str]]:
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise IdentificationError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
-    separator = next((sign for sign in "\t;" if any(sign in line for line in lines)), ",")
-    cells = {n: [cell.strip() for cell in row] for n, row in enumerate(csv.reader(lines, delimiter=separator), 1)}
-    rows = {f"line {n}": row for n, row in cells.items() if any(row) and not row[0].startswith("#")}
-    if not rows:
-        raise IdentificationError(f"{path}: empty; its first line has to name columns, one of them time")
-    first = next(iter(rows))
-    names = rows.pop(first)
-    for label, row in rows.items():
-        if len(row) != len(names):
-            raise IdentificationError(f"{path}: {label}: {len(row)} cells for {len(names)} columns")
-    below = cells.get(int(first[5:]) + 1, [""])
-    units = [unit.strip("# ") for unit in below] if "".join(below[:1]).startswith("#") else []
-    columns = zip(names, (units + [""] * len(names))[: len(names)], zip(*rows.values(), strict=True), strict=False)
-    return (
-        str(path),
-        [(name, unit, [cell.replace(",", ".") for cell in column]) for name, unit, column in columns],
-        list(rows),
-    )
+        words = "give a path, a Result, a mapping of arrays of one length, or a list of these"
+        raise IdentificationError(f"data = {shown(data)}: {words}") from None
+    of_arrays = [(str(name), units.get(name, ""), array) for name, array in arrays.items()]
+    return getattr(data, "title", "data"), of_arrays, [f"row {row}" for row in range(count)]

@@ -78,7 +78,7 @@ def plot(
         diagrams = _draw_maps(result, names, grid, subplots)
     figure = diagrams[0].figure.canvas.figure
     if path is not None:
-        _save(figure, path)
+        save(figure, path)
     return figure
 
 
@@ -157,7 +157,7 @@ def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int
     if axes is None:
         count = max(1, len(groups))
         rows = math.ceil(count / columns)
-        figure = _new_figure(alone=alone)
+        figure = new_figure(alone=alone)
         figure.set_size_inches(10.0, 1.0 + max(3.0, (1.6 if columns == 1 else 3.0) * rows))
         diagrams = figure.subplots(rows, columns, sharex=columns == 1, squeeze=False).ravel().tolist()
         if columns == 1:
@@ -179,7 +179,11 @@ def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int
     return [axes]
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure.
+
+    :raises SimulationError: if it cannot be written.
+    """
     try:
         with replacing(path) as part:
             figure.savefig(part, format=path.suffix[1:] or "png")
@@ -187,7 +191,7 @@ def _save(figure: Figure, path: Path) -> None:
         raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
 
 
-def _new_figure(*, alone: bool) -> Figure:
+def new_figure(*, alone: bool) -> Figure:
     """An empty figure; if it is not to be alone, one that pyplot knows and shows.
 
     A notebook shows what pyplot knows, and what a cell returns: there it is alone, or it would be seen twice.

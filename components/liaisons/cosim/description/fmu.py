@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import final
+from typing import Literal, final
 
 import fmpy
 
@@ -44,6 +44,7 @@ class Fmu:
     :param version: 2 or 3.
     :param is_model_exchange: whether it has no Co-Simulation, so that its equations are solved here.
     :param states: number of continuous states, and ``indicators`` of event indicators (FMI 2.0).
+    :param continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
     :param completes: whether it needs completedIntegratorStep in Model Exchange.
     :param guid: GUID, or instantiation token.
     :param binary: path of the library for this platform in the archive.
@@ -61,6 +62,7 @@ class Fmu:
     version: int
     is_model_exchange: bool
     states: int
+    continuous_states: tuple[tuple[int, int], ...]
     indicators: int
     completes: bool
     model_name: str
@@ -148,37 +150,43 @@ class Fmu:
         return f"{self.path.name} has no variable {name!r}{suggestion(name, [*known, *others])}"
 
 
-def read(path: Path | str, sizes: Mapping[str, int] | None = None) -> Fmu:
+def read(
+    path: Path | str,
+    sizes: Mapping[str, int] | None = None,
+    *,
+    prefers: Literal["CoSimulation", "ModelExchange"] = "CoSimulation",
+) -> Fmu:
     """Read the description of an FMU; cached until the file changes.
 
     :param sizes: new values of structural parameters, which change the shapes of arrays.
+    :param prefers: what it is to be used for, where it is made for both.
     :raises SimulationError: if the file is missing, truncated, too big, no FMU, of another FMI version or kind, has
         no binary for this platform, or a model description that contradicts itself.
     """
     path = Path(path)
     status = plain_file(path)
-    return _read(path, tuple((sizes or {}).items()), status.st_mtime_ns, status.st_size, status.st_ino)
+    return _read(path, tuple((sizes or {}).items()), prefers, status.st_mtime_ns, status.st_size, status.st_ino)
 
 
 @lru_cache(maxsize=64)
-def _read(path: Path, sizes: tuple[tuple[str, int], ...], *_identity: int) -> Fmu:
+def _read(path: Path, sizes: tuple[tuple[str, int], ...], prefers: str, *_identity: int) -> Fmu:
     with Archive(path) as archive:
         if DESCRIPTION not in archive.names:
             raise SimulationError(f"{path}: has no {DESCRIPTION} inside, so it is no FMU")
         with archive.open(DESCRIPTION) as file:
             try:
-                return _fmu(path, archive, parse(file, dict(sizes)))
+                return _fmu(path, archive, parse(file, dict(sizes)), prefers)
             except ValueError as error:
                 reason = " ".join(str(error).split())
                 raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: {reason}") from error
 
 
-def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
+def _fmu(path: Path, archive: Archive, description: Description, prefers: str) -> Fmu:
     root, kinds = description.root, description.kinds
     version = root["fmiVersion"]
     if version[:2] not in {"2.", "3."}:
         raise SimulationError(f"{path}: FMI {version}; only FMUs of FMI 2.0 and 3.0 can be simulated")
-    name = next((name for name in ("CoSimulation", "ModelExchange") if name in kinds), None)
+    name = next((name for name in (prefers, "CoSimulation", "ModelExchange") if name in kinds), None)
     if name is None:
         words = "made for scheduled execution only" if kinds else "made for no kind of simulation"
         raise SimulationError(f"{path}: {words}; export it for co-simulation or model exchange")
@@ -196,6 +204,7 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
         version=2 if two else 3,
         is_model_exchange=is_model_exchange,
         states=description.states,
+        continuous_states=description.continuous_states,
         indicators=int(root.get("numberOfEventIndicators") or 0),
         completes=_true(kind, "completedIntegratorStepNotNeeded" if two else "needsCompletedIntegratorStep") != two,
         model_name=root["modelName"],

@@ -146,6 +146,7 @@ class Description:
 
     :ivar kinds: attributes by interface type.
     :ivar states: number of continuous states (FMI 2.0).
+    :ivar continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
     :ivar exact: outputs with ``initial="exact"``.
     :ivar fixed_inputs: inputs that cannot be set in intermediate update mode.
     """
@@ -155,6 +156,7 @@ class Description:
         self.root: Attributes = {}
         self.kinds: dict[str, Attributes] = {}
         self.states = 0
+        self.continuous_states: tuple[tuple[int, int], ...] = ()
         self.experiment: Attributes = {}
         self.log_categories: list[str] = []
         self.units: dict[str, UnitDefinition] = {}
@@ -168,6 +170,7 @@ class Description:
         self._type_units: dict[str, str] = {}
         self._table: Table | None = None
         self._derivatives: Table = {}
+        self._differentiated: dict[int, int] = {}  # index -> number of the variable whose derivative it is
         self._entries: dict[str, Scalar | _Elements | _Pending] = {}
         self._scalar: Attributes | None = None  # FMI 2.0: waits for the child with its type
         self._pending: _Pending | None = None  # FMI 3.0: waits for its dimensions
@@ -204,6 +207,9 @@ class Description:
         """Finish after the last tag."""
         self._close_variables({})
         self.states = len(self._derivatives)
+        place = self._index.get if self._index else lambda number: number - 1
+        pairs = ((index, place(self._differentiated.get(index, -1))) for index in self._derivatives)
+        self.continuous_states = tuple((index, state) for index, state in pairs if state is not None and state >= 0)
         if not self.root:
             raise ValueError("its root is not fmiModelDescription")
         return self
@@ -268,6 +274,8 @@ class Description:
             raise ValueError(f"{attributes['name']!r} has the value reference {reference}, which has no 32 bits")
         causality = attributes.get("causality", "local")
         initial, start = attributes.get("initial"), typed.get("start")
+        if "derivative" in typed:
+            self._differentiated[index] = int(typed["derivative"])
         if causality == "input":
             self._inputs.add(index)
             if attributes.get("intermediateUpdate", "false") not in {"true", "1"}:
@@ -348,6 +356,9 @@ class Description:
             "InitialUnknowns": partial(self._choose, initial),
             "Unknown": lambda a: self._unknown(self._table, int(a["index"]) - 1, a),
             "Output": lambda a: self._unknown(outputs, self._index.get(int(a["valueReference"]), -1), a),
+            "ContinuousStateDerivative": lambda a: self._unknown(
+                self._derivatives, self._index.get(int(a["valueReference"]), -1), a
+            ),
             "InitialUnknown": lambda a: self._unknown(initial, self._index.get(int(a["valueReference"]), -1), a),
         }
 

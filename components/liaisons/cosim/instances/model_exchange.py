@@ -335,6 +335,26 @@ class ModelExchange(Loaded, ABC):
             raise self._ending()
         return bool(event.value)
 
+    # ---- its equations
+
+    @property
+    def continuous_states(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The continuous states, and the sizes by which their errors are scaled."""
+        return self._begun().states.copy(), self._sizes_of_states()
+
+    @property
+    def next_event(self) -> float:
+        """Time of the next time event [s]; infinite if none is announced."""
+        return self._next_event
+
+    def go_to(self, time: float, states: NDArray[np.float64]) -> None:
+        """Go to a time [s] and continuous states, without an event.
+
+        :raises RefusedError: if the FMU discards them.
+        """
+        states = np.ascontiguousarray(states)
+        self._require(self._place(time, c_void_p(states.ctypes.data)))
+
     # ---- what the solver asks for
 
     def _answering(self, name: str, size: int) -> Function:

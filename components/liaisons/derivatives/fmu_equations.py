@@ -1,0 +1,202 @@
+"""The equations of one FMU: rates of its continuous states, and outputs, as functions of states and inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from ctypes import c_double
+from pathlib import Path
+from typing import Any, Literal, Self, TypeAlias, cast, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.array_names import split
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.description.fmu import read
+from liaisons.cosim.description.start_values import start_values
+from liaisons.cosim.description.variables import Scalar
+from liaisons.cosim.instances import extracted, make
+from liaisons.cosim.instances.model_exchange import ModelExchange
+from liaisons.cosim.messages import WARNING
+from liaisons.cosim.running.probe import try_to_start
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.errors import RefusedError, SimulationError
+from liaisons.folders import passing_folder
+
+Floats: TypeAlias = NDArray[np.float64]
+Method = Literal["directional derivatives", "differences"]
+"""How derivatives are calculated: by the FMU, or from values beside each other."""
+
+_COMPARED, _EXTRAPOLATED = 1e-4, 1e-3
+"""Size of a difference that is compared with, and of one that is extrapolated, relative to that of the variable."""
+_AGREES, _NOISE = 1e-3, 1e-6
+"""Relative error of these differences, and of the values themselves."""
+
+
+@final
+class FmuEquations:
+    """An FMU that is initialized for Model Exchange; a context manager that releases it.
+
+    :param values: start values of variables, arrays and states; of a state ``x`` that of ``x_0`` where there is one.
+    :param inputs: names of the inputs; None: all continuous ones.
+    :param outputs: names of the outputs, or of further variables; None: all real outputs.
+    :param time: of initialization [s].
+    :ivar states, inputs, outputs: the variables, element by element.
+    :ivar unknowns: rates and outputs; ``knowns``: states and inputs.
+    :ivar x, u: states and inputs after initialization, shapes (states,) and (inputs,).
+    :raises SimulationError: for an unknown name, a value that does not fit or is refused, an FMU without this kind.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        values: Mapping[str, object],
+        *,
+        inputs: Iterable[str] | None = None,
+        outputs: Iterable[str] | None = None,
+        time: float = 0.0,
+    ) -> None:
+        name, self.time = path.stem, time
+        fmu = read(path, prefers="ModelExchange")
+        if not fmu.is_model_exchange:
+            raise SimulationError(f"{path}: its states cannot be moved, for it is not made for Model Exchange")
+        part = SystemComponent(name, fmu, {})
+        positions: dict[int, dict[int, Scalar]] = {}
+        for variable in fmu.variables.values():
+            positions.setdefault(variable.index, {}).setdefault(variable.position, variable)  # and no alias
+        rates, self.states = (
+            [v for pair in fmu.continuous_states for v in positions[pair[i]].values()] for i in (0, 1)
+        )
+        self.inputs, self.outputs = (
+            [fmu.variables[n] for n in default]
+            if names is None
+            else [fmu.variables[n] for group in names for n in part.recordable(group)]
+            for names, default in (
+                (inputs, [n for n in fmu.reals("input") if fmu.variables[n].continuous]),
+                (outputs, fmu.reals("output")),
+            )
+        )
+        self.fmu, self.unknowns, self.knowns = fmu, [*rates, *self.outputs], [*self.states, *self.inputs]
+        starts, states = self._sorted(values)
+        part = SystemComponent(name, fmu, start_values(name, fmu, starts))
+        with ExitStack() as stack:
+            folder = extracted([fmu], stack.enter_context(passing_folder()))[fmu.path]
+            try_to_start(part, folder, (time, time + 1.0))
+            self._instance = cast(ModelExchange, stack.enter_context(make(name, fmu, folder)))
+            self._instance.initialize(part.starts, None, time, time + 1.0)
+            self._instance.exit_initialization()
+            self._put, self._in = self._transfer("setter", self.inputs)
+            self._get, self._out = self._transfer("getter", self.unknowns)
+            read_inputs, inputs_now = self._transfer("getter", self.inputs)
+            self._perform(read_inputs)
+            self.x, nominals = self._instance.continuous_states
+            for state, value in states.items():
+                self.x[[s.name in fmu.elements(state) for s in self.states]] = value
+            self.u = inputs_now.copy()
+            sizes = np.abs(np.concatenate([self.x, self.u]))
+            self.sizes = np.where(sizes > 0, sizes, np.concatenate([nominals, np.ones_like(self.u)]))
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def _sorted(self, values: Mapping[str, object]) -> tuple[dict[str, object], dict[str, Any]]:
+        """Start values, and states to be set after initialization."""
+        fmu, names = self.fmu, {state.name for state in self.states}
+        present = {*fmu.arrays, *fmu.variables}
+        starts, states = dict(values), {}
+        for name in values:
+            base = split(name)[0]
+            start = f"{base}_0{name[len(base) :]}"
+            if name not in present or fmu.variables.entry(name).like.settable:
+                continue
+            if start in present:
+                starts[start] = starts.pop(name)
+            elif names.issuperset(fmu.elements(name)):
+                states[name] = starts.pop(name)
+        return starts, states
+
+    def _transfer(self, action: str, variables: Sequence[Scalar]) -> tuple[list[Call], Floats]:
+        buffer = (c_double * len(variables))()
+        return [getattr(self._instance, action)(variables, buffer)] * bool(variables), np.ctypeslib.as_array(buffer)
+
+    def _perform(self, calls: Iterable[Call]) -> None:
+        for call in calls:
+            if (status := call()) and status != WARNING:
+                assert call.failure is not None
+                raise call.failure(call.action, status, f" at t = {self.time:.10g} s")
+
+    def __call__(self, time: float, x: Floats, u: Floats) -> Floats:
+        """Rates and outputs at a time [s], where the FMU is from now on, shape (unknowns,).
+
+        :raises RefusedError: if the FMU discards them.
+        """
+        self.time = time
+        self._instance.go_to(time, x)
+        self._in[:] = u
+        self._perform([*self._put, *self._get])
+        return self._out.copy()
+
+    def jacobian(self, knowns: Sequence[Scalar], directions: Floats) -> Floats:
+        """Directional derivatives where the FMU is now, shape (unknowns, directions).
+
+        :param directions: shape (knowns, directions).
+        :raises RefusedError: if the FMU does not calculate them.
+        """
+        place = {(known.reference, known.position): k for k, known in enumerate(knowns)}
+        itself = [place.get((unknown.reference, unknown.position)) for unknown in self.unknowns]
+        asked = [i for i, k in enumerate(itself) if k is None]  # FMUs need not know the derivatives of the others
+        result = np.array([np.zeros(directions.shape[1]) if k is None else directions[k] for k in itself])
+        seed, values = (c_double * len(knowns))(), (c_double * len(asked))()
+        derive = self._instance.directional([self.unknowns[i] for i in asked], knowns, seed, values)
+        for k, direction in enumerate(directions.T if asked else ()):
+            seed[:] = direction.tolist()
+            self._perform([derive])
+            result[asked, k] = values
+        return result
+
+    def differences(self) -> Floats:
+        """The same by states and inputs, from central differences of two sizes, extrapolated to fourth order."""
+        columns = []
+        for k, size in enumerate(self.sizes):
+            large, small = (
+                (self._moved(k, h) - self._moved(k, -h)) / (2 * h * size) for h in (_EXTRAPOLATED, _EXTRAPOLATED / 2)
+            )
+            columns.append((4 * small - large) / 3)
+        return np.array(columns).reshape(len(self.knowns), len(self.unknowns)).T
+
+    def verify(self, jacobian: Floats) -> None:
+        """Compare derivatives by states and inputs with differences.
+
+        :raises SimulationError: if they contradict; it names both variables.
+        """
+        values = self(self.time, self.x, self.u)
+        for k, (known, size) in enumerate(zip(self.knowns, self.sizes, strict=True)):
+            with suppress(RefusedError):  # at the edge of its domain
+                sides = [(self._moved(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
+                self.compare(known.name, jacobian[:, k], np.array(sides), np.abs(values) / size)
+
+    def compare(self, known: str, column: Floats, sides: Floats, scale: Floats) -> None:
+        """Compare derivatives by one variable with differences to both sides, between which they are.
+
+        :raises SimulationError: if one is not.
+        """
+        (low, high), largest = np.sort(sides, axis=0), np.abs(sides).max(axis=0)
+        allowed = high - low + _AGREES * largest + _NOISE * (scale + np.abs(column).max())
+        right = (low - allowed <= column) & (column <= high + allowed)
+        if not right.all():
+            i = int(np.argmin(right))
+            raise SimulationError(
+                f"{self.fmu.path.name}: its derivative of {self.unknowns[i].name} by {known} is {column[i]:g}, but "
+                f"{sides[0, i]:g} by a difference; ask its maker, or take differences"
+            )
+
+    def _moved(self, k: int, by: float) -> Floats:
+        """Rates and outputs with one state or input changed by so many times its size."""
+        moved = np.concatenate([self.x, self.u])
+        moved[k] += by * self.sizes[k]
+        return self(self.time, *np.split(moved, [len(self.x)]))

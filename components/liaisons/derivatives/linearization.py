@@ -1,0 +1,151 @@
+"""The linear system that deviations from a point follow, of any FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self, final, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons.arguments import chosen, finite, listed, named
+from liaisons.derivatives.fmu_equations import Floats, FmuEquations, Method
+from liaisons.errors import SimulationError, suggestion
+from liaisons.library import Target, fmu_file
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """x' = rates + A Δx + B Δu, y = y* + C Δx + D Δu, for deviations Δ from a point x*, u*, y*.
+
+    :param title: what was linearized.
+    :param A: shape (states, states), ``B`` (states, inputs), ``C`` (outputs, states), ``D`` (outputs, inputs).
+    :param states: names, also ``inputs`` and ``outputs``, element by element.
+    :param rates: of the states at the point, shape (states,); 0 at an equilibrium.
+    :param values: of states, inputs and outputs at the point, by name.
+    :param units: name -> unit; empty where there is none.
+    :param method: the FMU's ``"directional derivatives"``, or ``"differences"``.
+    """
+
+    title: str
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    rates: Floats
+    values: Mapping[str, float]
+    units: Mapping[str, str]
+    method: Method
+
+    @property
+    def poles(self) -> Any:
+        """Eigenvalues of A [1/s], complex, shape (states,)."""
+        return np.sort_complex(np.linalg.eigvals(self.A))
+
+    def without(self, *states: str) -> Self:
+        """The same without states that only count something, such as work.
+
+        :raises SimulationError: for an unknown one, or one that the others, or outputs, depend on.
+        """
+        for name in states:
+            if name not in self.states:
+                raise SimulationError(f"{self.title} has no state {name!r}{suggestion(name, self.states)}")
+        kept = np.array([name not in states for name in self.states], dtype=bool)
+        needed = [name for name, column in zip(self.states, self.A[kept].T, strict=True) if column.any()]
+        if dropped := [name for name in states if name in needed]:
+            raise SimulationError(f"{self.title}: states that stay depend on {dropped[0]!r}; keep it")
+        read = [output for output, row in zip(self.outputs, self.C[:, ~kept], strict=True) if row.any()]
+        stay = np.array([output not in read for output in self.outputs], dtype=bool)
+        return replace(
+            self,
+            A=self.A[kept][:, kept],
+            B=self.B[kept],
+            C=self.C[stay][:, kept],
+            D=self.D[stay],
+            states=tuple(name for name in self.states if name not in states),
+            outputs=tuple(name for name in self.outputs if name not in read),
+            rates=self.rates[kept],
+        )
+
+    def to_control(self) -> Any:
+        """The ``StateSpace`` of python-control; its names have ``_`` for dots.
+
+        :raises SimulationError: if python-control is missing (``pip install 'liaisons[control]'``).
+        """
+        try:
+            from control import ss
+        except ImportError:
+            raise SimulationError("to_control needs python-control; pip install 'liaisons[control]'") from None
+        labels = {
+            kind: [name.replace(".", "_") for name in getattr(self, kind)] for kind in ("states", "inputs", "outputs")
+        }
+        return ss(self.A, self.B, self.C, self.D, **labels)
+
+
+def linearize(
+    subject: Target,
+    at: Mapping[str, ArrayLike] | None = None,
+    *,
+    inputs: str | Iterable[str] | None = None,
+    outputs: str | Iterable[str] | None = None,
+    time: float = 0.0,
+    method: Method | None = None,
+) -> Linearization:
+    """Linearize the equations of a component or an FMU at a point, which need not be an equilibrium.
+
+    The FMU's directional derivatives are compared with differences, and not believed where they contradict.
+
+    :param subject: name, file or class of a component, or path of an FMU of Model Exchange; a system is flattened
+        first: ``linearize(system.flatten())``.
+    :param at: values of states, inputs and parameters by name, where they differ from the start values; of a coordinate
+        and its rate those that the motion starts with.
+    :param inputs: an input or several, arrays under their names; None: all continuous ones.
+    :param outputs: an output or another variable, or several; None: all outputs.
+    :param time: [s].
+    :param method: None: directional derivatives where there are any.
+    :raises ProjectError: if there is no such file or component.
+    :raises SimulationError: for an unknown name, a value that the FMU refuses, derivatives that are wrong, or an FMU
+        that is not made for Model Exchange.
+    """
+    path = fmu_file(subject)
+    values = named("linearize: at", {} if at is None else at)
+    finite("linearize: time", time)
+    if method is not None:
+        chosen("linearize: method", method, get_args(Method))
+    chosen_inputs = None if inputs is None else listed("linearize: inputs", inputs)
+    chosen_outputs = None if outputs is None else listed("linearize: outputs", outputs)
+    with FmuEquations(path, values, inputs=chosen_inputs, outputs=chosen_outputs, time=time) as equations:
+        states = len(equations.states)
+        point = equations(time, equations.x, equations.u)
+        method = method or (
+            "directional derivatives" if equations.fmu.provides_directional_derivatives else "differences"
+        )
+        if method == "differences":
+            jacobian = equations.differences()
+        else:
+            jacobian = equations.jacobian(equations.knowns, np.eye(len(equations.knowns)))
+            equations.verify(jacobian)
+        variables = [*equations.knowns, *equations.outputs]
+        return Linearization(
+            path.stem,
+            jacobian[:states, :states],
+            jacobian[:states, states:],
+            jacobian[states:, :states],
+            jacobian[states:, states:],
+            *(
+                tuple(variable.name for variable in group)
+                for group in (equations.states, equations.inputs, equations.outputs)
+            ),
+            rates=point[:states],
+            values={
+                variable.name: float(value)
+                for variable, value in zip(variables, (*equations.x, *equations.u, *point[states:]), strict=True)
+            },
+            units={variable.name: variable.unit for variable in variables},
+            method=method,
+        )

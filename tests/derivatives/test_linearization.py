@@ -1,0 +1,185 @@
+"""Linear systems of FMUs: of ours against the derivatives of their symbols, of others against their equations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from exchange import BALL, DAHLQUIST, TANKS, VAN_DER_POL, Made
+from numpy.testing import assert_allclose
+
+from liaisons import linearize
+from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.library import catalogue
+from liaisons.mechanics import assemble
+
+ROUNDING = 1e-12
+"""Of sums of products, relative to the largest entry of a row or to 1."""
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+@pytest.mark.parametrize("name", sorted(catalogue()))
+def test_ours_have_the_derivatives_of_their_symbols(name: str, fmi: Any, fmu) -> None:
+    component = catalogue()[name]
+    model = assemble(component).flat()
+    starts: Any = {v.name: v.start or 0.0 for v in (*model.parameters, *model.inputs)}
+    random = np.random.default_rng(7)
+    path = fmu(component, fmi=fmi)
+    # away from rest, where more derivatives are not 0; rates fit constraints only where there are none
+    ends = ("_ddot", "_force") if model.project else ("_dot", "_ddot", "_force", "_dot_0")
+    moved = {
+        name: start + 0.1 * random.uniform(0.5, 1.0)
+        for name, start in starts.items()
+        if name.partition("[")[0].endswith(ends)
+    }
+    linear = linearize(path, moved, time=0.25)
+    assert linear.method == "directional derivatives"
+    assert linear.inputs == tuple(v.name for v in model.inputs)
+
+    t, k = 0.25, np.array([{**starts, **moved}[v.name] for v in model.parameters])
+    u = np.array([linear.values[v.name] for v in model.inputs])
+    y, m = (np.array(vector).ravel() for vector in model.start(t, u, k))
+    assert_allclose([linear.values[s.name] for s in model.states], y, rtol=1e-14, atol=1e-14)
+    symbolic: Any = ca.MX
+    states, inputs = symbolic.sym("y", len(y)), symbolic.sym("u", len(u))
+    remembered = model.remember(t, states, inputs, k, m)
+    calculated: Any = [
+        model.derivatives(t, states, inputs, k),
+        model.outputs_function(t, states, inputs, k, remembered),
+    ]
+    jacobian: Any = ca.jacobian(ca.vertcat(*calculated), ca.vertcat(states, inputs))
+    exact = np.array(ca.Function("jacobian", [states, inputs], [jacobian])(y, u))
+    rows = {v.name: len(y) + i for i, v in enumerate(model.outputs)}
+    chosen = [*range(len(y)), *(rows[output] for output in linear.outputs)]
+    got = np.block([[linear.A, linear.B], [linear.C, linear.D]])
+    scale = np.maximum(1.0, np.abs(exact[chosen]).max(axis=1, keepdims=True, initial=0.0))
+    assert_allclose(got / scale, exact[chosen] / scale, rtol=0, atol=ROUNDING)
+
+
+def test_van_der_pol_by_its_equations(made: Made) -> None:
+    x0, x1, mu = 0.7, -1.2, 1.5
+    linear = linearize(made(VAN_DER_POL), {"x0": x0, "x1": x1})
+    A = [[0, 1], [-2 * x0 * x1 * mu - 1, mu * (1 - x0**2)]]
+    assert_allclose(linear.A, A, rtol=1e-14)
+    assert_allclose(linear.C, np.eye(2))  # its outputs are its states, of which it gives no derivatives
+    assert_allclose(linear.rates, [x1, mu * (1 - x0**2) * x1 - x0], rtol=1e-14)
+    assert_allclose(linear.poles, np.sort_complex(np.linalg.eigvals(A)))
+    assert linear.B.shape == linear.D.shape == (2, 0)
+
+
+def test_dahlquist_by_its_equation(made: Made) -> None:
+    linear = linearize(made(DAHLQUIST), {"k": 3.0})
+    assert (linear.A.item(), linear.C.item(), linear.poles.item()) == (-3.0, 1.0, -3.0)
+
+
+@pytest.mark.parametrize("method", ["directional derivatives", "differences"])
+def test_tanks_by_their_equations(made: Made, method: Any) -> None:
+    """Differences are of fourth order in 1e-3 of the size: 1e-11 of what is of order 1."""
+    upper, lower, area, g, inflow = 2.5, 1.5, 3.0, 9.81, 4.0
+    path = made(TANKS if method == "directional derivatives" else replace(TANKS, partials=None))
+    linear = linearize(path, {"upper": upper, "lower": lower, "area": area, "inflow": inflow})
+    assert linear.method == method
+    fall, drain = np.sqrt(g / 2 / upper), np.sqrt(g / 2 / lower)
+    tolerance = 1e-14 if method == "directional derivatives" else 1e-10
+    assert_allclose(linear.A, [[-fall / area, 0], [fall, -drain]], rtol=tolerance, atol=tolerance)
+    assert_allclose(linear.B, [[1 / area], [0]], atol=tolerance)
+    assert_allclose(linear.C, [[1, 0], [0, 1], [0, drain]], atol=tolerance)
+    assert_allclose(linear.D, [[0], [0], [0.1]], atol=tolerance)
+    assert linear.values["outflow"] == pytest.approx(np.sqrt(2 * g * lower) + 0.1 * inflow, rel=1e-14)
+    assert (linear.states, linear.inputs, linear.outputs) == (
+        ("upper", "lower"),
+        ("inflow",),
+        ("upper", "lower", "outflow"),
+    )
+
+
+def test_a_ball_in_flight(made: Made) -> None:
+    linear = linearize(made(BALL), {"v": 3.0})
+    assert_allclose(linear.A, [[0, 1], [0, 0]])
+    assert_allclose(linear.rates, [3.0, -9.81])
+
+
+def test_wrong_derivatives_are_not_believed(made: Made) -> None:
+    wrong = {**(VAN_DER_POL.partials or {}), ("x1'", "x1"): "0"}
+    path = made(replace(VAN_DER_POL, partials=wrong))
+    with pytest.raises(SimulationError, match=r"^Foreign\.fmu: its derivative of der\(x1\) by x1 is 0, but -4\.5"):
+        linearize(path)
+    right = linearize(path, method="differences")
+    assert_allclose(right.A, [[0, 1], [-2 * 2.0 * 0.5 * 1.5 - 1, 1.5 * (1 - 2.0**2)]], rtol=1e-9)
+
+
+def test_a_kink_has_the_derivative_of_one_of_its_sides(made: Made) -> None:
+    path = made(replace(DAHLQUIST, rates={"x": "-fabs(x)"}, partials={("x'", "x"): "-1"}))
+    assert linearize(path, {"x": 0.0}).A.item() == -1.0
+
+
+def test_arrays_are_linearized_element_by_element(fmu) -> None:
+    component = catalogue()["OscillatorChain"]
+    two, three = (linearize(fmu(component, fmi=fmi), {"u[2]": 0.3}, outputs="u") for fmi in "23")
+    assert two.states == three.states
+    assert two.outputs == three.outputs == tuple(f"u[{i}]" for i in range(1, len(two.outputs) + 1))
+    assert two.values["u[2]"] == three.values["u[2]"] == 0.3
+    for name in "ABCD":
+        assert_allclose(getattr(two, name), getattr(three, name), rtol=1e-14)
+
+
+def test_a_pendulum_has_its_frequency(fmu) -> None:
+    linear = linearize(fmu(catalogue()["Pendulum"]), {"theta": 0.0, "length": 2.0}).without("work", "dissipated")
+    assert linear.states == ("theta", "p_theta")
+    assert_allclose(linear.poles, [-1j * np.sqrt(9.81 / 2), 1j * np.sqrt(9.81 / 2)], atol=1e-14)
+    assert_allclose(linear.rates, 0.0, atol=1e-15)
+    assert "energy_balance" not in linear.outputs  # it reads the work
+    moving = linearize(fmu(catalogue()["Pendulum"]), {"theta": 0.3, "theta_dot": 2.0, "mass": 3.0})
+    assert moving.values["p_theta"] == pytest.approx(6.0)
+    assert moving.rates[0] == pytest.approx(2.0)
+
+
+def test_states_can_be_given(fmu) -> None:
+    linear = linearize(fmu(catalogue()["Pendulum"]), {"p_theta": 2.0, "mass": 4.0})
+    assert linear.values["theta_dot"] == pytest.approx(0.5)
+
+
+def test_control_has_the_same_numbers(fmu) -> None:
+    pytest.importorskip("control")
+    linear = linearize(fmu(catalogue()["Pendulum"]), inputs="theta_force", outputs=["theta", "theta_dot"])
+    plant = linear.to_control()
+    for name in "ABCD":
+        assert_allclose(getattr(plant, name), getattr(linear, name))
+    assert plant.state_labels == list(linear.states)
+    assert (plant.input_labels, plant.output_labels) == (["theta_force"], ["theta", "theta_dot"])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"at": {"thet": 1.0}}, "no variable 'thet'; did you mean 'theta'"),
+        ({"at": {"energy": 1.0}}, "energy = 1.0: causality 'output', so it is calculated"),
+        ({"at": {"length": -1.0}}, "length"),
+        ({"at": 3}, "linearize: at = 3: give a dictionary"),
+        ({"inputs": "force"}, "no variable 'force'; did you mean"),
+        ({"outputs": 3}, "linearize: outputs = 3: give a name"),
+        ({"time": np.nan}, "linearize: time = nan: must be a finite number"),
+        ({"method": "guess"}, "linearize: method = 'guess': choose one of"),
+    ],
+)
+def test_refusals_name_what_is_wrong(options: Any, message: str, fmu) -> None:
+    with pytest.raises(LiaisonsError, match=message.replace("(", r"\(")):
+        linearize(fmu(catalogue()["Pendulum"]), **options)
+
+
+def test_states_that_others_need_stay(fmu) -> None:
+    linear = linearize(fmu(catalogue()["Pendulum"]))
+    with pytest.raises(SimulationError, match="states that stay depend on 'theta'"):
+        linear.without("theta")
+    with pytest.raises(SimulationError, match="no state 'wrk'; did you mean 'work'"):
+        linear.without("wrk")
+
+
+def test_what_is_made_for_co_simulation_alone_is_refused(fmu) -> None:
+    path: Path = fmu(catalogue()["Pendulum"], "python")
+    with pytest.raises(SimulationError, match="its states cannot be moved, for it is not made for Model Exchange"):
+        linearize(path)
