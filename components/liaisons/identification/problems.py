@@ -204,8 +204,8 @@ class Problem:
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int))
             states = np.array([_near(data, record[row], edges, whole[row, edges]) for row in rows])
             size = np.ptp(states, axis=1)
-            for (start, output), state in zip(self.starts.items(), states, strict=True):
-                if start in own and output in data.signals:
+            for start, state in zip(self.starts, states, strict=True):
+                if start in own and data.times[0] == self.start_time:
                     values[own[start]] = state[0]
             for i, (first, last) in enumerate(pairwise(edges)):
                 if i:

@@ -93,9 +93,9 @@ def _refined(problem: Problem, minimum: Minimum, levels: Sequence[Floats]) -> Es
     for _ in range(_ROUNDS):
         objective = problem.objective(minimum.values, levels)
         before, (minimum, held) = minimum, _determined(objective, minimum.values)
-        change = np.abs(minimum.values - before.values) / np.where(minimum.values == 0, 1, np.abs(minimum.values))
-        settled = change.max() < _SETTLED
         estimate = _bounded(Estimate(problem, objective, minimum, held))
+        scales = np.fmax(np.abs(minimum.values), estimate.standard_errors)
+        settled = np.all(np.abs(minimum.values - before.values) <= _SETTLED * scales)
         if problem.noise is None:
             shown = _shown(estimate)
             ratio = np.abs(np.log(np.concatenate(shown) / np.concatenate(levels)))
