@@ -21,8 +21,8 @@ def jacobian(function: Callable, values: np.ndarray) -> np.ndarray:
 
 def spoken(function: Callable, values: np.ndarray = VALUES) -> tuple[str, ...]:
     near = values * np.linspace(1.01, 1.02, len(values))
-    spaces = [NullSpace.of(jacobian(function, at), at) for at in (values, near)]
-    return sentences(*spaces, NAMES[: len(values)], ["x"])
+    here, there = (NullSpace.of(jacobian(function, at), at) for at in (values, near))
+    return sentences(here, there, NAMES[: len(values)], ["x"])
 
 
 t = np.linspace(0, 3, 20)
@@ -36,7 +36,10 @@ t = np.linspace(0, 3, 20)
         (lambda p: p[0] * t, ("b, c and d: not determined at all by x",)),
         (lambda p: p[3] * t + np.cos(p[0] / p[1] * t) * p[2], ("of a and b only a/b is determined by x",)),
         (lambda p: p[3] * t + p[0] * p[1] ** 2 / p[2] * t**2, ("of a, b and c only a*b**2/c is determined by x",)),
-        (lambda p: p[0] / p[1] * t + p[2] / p[1] * t**2 + p[3], ("of a, b and c only a/c and b/c are determined by x",)),
+        (
+            lambda p: p[0] / p[1] * t + p[2] / p[1] * t**2 + p[3],
+            ("of a, b and c only a/c and b/c are determined by x",),
+        ),
         (lambda p: p[3] * t + p[0] * np.exp((p[1] - 2 * p[2]) * t), ("of b and c only b - 2*c is determined by x",)),
         (
             lambda p: p[0] * p[1] * t + p[2] / p[3] * t**2,

@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import null_space, qr
+from scipy.linalg import null_space
 from scipy.sparse.csgraph import connected_components
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ class NullSpace:
         lengths[lengths <= _UNSEEN * max(lengths.max(initial=0.0), np.finfo(float).tiny)] = 0
         unit = np.divide(relative, lengths, out=np.zeros_like(relative), where=lengths > 0)
         directions = null_space(unit, rcond=_DEPENDENT) / np.where(lengths > 0, lengths, 1)[:, None]
-        return cls(values, qr(directions, mode="economic")[0] if directions.size else directions)
+        return cls(values, np.linalg.qr(directions)[0])
 
     @property
     def undetermined(self) -> NDArray[np.bool_]:
@@ -81,16 +81,16 @@ def sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: 
 
 def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: str) -> Iterator[str]:
     undetermined = here.undetermined
-    _, blocks = connected_components(np.abs(here.projection()) > _INVOLVED)
+    _, labels = connected_components(np.abs(here.projection()) > _INVOLVED)
+    blocks = np.asarray(labels)
     unseen: list[str] = []
     for block in dict.fromkeys(blocks[undetermined]):
         members = np.flatnonzero(blocks == block)
         own = [names[i] for i in members]
         combinations = _combinations(here, near, members, own)
         if combinations:
-            yield f"of {_joined(own)} only {_joined(combinations)} is determined by {measured}".replace(
-                "is determined", "is determined" if len(combinations) == 1 else "are determined"
-            )
+            verb = "is" if len(combinations) == 1 else "are"
+            yield f"of {_joined(own)} only {_joined(combinations)} {verb} determined by {measured}"
         else:
             unseen += own
     if unseen:

@@ -140,17 +140,12 @@ class Estimate:
             latest[0] = minimise(self.objective, start, {i, *self.fixed})
             return 2 * (latest[0].cost - best.cost) - quantile**2
 
-        slope, curvature = (abs(float(x)) for x in self._curve(i))
-        distance = quantile / np.sqrt(curvature) if curvature else quantile**2 / slope
+        distance = quantile / float(np.linalg.norm(self.linearization[1][:, i]))
         for _ in range(_DOUBLINGS):
             if excess(distance) > 0:
-                return float(self.values[i] + side * brentq(excess, 0, distance, rtol=1e-6))
+                return float(self.values[i] + side * brentq(excess, 0, distance, xtol=1e-6 * distance))
             distance *= 2
         return side * np.inf
-
-    def _curve(self, i: int) -> tuple[float, float]:
-        residuals, derivatives = self.linearization
-        return residuals @ derivatives[:, i], derivatives[:, i] @ derivatives[:, i]
 
     def refits(self, count: int, seed: int = 0) -> Floats:
         """Unknowns from simulated measurements, shape (count, unknowns): those of the estimate with other noise.

@@ -201,7 +201,8 @@ class _Unknowns:
                     finite(f"bounds: {name}", end, IdentificationError)
             if None not in (low, high) and not low < high:
                 raise IdentificationError(f"bounds: {name} = {shown((low, high))}: the first must be less")
-            ends[i] = tuple(own if given is None else given for own, given in zip(ends[i], (low, high), strict=True))
+            least, most = ends[i]
+            ends[i] = least if low is None else low, most if high is None else high
         limits = np.array(ends, dtype=float).T  # None becomes not-a-number
         return np.where(np.isnan(limits), [[-np.inf], [np.inf]], limits)
 

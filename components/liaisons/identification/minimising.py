@@ -75,13 +75,13 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
     solution: Any = least_squares(
         shortened,
         start[free],
-        lambda unknowns: at(unknowns)[1][:, free],
+        lambda unknowns: at(unknowns)[1][:, free],  # type: ignore[arg-type]  # SciPy takes functions, too
         bounds=objective.limits[:, free],
         loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
         x_scale=np.where(start[free] == 0, 1.0, np.abs(start[free])),
         ftol=accuracy,
         xtol=accuracy,
-        gtol=None,
+        gtol=None,  # type: ignore[arg-type]  # as SciPy documents
         max_nfev=_EVALUATIONS,
     )
     values = start.copy()

@@ -11,7 +11,7 @@ from scipy.interpolate import PPoly
 from liaisons import cosim
 from liaisons.folders import process_folder
 from liaisons.identification.estimates import Estimate
-from liaisons.identification.problems import TIME_OFFSET, Experiment, Floats, Problem
+from liaisons.identification.problems import TIME_OFFSET, Experiment, Problem
 from liaisons.interface import operator, simulate
 from liaisons.library import build
 from liaisons.mechanics import Model
@@ -48,7 +48,7 @@ def _replay(problem: Problem, experiment: Experiment, values: Mapping[str, float
     return simulate(fmu, times=times, tolerance=_TOLERANCE, inputs=inputs, start_values=starts)
 
 
-def _driven(polynomial: PPoly) -> Callable[[float], Floats]:
+def _driven(polynomial: PPoly) -> Callable[[float], list[float]]:
     """Value, rate and acceleration over time."""
     rates = [polynomial.derivative(n) for n in range(3)]
-    return lambda time: np.array([rate(time) for rate in rates])
+    return lambda time: [float(rate(time)) for rate in rates]

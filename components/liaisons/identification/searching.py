@@ -90,7 +90,9 @@ def _determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int
 
 def _refined(problem: Problem, minimum: Minimum, levels: Sequence[Floats]) -> Estimate:
     """The estimate with steps that are chosen at its values, and with the noise that its residuals show."""
-    for _ in range(_ROUNDS):
+    rounds = 0
+    while True:
+        rounds += 1
         objective = problem.objective(minimum.values, levels)
         before, (minimum, held) = minimum, _determined(objective, minimum.values)
         estimate = _bounded(Estimate(problem, objective, minimum, held))
@@ -100,9 +102,8 @@ def _refined(problem: Problem, minimum: Minimum, levels: Sequence[Floats]) -> Es
             shown = _shown(estimate)
             ratio = np.abs(np.log(np.concatenate(shown) / np.concatenate(levels)))
             settled, levels = settled and ratio.max() < _SETTLED, shown
-        if settled:
-            break
-    return estimate
+        if settled or rounds == _ROUNDS:
+            return estimate
 
 
 def _bounded(estimate: Estimate) -> Estimate:

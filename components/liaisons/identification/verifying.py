@@ -76,7 +76,7 @@ def _size(estimate: Estimate) -> Verdict:
     square, freedom = 2 * estimate.minimum.cost, max(1, estimate.freedom)
     chance = 2 * min(chi2.cdf(square, freedom), chi2.sf(square, freedom))
     text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}, probability {chance:.2g}"
-    return verdict(text, error=1 - chance, tolerance=1 - _CHANCE)
+    return verdict(text, error=float(1 - chance), tolerance=1 - _CHANCE)
 
 
 def _variances(estimate: Estimate) -> Iterator[Verdict]:
@@ -90,7 +90,7 @@ def _variances(estimate: Estimate) -> Iterator[Verdict]:
         chance = 2 * min(chi2.cdf(square, _REFITS - 1), chi2.sf(square, _REFITS - 1))
         name = estimate.problem.names[i]
         text = f"the variance of {name} in {_REFITS} fits to simulated measurements is {ratio:.2f} times as large"
-        yield verdict(text, error=1 - chance, tolerance=1 - (1 - _BAND) / len(sure), reason="99 % band of all")
+        yield verdict(text, error=float(1 - chance), tolerance=1 - (1 - _BAND) / len(sure), reason="99 % band of all")
 
 
 def _finer(estimate: Estimate) -> Verdict:
