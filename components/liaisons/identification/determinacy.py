@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,8 +81,8 @@ def sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: 
 
 def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: str) -> Iterator[str]:
     undetermined = here.undetermined
-    _, labels = connected_components(np.abs(here.projection()) > _INVOLVED)
-    blocks = np.asarray(labels)
+    linked: Any = connected_components(np.abs(here.projection()) > _INVOLVED)
+    blocks = linked[1]
     unseen: list[str] = []
     for block in dict.fromkeys(blocks[undetermined]):
         members = np.flatnonzero(blocks == block)
