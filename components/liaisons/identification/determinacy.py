@@ -85,7 +85,7 @@ def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured:
     blocks = linked[1]
     unseen: list[str] = []
     for block in dict.fromkeys(blocks[undetermined]):
-        members = np.flatnonzero(blocks == block)
+        members = np.flatnonzero(blocks == block).tolist()
         own = [names[i] for i in members]
         combinations = _combinations(here, near, members, own)
         if combinations:
@@ -97,7 +97,7 @@ def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured:
         yield f"{_joined(unseen)}: not determined at all by {measured}"
 
 
-def _combinations(here: NullSpace, near: NullSpace, members: NDArray, names: list[str]) -> list[str]:
+def _combinations(here: NullSpace, near: NullSpace, members: list[int], names: list[str]) -> list[str]:
     """Combinations of some unknowns that are determined: products, else sums, else how many there are."""
     for written, weights in ((_product, [1.0, 1.0]), (_sum, [1 / _scales(here.values), 1 / _scales(near.values)])):
         rows = [
