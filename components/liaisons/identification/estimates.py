@@ -13,7 +13,7 @@ from scipy.stats import norm, t
 
 from liaisons.identification.determinacy import NullSpace, sentences
 from liaisons.identification.minimising import Minimum, influence, minimise
-from liaisons.identification.problems import Floats, Objective, Problem
+from liaisons.identification.problems import FittingProblem, Floats, Objective
 
 _APART = 0.02
 """Relative distance of the values at which a product of unknowns has to be the same."""
@@ -24,14 +24,14 @@ ROUNDING = 1e-7
 
 @final
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class ParameterEstimate:
     """Unknowns that fit measurements best.
 
     :param held: indices of unknowns that keep their start values, since they are not determined.
     :param at_bound: indices of unknowns that are at one of their bounds.
     """
 
-    problem: Problem
+    problem: FittingProblem
     objective: Objective
     minimum: Minimum
     held: tuple[int, ...] = ()

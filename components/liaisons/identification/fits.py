@@ -10,7 +10,7 @@ import numpy as np
 from liaisons.arguments import shown
 from liaisons.check import Verdict, table
 from liaisons.errors import IdentificationError
-from liaisons.identification.estimates import Estimate
+from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats
 from liaisons.identification.replaying import replays
@@ -26,7 +26,7 @@ class Fit:
     Of several experiments, ``"theta_0 (2)"`` is the value of the second one.
     """
 
-    estimate: Estimate
+    estimate: ParameterEstimate
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
 from liaisons.identification.minimising import LOSSES
-from liaisons.identification.problems import TIME_OFFSET, Floats, Prior, Problem
+from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior
 from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target, component
@@ -103,7 +103,7 @@ def identify(
     levels = None if noise is None else tuple(noise_levels(noise, experiment) for experiment in experiments)
     limits = unknowns.limits(bounds or {}, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
-    problem = Problem(
+    problem = FittingProblem(
         subject=subject,
         measurements=experiments,
         names=tuple(label for label, _ in unknowns.labels),
@@ -227,7 +227,7 @@ def _started(name: str) -> str:
     return base.removesuffix("_0") + name[len(base) :] if base.endswith("_0") else ""
 
 
-def _check(problem: Problem) -> None:
+def _check(problem: FittingProblem) -> None:
     """Check that a problem can have a solution."""
     count = len(problem.names)
     if not count:

@@ -24,7 +24,7 @@ _NEARBY = 7
 
 @final
 @dataclass(frozen=True, eq=False)
-class Experiment:
+class MeasuredMotion:
     """Measurements, and the motion that they are of.
 
     :param motion: at the times of the measurements, with their signals first.
@@ -83,7 +83,7 @@ class Objective:
     :param shift: is added to all residuals.
     """
 
-    experiments: tuple[Experiment, ...]
+    experiments: tuple[MeasuredMotion, ...]
     priors: tuple[Prior, ...]
     limits: Floats
     loss: str
@@ -117,7 +117,7 @@ class Objective:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Problem:
+class FittingProblem:
     """A subject, its measurements, and what is unknown.
 
     :param names: of the unknowns, element by element; in several experiments ``"theta_0 (2)"`` is that of the second.
@@ -165,7 +165,7 @@ class Problem:
         start_time: float | None = None,
         record: Sequence[str] | None = None,
         tolerance: float | None = None,
-    ) -> Experiment:
+    ) -> MeasuredMotion:
         """One, with steps for these values.
 
         :param record: signals, those of the measurements first; None: these.
@@ -183,7 +183,7 @@ class Problem:
             operators=self.operators,
             tolerance=tolerance or self.tolerance,
         )
-        return Experiment(data, motion, tuple(own.values()), offset, deviations)
+        return MeasuredMotion(data, motion, tuple(own.values()), offset, deviations)
 
     def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
         """Residuals of shorter motions, each with start values of its own, and links between them.
@@ -191,7 +191,7 @@ class Problem:
         :returns: residuals, and their unknowns: the start values of all but the first behind the others.  A time offset
             keeps its value.
         """
-        experiments: list[Experiment] = []
+        experiments: list[MeasuredMotion] = []
         links: list[Link] = []
         values = unknowns.copy()
         for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True):

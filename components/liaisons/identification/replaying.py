@@ -10,8 +10,8 @@ from scipy.interpolate import PPoly
 
 from liaisons import cosim
 from liaisons.folders import process_folder
-from liaisons.identification.estimates import Estimate
-from liaisons.identification.problems import TIME_OFFSET, Experiment, Problem
+from liaisons.identification.estimates import ParameterEstimate
+from liaisons.identification.problems import TIME_OFFSET, FittingProblem, MeasuredMotion
 from liaisons.interface import operator, simulate
 from liaisons.library import build
 from liaisons.mechanics import Model
@@ -22,7 +22,7 @@ _STEPS = 1000
 """Communication steps, at least: what operators do in one is interpolated."""
 
 
-def replays(estimate: Estimate) -> tuple[Result, ...]:
+def replays(estimate: ParameterEstimate) -> tuple[Result, ...]:
     """The motion of each experiment; its times are among the communication points."""
     problem, values = estimate.problem, estimate.values.tolist()
     return tuple(
@@ -31,7 +31,7 @@ def replays(estimate: Estimate) -> tuple[Result, ...]:
     )
 
 
-def _replay(problem: Problem, experiment: Experiment, values: Mapping[str, float]) -> Result:
+def _replay(problem: FittingProblem, experiment: MeasuredMotion, values: Mapping[str, float]) -> Result:
     starts = {**problem.start_values, **values}
     data, subject = experiment.measurements, problem.subject
     ends = np.unique([problem.start_time, *experiment.motion.times])

@@ -9,9 +9,9 @@ import numpy as np
 
 from liaisons.errors import LiaisonsError
 from liaisons.identification.determinacy import NullSpace
-from liaisons.identification.estimates import ROUNDING, Estimate
+from liaisons.identification.estimates import ROUNDING, ParameterEstimate
 from liaisons.identification.minimising import Minimum, minimise
-from liaisons.identification.problems import Floats, Objective, Problem
+from liaisons.identification.problems import FittingProblem, Floats, Objective
 
 _ROUNDS = 20
 _SETTLED = 1e-6
@@ -28,7 +28,7 @@ _NORMAL = 1.4826
 """Standard deviation of normal numbers, relative to the median of their absolute values."""
 
 
-def estimated(problem: Problem, segments: int | None = None) -> Estimate:
+def estimated(problem: FittingProblem, segments: int | None = None) -> ParameterEstimate:
     """The best estimate.
 
     :param segments: of multiple shooting; 1: single shooting; None: single shooting, and multiple shooting with more
@@ -55,7 +55,7 @@ def estimated(problem: Problem, segments: int | None = None) -> Estimate:
     return _refined(problem, best, levels)
 
 
-def _assumed(problem: Problem) -> tuple[Floats, ...]:
+def _assumed(problem: FittingProblem) -> tuple[Floats, ...]:
     """Standard deviations of signals whose noise is unknown; one for a name in all experiments."""
     columns: dict[str, list[Floats]] = {}
     for data in problem.measurements:
@@ -69,7 +69,7 @@ def _is_poor(objective: Objective, minimum: Minimum) -> bool:
     return _NORMAL * float(np.median(np.abs(objective(minimum.values)[0]))) > _POOR
 
 
-def _linked(problem: Problem, levels: Sequence[Floats], count: int) -> Floats:
+def _linked(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:
     """Start values by multiple shooting, whose links become closer and closer."""
     objective, values = problem.segments(problem.start, levels, count)
     for factor in _LINKS:
@@ -88,14 +88,14 @@ def _determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int
         start, held = minimum.values, fewer
 
 
-def _refined(problem: Problem, minimum: Minimum, levels: Sequence[Floats]) -> Estimate:
+def _refined(problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]) -> ParameterEstimate:
     """The estimate with steps that are chosen at its values, and with the noise that its residuals show."""
     rounds = 0
     while True:
         rounds += 1
         objective = problem.objective(minimum.values, levels)
         before, (minimum, held) = minimum, _determined(objective, minimum.values)
-        estimate = _bounded(Estimate(problem, objective, minimum, held))
+        estimate = _bounded(ParameterEstimate(problem, objective, minimum, held))
         scales = np.fmax(np.abs(minimum.values), estimate.standard_errors)
         settled = np.all(np.abs(minimum.values - before.values) <= _SETTLED * scales)
         if problem.noise is None:
@@ -106,7 +106,7 @@ def _refined(problem: Problem, minimum: Minimum, levels: Sequence[Floats]) -> Es
             return estimate
 
 
-def _bounded(estimate: Estimate) -> Estimate:
+def _bounded(estimate: ParameterEstimate) -> ParameterEstimate:
     """The estimate with unknowns that are next to a bound put onto it, if it is the better for that."""
     values, (low, high) = estimate.values, estimate.objective.limits
     gradient = np.einsum("r,ri->i", *estimate.linearization)
@@ -122,7 +122,7 @@ def _bounded(estimate: Estimate) -> Estimate:
     return replace(estimate, minimum=minimum, at_bound=at_bound)
 
 
-def _shown(estimate: Estimate) -> tuple[Floats, ...]:
+def _shown(estimate: ParameterEstimate) -> tuple[Floats, ...]:
     """Standard deviations of the signals as their residuals show them; one for a name in all experiments."""
     problem, columns = estimate.problem, {}
     experiments = estimate.objective.experiments

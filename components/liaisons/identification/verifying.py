@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from liaisons.check import Verdict, verdict
-from liaisons.identification.estimates import Estimate
+from liaisons.identification.estimates import ParameterEstimate
 from liaisons.results import Result
 
 _CHANCE = 1e-3
@@ -22,7 +22,7 @@ _EXACT = 1e-6
 """By how much FMUs and fitted motion may differ, relative to the size of a signal."""
 
 
-def verdicts(estimate: Estimate, replays: Sequence[Result]) -> Iterator[Verdict]:
+def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator[Verdict]:
     """All of them.
 
     :param replays: the fitted motions as the FMUs perform them.
@@ -40,7 +40,7 @@ def verdicts(estimate: Estimate, replays: Sequence[Result]) -> Iterator[Verdict]
     yield _finer(estimate)
 
 
-def _replayed(estimate: Estimate, replays: Sequence[Result]) -> Verdict:
+def _replayed(estimate: ParameterEstimate, replays: Sequence[Result]) -> Verdict:
     """In each signal, relative to its size, or where that is more to its standard deviation."""
     errors = [0.0]
     for experiment, fitted, replay in zip(estimate.objective.experiments, estimate.fitted, replays, strict=True):
@@ -53,7 +53,7 @@ def _replayed(estimate: Estimate, replays: Sequence[Result]) -> Verdict:
     return verdict(text, error=max(errors), tolerance=_EXACT, reason="relative, or a hundredth of the noise")
 
 
-def _white(estimate: Estimate) -> Iterator[Verdict]:
+def _white(estimate: ParameterEstimate) -> Iterator[Verdict]:
     """The test of Ljung and Box of the residuals of each signal."""
     parts = list(estimate.standardised())
     for label, r, rounding in parts:
@@ -72,14 +72,14 @@ def _white(estimate: Estimate) -> Iterator[Verdict]:
         yield verdict(text, error=q, tolerance=bound, reason=f"chance {_CHANCE:g} in all of them")
 
 
-def _size(estimate: Estimate) -> Verdict:
+def _size(estimate: ParameterEstimate) -> Verdict:
     square, freedom = 2 * estimate.minimum.cost, max(1, estimate.freedom)
     chance = 2 * min(chi2.cdf(square, freedom), chi2.sf(square, freedom))
     text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}, probability {chance:.2g}"
     return verdict(text, error=float(1 - chance), tolerance=1 - _CHANCE)
 
 
-def _variances(estimate: Estimate) -> Iterator[Verdict]:
+def _variances(estimate: ParameterEstimate) -> Iterator[Verdict]:
     """Variances of unknowns that are fitted to simulated measurements, as multiples of those of the estimate."""
     sure = np.flatnonzero(np.isfinite(estimate.standard_errors))
     if not sure.size:
@@ -93,7 +93,7 @@ def _variances(estimate: Estimate) -> Iterator[Verdict]:
         yield verdict(text, error=float(1 - chance), tolerance=1 - (1 - _BAND) / len(sure), reason="99 % band of all")
 
 
-def _finer(estimate: Estimate) -> Verdict:
+def _finer(estimate: ParameterEstimate) -> Verdict:
     """Steps of a tenth of the tolerance."""
     errors = estimate.standard_errors
     change = np.abs(estimate.with_finer_steps().values - estimate.values) / errors
