@@ -17,7 +17,7 @@ import liaisons
 from liaisons.cli import check, compare, components, equations, pictures, plan, run, simulate, sweep  # noqa: F401  # the commands
 from liaisons.cli._command import application
 
-ELSEWHERE = [r"(numpy|casadi|ca|np|pandas|xarray|matplotlib|scipy|distributed|collections|fmpy)\b.*"]
+ELSEWHERE = [r"(numpy|casadi|ca|np|jax|pandas|xarray|matplotlib|scipy|distributed|collections|fmpy)\b.*"]
 """Objects of other packages, whose pages are not fetched."""
 
 

@@ -1,4 +1,4 @@
-"""Files that are replaced as a whole, and tables in CSV files."""
+"""Files that are replaced as a whole, tables in CSV files, and arguments in TOML files."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from errno import EACCES, EISDIR
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
 
 @contextmanager
@@ -90,6 +91,34 @@ def csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[s
     units = [unit.strip("# ") for unit in below] if "".join(below[:1]).startswith("#") else []
     rows = {number: [cell.replace(",", ".") for cell in cells[number]] for number in numbers[1:]}
     return headings, units if len(units) == len(headings) else [""] * len(headings), rows
+
+
+def toml_arguments(
+    path: Path, keys: Collection[str], examples: Mapping[str, str], error: type[LiaisonsError]
+) -> dict[str, Any]:
+    """Arguments of a function in a TOML file.
+
+    :param keys: their names.
+    :param examples: those that must be there, each with a value as an example.
+    :raises LiaisonsError: the class ``error``, if it cannot be read, has another key, or lacks one.
+    """
+    try:
+        arguments = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as problem:
+        raise error(f"{path}: {problem}") from None
+    for key in arguments:
+        if key not in keys:
+            raise error(f"{path}: unknown key {key!r}{suggestion(key, keys)}")
+    for key, example in examples.items():
+        if key not in arguments:
+            raise error(f"{path}: {key} is missing, for example {key} = {example}")
+    return arguments
+
+
+def beside(path: Path, name: str) -> str:
+    """Path of a file beside another one; the name itself if there is none."""
+    file = path.parent / name
+    return str(file) if file.is_file() else name
 
 
 def _part(target: Path) -> Path:

@@ -21,6 +21,8 @@ from liaisons.language import Component, Operator, Variable
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
 
+DEGREE = 5
+"""Of polynomials that drive inputs."""
 INTEGRALS = ("work", "dissipated")
 """States that no motion depends on; integrated only for outputs that need them."""
 
@@ -37,6 +39,11 @@ class RightHandSide:
     :param outputs: what is recorded.
     :param conditions: must stay > 0.
     :param condition_texts: one a condition.
+    :param prescribed: active coordinates that move, by their names.
+    :param landed: y after these have jumped, of ``before``, too; None: as before.
+    :param before: t and the shared values before a jump.
+    :param events: instants at which the equations are not smooth; where they recur, the first ones after t.
+    :param sizes: nominal values of y.
     """
 
     symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
@@ -46,6 +53,11 @@ class RightHandSide:
     outputs: ca.SX
     conditions: ca.SX
     condition_texts: tuple[str, ...]
+    prescribed: dict[str, ca.SX]
+    landed: ca.SX | None
+    before: tuple[ca.SX, ca.SX]
+    events: ca.SX
+    sizes: ca.SX
 
 
 @lru_cache(maxsize=32)
@@ -87,6 +99,7 @@ def right_hand_side(
     shared: Iterable[str],
     record: Sequence[str],
     start_time: float = 0.0,
+    driven: Sequence[str] | None = None,
 ) -> RightHandSide:
     """Expressions of an ensemble.
 
@@ -94,6 +107,9 @@ def right_hand_side(
     :param lanes: names of the values that differ between the cases, in the order of their column.
     :param shared: names of the values that all cases share.
     :param record: names of outputs.
+    :param driven: inputs and active coordinates that are polynomials of degree :data:`DEGREE` in time.  If not None,
+        further shared values are the start time, the instant from which the polynomials count, and their
+        coefficients, the constant ones first.
     :raises ComponentError: for an unknown output, outputs that no state moves, or a function that is not made of scalar
         operations.
     """
@@ -112,17 +128,22 @@ def right_hand_side(
     def values(variables: Iterable[Variable], prefix: str = "") -> dict[str, ca.SX]:
         return {v.name: named.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
 
-    constants = symbols("lanes", list(lanes)), symbols("shared", list(shared))
+    each, once, instant = symbols("lanes", list(lanes)), symbols("shared", list(shared)), ca.SX(start_time)
     inputs = values(model.inputs)
+    if driven is not None:
+        extra = ca.SX.sym("extra", 2 + (DEGREE + 1) * len(driven))
+        once, instant = ca.vertcat(once, extra), extra[0]
+        inputs |= _polynomials(model, driven, extra[1:], t)
+    constants, moved = (each, once), list[tuple[Model, ca.SX]]()
     for triple in model.active:
         if triple.value in moving:
             operator = moving[triple.value]
             parameters = stack(values(operator.parameters, f"{triple.value}.").values())
+            moved.append((operator, parameters))
             z = _scalar(operator.outputs_function, t, [], [], parameters, [])[0]
             inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
     u, k = stack(inputs.values()), stack(values(model.parameters).values())
 
-    instant = ca.SX(start_time)
     at_start = [instant, ca.substitute(u, t, instant), k]
     start, memory = _scalar(model.start, *at_start)
     at_start.insert(1, start)
@@ -136,7 +157,12 @@ def right_hand_side(
     conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
 
-    needed = _closure(ca.vertcat(outputs, conditions), y, [rates, *([] if projected is None else [projected])])
+    before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
+    booked = _scalar(model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory)[0]
+    landed = None if driven is None else _scalar(model.jump, t, y, u, k, booked)[0]
+
+    maps = [x for x in (rates, projected, landed) if x is not None]
+    needed = _closure(ca.vertcat(outputs, conditions), y, maps)
     if not needed:
         raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
     return RightHandSide(
@@ -147,7 +173,27 @@ def right_hand_side(
         outputs=outputs,
         conditions=conditions,
         condition_texts=texts,
+        prescribed={a.value: inputs[a.value] for a in model.active if a.value in {*moving, *(driven or ())}},
+        landed=None if landed is None or ca.is_equal(landed[needed], y[needed], 1) else landed[needed],
+        before=before,
+        events=stack([_events(model, k, t), *(_events(operator, p, t) for operator, p in moved)]),
+        sizes=_scalar(model.nominals, *at_start)[0][needed],
     )
+
+
+def _polynomials(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
+    """Inputs that are polynomials; of an active coordinate its rate and acceleration, too."""
+    triples, values = {a.value: (a.value, a.rate, a.acceleration) for a in model.active}, {}
+    for i, name in enumerate(driven):
+        coefficients = numbers[1 + i * (DEGREE + 1) : 1 + (i + 1) * (DEGREE + 1)]
+        value = ca.polyval(coefficients[::-1], t - numbers[0])
+        for input_name in triples.get(name, (name,)):
+            values[input_name], value = value, ca.jacobian(value, t)
+    return values
+
+
+def _events(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:
+    return _scalar(model.events, *(k, t)[: model.events.n_in()])[0]
 
 
 def _bounds(variable: Variable, value: ca.SX) -> list[ca.SX]:

@@ -100,7 +100,7 @@ def compiled(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Adva
     :param shared: values that all cases share.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    integrate = _library(source(equations, tableau)).integrate
+    integrate = library(source(equations, tableau)).integrate
     pointer, long, double = ctypes.POINTER(ctypes.c_double), ctypes.c_long, ctypes.c_double
     integrate.argtypes = [long, long, double, double, pointer, pointer, pointer]
     integrate.restype = None
@@ -153,7 +153,7 @@ def source(equations: RightHandSide, tableau: Tableau) -> str:
         stages.append(f"    rates(t + {tableau.nodes[stage]!r} * h, shared, k, (const Row *)at, f[{stage}]);")
     stages += _combination("y", tableau.weights, states)
     return _SOURCE.format(
-        declarations="\n".join(_declarations()),
+        declarations="\n".join(declarations()),
         rates="\n".join(_loop(equations, equations.rates, "f[{}][i]")),
         projection="    (void)y;" if projected is None else "\n".join(_loop(equations, projected, "y[{}][i]")),
         stages="\n".join(stages),
@@ -164,7 +164,7 @@ def source(equations: RightHandSide, tableau: Tableau) -> str:
     )
 
 
-def _declarations() -> Iterator[str]:
+def declarations() -> Iterator[str]:
     """Tell gcc what libmvec has; the system's header does so under -ffast-math only."""
     name, version = platform.libc_ver()
     glibc = tuple(int(part) for part in version.split(".")[:2]) if name == "glibc" else ()
@@ -197,7 +197,7 @@ def _combination(target: str, weights: Sequence[float], states: int) -> Iterator
 
 
 @lru_cache(maxsize=64)
-def _library(code: str) -> ctypes.CDLL:
+def library(code: str) -> ctypes.CDLL:
     """Compile and load; the same code is compiled once a process."""
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:  # Windows keeps what is loaded
         path = Path(folder, f"ensemble{host().extension}")

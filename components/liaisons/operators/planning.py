@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import Any
 
 from liaisons.arguments import as_path, finite, merged, named, settings_beside, shown, whole
 from liaisons.cosim.running.interrupts import deferred_interrupts
-from liaisons.errors import PlanError, suggestion
+from liaisons.errors import PlanError
+from liaisons.files import beside, toml_arguments
 from liaisons.library import Target, component
 from liaisons.operators.goals import Cost, Expression, Goal, Value, closed_names, duration_range, move_names
 from liaisons.operators.guesses import guesses, refuse_invariants
@@ -136,25 +136,13 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
     :raises PlanError: if it is no TOML, or has another key, or what it asks for cannot be planned.
     """
     path = as_path("path", path, PlanError)
-    try:
-        arguments = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise PlanError(f"{path}: {error}") from None
     keys = {*inspect.signature(plan).parameters} - {"guess", "progress", "keywords"} | {"values"}
-    for key in arguments:
-        if key not in keys:
-            raise PlanError(f"{path}: unknown key {key!r}{suggestion(key, keys)}")
-    for key, example in _EXAMPLES.items():
-        if key not in arguments:
-            raise PlanError(f"{path}: {key} is missing, for example {key} = {example}")
+    arguments = toml_arguments(path, keys, _EXAMPLES, PlanError)
     mechanism, values = str(arguments.pop("mechanism")), arguments.pop("values", {})
     for key in named(f"{path}: values", values, PlanError):
         if key in keys:
             raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
-    beside = path.parent / mechanism
-    if beside.suffix == ".py" and beside.is_file():
-        mechanism = str(beside)
-    return plan(mechanism, **arguments, **values, progress=progress)
+    return plan(beside(path, mechanism), **arguments, **values, progress=progress)
 
 
 def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:

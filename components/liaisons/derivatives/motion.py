@@ -1,0 +1,575 @@
+"""A motion as a function of values, with derivatives of the steps that were taken.
+
+A Runge-Kutta method applied to the variational equations gives the derivative of its own steps (Hairer, Nørsett,
+Wanner, I.14); backwards, its adjoint does.  Steps end at all recorded times, breaks of inputs and events.  Between two
+of these their sizes are fixed parts of the interval, so that they move along with an event whose instant depends on
+values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast, final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons import flattening
+from liaisons.arguments import finite, listed, named, numbers, positive
+from liaisons.array_names import split
+from liaisons.cosim import System
+from liaisons.derivatives.compiled_steps import CompiledSteps
+from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
+from liaisons.ensembles.right_hand_sides import (
+    DEGREE,
+    INTEGRALS,
+    RightHandSide,
+    flat_model,
+    operator_model,
+    right_hand_side,
+    settable,
+)
+from liaisons.errors import ComponentError, SimulationError, suggestion
+from liaisons.expressions.algebra import stack
+from liaisons.language import Variable
+from liaisons.library import Target, component
+from liaisons.mechanics.model import Model
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+Subject: TypeAlias = "Target | Model | System"
+Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
+
+_MARGIN = 8
+"""So many roundings before an event it has not come yet, and so many after it has passed."""
+_PART = 0.01
+"""Of the tolerance, by which a step and two of half its size may differ: derivatives have larger errors than states."""
+_ROUNDING = 4e-15
+_CHUNK, _ROOM = 2**21, 2**25
+"""Numbers that are kept for derivatives: by a part of the steps, and by all."""
+_EQUAL = 1e-9
+
+
+@final
+class _Functions:
+    """Steps of a motion, and what happens at their ends."""
+
+    def __init__(self, equations: RightHandSide) -> None:
+        t, k, s, y = point = equations.symbols
+        z, start, landed, before = equations.outputs, equations.start, equations.landed, equations.before
+        of_z, of_y = ca.SX.sym("a", z.numel()), ca.SX.sym("a", y.numel())
+
+        def function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
+            return ca.Function("function", list(inputs), ca.cse([ca.densify(output) for output in outputs]))
+
+        self.steps, self.condition_texts = CompiledSteps(equations), equations.condition_texts
+        self.start = function([k, s], start, equations.sizes)
+        self.start_tangents = function([k, s], ca.jacobian(start, k))
+        self.start_adjoint = function([k, s, of_y], ca.jtimes(start, k, of_y, True))
+        self.outputs, self.conditions = function(point, z), function(point, equations.conditions)
+        self.output_tangents = function(point, ca.jacobian(z, k), ca.jacobian(z, y))
+        self.output_adjoint = function([*point, of_z], *(ca.jtimes(z, x, of_z, True) for x in (k, y)))
+        self.output_rates = function(point, ca.jtimes(z, ca.vertcat(t, y), ca.vertcat(1, equations.rates)))
+        self.events = function([t, k, s], equations.events, ca.jacobian(equations.events, k))
+        self.prescribed = function([t, k, s], stack(equations.prescribed.values()))
+        self.prescribed_names = tuple(equations.prescribed)
+        self.landed = None
+        if landed is not None:
+            of_time = ca.jacobian(landed, t) + ca.jacobian(landed, before[0])
+            self.landed = function([*point, *before], landed, ca.jacobian(landed, k), ca.jacobian(landed, y), of_time)
+
+
+@lru_cache(maxsize=32)
+def _functions(
+    model: Model,
+    *,
+    moving: tuple[tuple[str, Model], ...],
+    names: tuple[str, ...],
+    shared: tuple[str, ...],
+    record: tuple[str, ...],
+    driven: tuple[str, ...],
+) -> _Functions:
+    return _Functions(right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """An instant at which a step ends, and its derivatives by the values."""
+
+    time: float
+    slope: Floats
+    is_event: bool = False
+    record: int = -1
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Landing:
+    """Derivatives of the state after an event by the values and by the state before it."""
+
+    of_k: Floats
+    of_y: Floats
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Leg:
+    """Some steps between two events.
+
+    :param y: first state.
+    :param kept: states of stages; None: to be calculated once more.
+    :param recorded: which of the recorded times are among their ends.
+    :param landing: None if no event was just before.
+    """
+
+    steps: Steps
+    y: Floats
+    kept: Floats | None
+    recorded: Integers
+    landing: _Landing | None
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A motion.
+
+    :param records: states at the recorded times, (times, states).
+    :param points: t, values, shared values and states there, as functions take them.
+    """
+
+    k: Floats
+    legs: list[_Leg]
+    records: Floats
+    points: list[Floats]
+
+
+@final
+class DifferentiableMotion:
+    """A motion as a function of some of its values, with derivatives: those of the steps that were taken.
+
+    Steps are chosen by error control for the values that it is called with; :meth:`frozen` keeps them.
+
+    :param name: of what moves.
+    :param variables: values that it is a function of, by name, :attr:`names`.
+    :param values: as set, or as declared.
+    :param times: recorded [s].
+    :param table: shared values, a row from each of the breaks on; inputs or their rates jump at some.
+    :param signals: names of the recorded outputs.
+    :param units: of values and signals.
+    """
+
+    method = "steps"
+
+    def __init__(
+        self,
+        name: str,
+        functions: _Functions,
+        variables: Mapping[str, Variable],
+        values: Floats,
+        times: Floats,
+        *,
+        start_time: float,
+        table: Floats,
+        breaks: Floats,
+        jumps: Floats,
+        signals: tuple[str, ...],
+        units: Mapping[str, str],
+        tolerance: float,
+    ) -> None:
+        self.name, self.names, self.signals, self.units = name, tuple(variables), signals, units
+        self.values, self.times, self._start = values, times, start_time
+        self._functions, self._variables, self._table, self._breaks = functions, variables, table, breaks
+        self._jumps = jumps.tolist()
+        self._tolerance = max(_PART * tolerance, _ROUNDING)
+        self._fixed: tuple[list[tuple[bool, int]], list[Floats]] | None = None
+        self._last = b"", list[Floats]()
+
+    def __call__(self, values: ArrayLike) -> Floats:
+        """Signals, (signals, times)."""
+        return self._seen(self._run(values), self._functions.outputs)
+
+    def rates(self, values: ArrayLike) -> Floats:
+        """Time derivatives of the signals, (signals, times)."""
+        return self._seen(self._run(values), self._functions.output_rates)
+
+    def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
+        """Signals, and their derivatives by the values, (signals, times, values)."""
+        f, run = self._functions, self._run(values, keep=True)
+        of_k, of_y = np.eye(len(run.k)), _array(f.start_tangents(run.k, self._table[0]))
+        records = np.broadcast_to(of_y, (len(self.times), *of_y.shape)).copy()
+        for leg in run.legs:
+            if leg.landing is not None:
+                of_y = leg.landing.of_k + leg.landing.of_y @ of_y
+            records[leg.recorded], of_y = f.steps.tangents(leg.steps, run.k, self._kept(run, leg), of_k, of_y)
+        shape = len(self.signals), len(self.times), -1
+        direct, through = (_array(x).reshape(shape) for x in f.output_tangents(*run.points))
+        return self._seen(run, f.outputs), direct + np.einsum("ztj,tjp->ztp", through, records)
+
+    def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
+        """Signals, and the derivatives of the sum of weights * signals by the values, (values,).
+
+        :param weights: (signals, times), or a function of the signals that returns them.
+        """
+        f, run = self._functions, self._run(values, keep=True)
+        signals = self._seen(run, f.outputs)
+        factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
+        if factors.shape != signals.shape:
+            raise SimulationError(f"weights have shape {factors.shape}; give {signals.shape}: (signals, times)")
+        direct, by_state = map(_array, f.output_adjoint(*run.points, factors))
+        total, of_y = direct.sum(axis=1), np.zeros(len(by_state))
+        for leg in reversed(run.legs):
+            steps, weights_there = leg.steps, np.ascontiguousarray(by_state[:, leg.recorded].T)
+            of_k, of_t, of_h = f.steps.adjoint(steps, run.k, self._kept(run, leg), weights_there, of_y)
+            total += of_k + (of_t[:, None] * steps.of_t + of_h[:, None] * steps.of_h).sum(axis=0)
+            if leg.landing is not None:
+                total += of_y @ leg.landing.of_k
+                of_y = of_y @ leg.landing.of_y
+        if self.times[0] == self._start:
+            of_y = of_y + by_state[:, 0]
+        return signals, total + _array(f.start_adjoint(run.k, self._table[0], of_y)).ravel()
+
+    def at(self, times: ArrayLike) -> Self:
+        """The same motion, recorded at other times."""
+        return self._with(times=_times(times, self._start), _fixed=None, _last=(b"", []))
+
+    def frozen(self, values: ArrayLike) -> Self:
+        """The same motion with the steps that are taken at some values, whatever it is called with."""
+        k = self._checked(values)
+        cuts = list(self._cuts(k))
+        return self._with(_fixed=(_order(cuts), self._chosen(k, cuts)))
+
+    def _with(self, **changes: Any) -> Self:
+        other = copy(self)
+        vars(other).update(changes)
+        return other
+
+    # ---- the run
+
+    def _checked(self, values: ArrayLike) -> Floats:
+        k = np.array(numbers("values", values, SimulationError), dtype=float)
+        if k.shape != self.values.shape:
+            raise SimulationError(f"{self.name}: values have shape {k.shape}; give {len(self.names)}, one a name")
+        for (name, variable), value in zip(self._variables.items(), k.tolist(), strict=True):
+            if not (np.isfinite(value) and variable.allows(value)):
+                raise SimulationError(f"{self.name}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
+        return k
+
+    def _run(self, values: ArrayLike, *, keep: bool = False) -> _Run:
+        f, k = self._functions, self._checked(values)
+        cuts = list(self._cuts(k))
+        if self._fixed is None:
+            parts = self._chosen(k, cuts)
+        else:
+            order, parts = self._fixed
+            if order != _order(cuts):
+                raise SimulationError(f"{self.name}: the events come in another order at these values")
+        y = _array(f.start(k, self._table[0])[0]).ravel()
+        records, legs = np.tile(y, (len(self.times), 1)), list[_Leg]()
+        instants = self.times.copy()
+        self._holds(k, np.array([self._start]), self._table[:1], y[None])
+        most = max(1, _CHUNK // ((METHOD.stages + 1) * len(y)))
+        keeps = keep and sum(map(len, parts)) * (METHOD.stages + 1) * len(y) <= _ROOM
+        for segment, first in self._segments(cuts):
+            landing = None
+            if first:
+                y, landing = self._landed(k, cuts[first], y)
+            last = first + len(segment.rows)
+            whole, recorded = _steps(cuts[first : last + 1], parts[first:last], segment)
+            for begin in range(0, len(whole.t), most):
+                steps, which = _some(whole, recorded, begin, begin + most)
+                states, kept = f.steps.advance(steps, k, y, keep=keeps)
+                self._holds(k, steps.t + steps.h, steps.table[steps.rows], states)
+                legs.append(_Leg(steps, y, kept if keeps else None, which, landing))
+                y, landing = states[-1], None
+                records[which] = states[steps.record >= 0]
+                instants[which] = np.maximum(instants[which], segment.limits[0])
+        points = [instants[None], k, self._table[self._row(self.times)].T, records.T]
+        return _Run(k, legs, records, points)
+
+    def _kept(self, run: _Run, leg: _Leg) -> Floats:
+        if leg.kept is not None:
+            return leg.kept
+        return self._functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
+
+    def _seen(self, run: _Run, function: ca.Function) -> Floats:
+        return _array(function(*run.points))
+
+    def _holds(self, k: Floats, t: Floats, s: Floats, states: Floats) -> None:
+        """Check that states may be used."""
+        lost = ~np.isfinite(states).all(axis=1)
+        texts = self._functions.condition_texts
+        broken = _array(self._functions.conditions(t[None], k, s.T, states.T)) <= 0 if texts else np.zeros((0, len(t)))
+        failed = np.flatnonzero(lost | broken.any(axis=0))
+        if failed.size:
+            reasons = [text for text, row in zip(texts, broken, strict=True) if row[failed[0]]]
+            reason = reasons[0] if reasons else "the motion is not finite"
+            raise SimulationError(f"{self.name}: {reason} (t = {t[failed[0]]:g} s)")
+
+    # ---- where steps end
+
+    def _cuts(self, k: Floats) -> Iterator[_Cut]:
+        """Start, recorded times, breaks and events, in order; an event comes before what is at the same time."""
+        nothing, start, stop = np.zeros(len(k)), self._start, float(self.times[-1])
+        breaks = self._breaks[(start < self._breaks) & (self._breaks < stop)]
+        records = {time: number for number, time in enumerate(self.times.tolist()) if time > start}
+        regular = sorted({*records, *breaks.tolist()})
+        events = [_Cut(time, nothing, is_event=True) for time in self._jumps if start < time < stop]
+        for time, slope in self._events(k):
+            near = min(regular, key=lambda other: abs(other - time), default=time)
+            events.append(_Cut(near if abs(near - time) <= _rounding(time) else time, slope, is_event=True))
+        others = [_Cut(time, nothing, record=records.get(time, -1)) for time in regular]
+        yield _Cut(start, nothing)
+        yield from sorted([*events, *others], key=lambda cut: (cut.time, not cut.is_event))
+
+    def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
+        """Instants and their derivatives."""
+        events, t = self._functions.events, self._start
+        while events.numel_out(0):
+            instants, slopes = (_array(x) for x in events(t, k, self._table[0]))
+            later = instants[instants > t + _rounding(t)]
+            if not later.size or later.min() > self.times[-1]:
+                return
+            t = float(later.min())
+            for slope in np.unique(slopes[instants.ravel() == t], axis=0):
+                yield t, slope
+
+    def _segments(self, cuts: list[_Cut]) -> Iterator[tuple[Segment, int]]:
+        """What is between events, and the number of its first cut."""
+        bounds = [0, *(number for number, cut in enumerate(cuts) if cut.is_event), len(cuts) - 1]
+        for first, last in pairwise(bounds):
+            if last > first:
+                t = np.array([cut.time for cut in cuts[first : last + 1]])
+                low, high = (
+                    t[end] + sign * _rounding(t[end]) if cut.is_event else sign * -np.inf
+                    for end, sign, cut in ((0, 1, cuts[first]), (-1, -1, cuts[last]))
+                )
+                yield Segment(t, self._row(t[:-1]), np.array([low, high]), self._table), first
+
+    def _row(self, t: Floats) -> Integers:
+        """Rows of shared values that hold from some instants on."""
+        return np.maximum(np.searchsorted(self._breaks, t, side="right") - 1, 0)
+
+    def _chosen(self, k: Floats, cuts: list[_Cut]) -> list[Floats]:
+        """Ends of steps as parts of each interval between cuts."""
+        f, key = self._functions, k.tobytes()
+        if self._last[0] == key:
+            return self._last[1]
+        y, sizes = (_array(x).ravel() for x in f.start(k, self._table[0]))
+        size, parts = np.array([cuts[-1].time - self._start]), list[Floats]()
+        for segment, first in self._segments(cuts):
+            if first:
+                y, _ = self._landed(k, cuts[first], y)
+            ends, counts = f.steps.choose(segment, k, y, size, tolerance=self._tolerance, sizes=np.abs(sizes))
+            if not counts:
+                t = ends[-1:] if ends.size else segment.cuts[:1]
+                self._holds(k, t, self._table[self._row(t)], y[None])
+                near = _array(f.conditions(t, k, self._table[self._row(t)].T, y)).ravel()
+                reason = f.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
+                raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
+            for (begin, end), inside in zip(pairwise(segment.cuts), np.split(ends, counts[:-1]), strict=True):
+                parts.append((inside - begin) / (end - begin) if inside.size else np.ones(1))
+        self._last = key, parts
+        return parts
+
+    def _landed(self, k: Floats, cut: _Cut, y: Floats) -> tuple[Floats, _Landing | None]:
+        """State after the event at which a segment begins, and its derivatives."""
+        f, rounding = self._functions, _rounding(cut.time)
+        sides = cut.time - rounding, cut.time + rounding
+        before, after = (self._table[row] for row in self._row(np.array(sides)))
+        then, now = (_array(f.prescribed(*at)) for at in ((sides[0], k, before), (sides[1], k, after)))
+        for name, change, value in zip(f.prescribed_names, now - then, then, strict=True):
+            if abs(change[0]) > _EQUAL * (1 + abs(value[0])):
+                raise SimulationError(f"{self.name}: {name} jumps at t = {cut.time:g} s; its derivatives are not known")
+        if f.landed is None:
+            return y, None
+        landed, of_k, of_y, of_time = map(_array, f.landed(sides[1], k, after, y, sides[0], before))
+        return landed.ravel(), _Landing(of_k + of_time * cut.slope, of_y)
+
+
+def _array(matrix: ca.DM) -> Floats:
+    return np.array(matrix.full())
+
+
+def _rounding(time: float) -> float:
+    return _MARGIN * float(np.spacing(abs(time)))
+
+
+def _order(cuts: Iterable[_Cut]) -> list[tuple[bool, int]]:
+    return [(cut.is_event, cut.record) for cut in cuts]
+
+
+def _steps(cuts: Sequence[_Cut], parts: Sequence[Floats], segment: Segment) -> tuple[Steps, Integers]:
+    """Steps of a segment, and the numbers of the recorded times."""
+    counts = [len(part) for part in parts]
+    whole = [np.concatenate([[0.0], part]) for part in parts]
+    begins, sizes = np.concatenate([part[:-1] for part in whole]), np.concatenate([np.diff(part) for part in whole])
+    times, slopes = np.array([cut.time for cut in cuts]), np.array([cut.slope for cut in cuts])
+    which = np.repeat(np.arange(len(parts)), counts)
+    spans = np.diff(times)[which]
+    if slopes.any():
+        changes = np.diff(slopes, axis=0)[which]
+        of_t, of_h = slopes[which] + begins[:, None] * changes, sizes[:, None] * changes
+    else:
+        of_t = of_h = slopes[:1]
+    recorded = np.array([cut.record for cut in cuts[1:] if cut.record >= 0], dtype=int)
+    record, last = np.full(len(which), -1), np.cumsum(counts) - 1
+    record[last[[cut.record >= 0 for cut in cuts[1:]]]] = np.arange(len(recorded))
+    t, h = times[which] + begins * spans, sizes * spans
+    rows, limits, table = segment.rows[which], segment.limits, segment.table
+    return Steps(t, h, rows, limits, table, of_t, of_h, record, len(recorded)), recorded
+
+
+def _some(steps: Steps, recorded: Integers, begin: int, end: int) -> tuple[Steps, Integers]:
+    """Steps from one number to another, and the numbers of the recorded times."""
+    part = slice(begin, end)
+    record = steps.record[part]
+    inside = record[record >= 0]
+    local = np.where(record >= 0, record - (inside[0] if inside.size else 0), -1)
+    of_t, of_h = (rows[part] if len(rows) == len(steps.t) else rows for rows in (steps.of_t, steps.of_h))
+    t, h, rows = steps.t[part], steps.h[part], steps.rows[part]
+    return Steps(t, h, rows, steps.limits, steps.table, of_t, of_h, local, len(inside)), recorded[inside]
+
+
+def _times(times: ArrayLike, start_time: float) -> Floats:
+    array = numbers("times", times)
+    if array.ndim != 1 or not array.size or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
+        raise SimulationError("times: give finite numbers in ascending order")
+    if array[0] < start_time:
+        raise SimulationError(f"times: {array[0]:g} s is before start_time = {start_time:g} s")
+    return array
+
+
+def motion_of(
+    subject: Subject,
+    by: str | Iterable[str],
+    times: ArrayLike,
+    *,
+    start_time: float = 0.0,
+    record: str | Iterable[str] | None = None,
+    operators: Mapping[str, Target] | None = None,
+    inputs: Mapping[str, PPoly] | None = None,
+    start_values: Mapping[str, ArrayLike] | None = None,
+    tolerance: float = 1e-10,
+) -> DifferentiableMotion:
+    """A motion as a function of some of its values.
+
+    :param subject: a component by its name, file or class; a model; a system that :meth:`System.flatten` takes, with
+        names such as ``"swing.theta"``.
+    :param by: values that it is a function of: start values, parameters, inputs at rest, and parameters of operators,
+        ``"length.amplitude"``; an array under its own name or element by element.
+    :param times: recorded [s], ascending.
+    :param start_time: of the motion [s].
+    :param record: outputs; coordinates and momenta if None.
+    :param operators: active coordinate -> operator that moves it, by its name, file or class.
+    :param inputs: input or active coordinate -> piecewise polynomial of time, of degree five at most; an active
+        coordinate takes its rate and acceleration from it, too.
+    :param start_values: of these and further values, where they differ from the declared ones.
+    :param tolerance: of a step, relative to the size of each state; kept with a margin.
+    :raises ComponentError: for an unknown name, with the nearest one.
+    :raises SimulationError: for a bad number, or a system that cannot be flattened.
+    """
+    model = _model(subject)
+    moving = {
+        name: operator_model(model, name, component(operator))
+        for name, operator in named("operators", operators or {}).items()
+    }
+    driven = named("inputs", inputs or {})
+    finite("start_time", start_time)
+    positive("tolerance", tolerance)
+    variables = settable(model, moving)
+    _check_driven(model, driven, moving)
+    hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
+    variables = {name: variable for name, variable in variables.items() if name not in hidden}
+    values: dict[str, float] = {}
+    for name, value in named("start_values", start_values or {}).items():
+        elements = _elements(model, name, variables)
+        array = numbers(name, value)
+        if array.shape not in ((), (len(elements),)):
+            raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
+        values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
+    for name, value in values.items():
+        if not (np.isfinite(value) and variables[name].allows(value)):
+            domain = variables[name].domain() or "finite"
+            raise SimulationError(f"{model.name}: {name} = {value:g}: must be {domain}")
+    names = dict.fromkeys(element for name in listed("by", by) for element in _elements(model, name, variables))
+    shared = [name for name in values if name not in names]
+
+    outputs = {variable.name: variable for variable in model.outputs}
+    states = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
+    signals = states if record is None else [x for name in listed("record", record) for x in _group(name, outputs)]
+    functions = _functions(
+        model,
+        moving=tuple(moving.items()),
+        names=tuple(names),
+        shared=tuple(shared),
+        record=tuple(signals),
+        driven=tuple(driven),
+    )
+    breaks = np.unique([x for polynomial in driven.values() for x in polynomial.x] or [start_time])
+    columns = [np.full(len(breaks), number) for number in (*(values[name] for name in shared), start_time)]
+    columns += [breaks, *(_coefficients(polynomial, breaks) for polynomial in driven.values())]
+    table = np.ascontiguousarray(np.column_stack(columns))
+    sides = [_coefficients(p, np.nextafter(breaks, s))[:, :2] for p in driven.values() for s in (-np.inf, np.inf)]
+    jumped = [np.abs(b - a) > _EQUAL * (1 + np.abs(a)) for a, b in zip(sides[::2], sides[1::2], strict=True)]
+    jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
+    own = {name: variables[name] for name in names}
+    described = own | {name: outputs[name] for name in signals}
+    return DifferentiableMotion(
+        model.name,
+        functions,
+        own,
+        np.array([values.get(name, variable.starts[0]) for name, variable in own.items()]),
+        _times(times, start_time),
+        start_time=float(start_time),
+        table=table,
+        breaks=breaks,
+        jumps=jumps,
+        signals=tuple(signals),
+        units={name: variable.unit for name, variable in described.items()},
+        tolerance=tolerance,
+    )
+
+
+def _model(subject: Subject) -> Model:
+    if isinstance(subject, System):
+        return flattening.composed(subject).flat()
+    return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject)))
+
+
+def _group(name: str, known: Iterable[str]) -> list[str]:
+    """Elements of an array, or the name itself."""
+    return [other for other in known if other != name and split(other)[0] == name] or [name]
+
+
+def _elements(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
+    elements = _group(name, variables)
+    if elements[0] not in variables:
+        raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
+    return elements
+
+
+def _check_driven(model: Model, driven: Mapping[str, Any], moving: Mapping[str, Model]) -> None:
+    known = [v.name for v in model.inputs]
+    for name, polynomial in driven.items():
+        if name not in known:
+            raise ComponentError(f"inputs: {model.name} has no input {name!r}{suggestion(name, known)}")
+        if name in moving:
+            raise ComponentError(f"inputs: {name} is moved by an operator, too; leave one out")
+        shape = np.shape(getattr(polynomial, "c", ()))
+        if len(shape) != 2 or shape[0] > DEGREE + 1:
+            raise SimulationError(f"inputs: {name} = {polynomial!r}: give a PPoly of degree {DEGREE} at most")
+
+
+def _coefficients(polynomial: PPoly, breaks: Floats) -> Floats:
+    """Coefficients from each break on, (breaks, DEGREE + 1), the constant ones first."""
+    factors = np.cumprod([1.0, *range(1, DEGREE + 1)])
+    rows = [polynomial(breaks, order) if order < len(polynomial.c) else 0 * breaks for order in range(DEGREE + 1)]
+    return np.transpose(rows) / factors
