@@ -26,13 +26,13 @@ from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.derivatives.fmu_equations import Floats, FmuEquations, Method
 from liaisons.ensembles.methods import METHODS
-from liaisons.errors import RefusedError, SimulationError
+from liaisons.errors import LiaisonsError, RefusedError, SimulationError
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 _METHOD = METHODS["rk8"]
-_MOST_STEPS = 2**14
+_MOST_STEPS = 2**12
 """Between two recorded times."""
 _OF_EQUATIONS, _OF_RUNS = (1e-3, 5e-4), (4e-3, 2e-3, 1e-3)
 """Sizes of differences that are extrapolated, relative to those of the values."""
@@ -80,7 +80,8 @@ class FmuMotion:
     def adjoint(self, values: ArrayLike, weights: ArrayLike | Callable[[Floats], ArrayLike]) -> tuple[Floats, Floats]:
         """Signals, and derivatives of their weighted sum by the values, (values,)."""
         signals, derivatives = self.forward(values)
-        return signals, np.tensordot(weights(signals) if callable(weights) else weights, derivatives)
+        factors = np.asarray(weights(signals) if callable(weights) else weights, dtype=float)
+        return signals, np.tensordot(factors, derivatives)
 
     def rates(self, values: ArrayLike) -> Floats:
         """Time derivatives of the signals, (signals, times), of a quintic spline through more points."""
@@ -141,11 +142,15 @@ def _moves(values: Floats) -> Floats:
 
 def _extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], unit: float) -> tuple[Floats, Floats]:
     """Richardson's extrapolation of central differences, each half as large, and an estimate of its error."""
-    row = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes]
-    error, factor = np.zeros_like(row[0]), 4.0
+    try:
+        row, ratio = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes], 4.0
+    except LiaisonsError:  # the edge of a domain: differences to one side
+        begin = function(0.0)
+        row, ratio = [(function(h) - begin) / (h * unit) for h in sizes], 2.0
+    error, factor = np.zeros_like(row[0]), ratio
     while len(row) > 1:
         finer = [(factor * small - large) / (factor - 1) for large, small in pairwise(row)]
-        error, row, factor = np.abs(finer[-1] - row[-1]), finer, 4 * factor
+        error, row, factor = np.abs(finer[-1] - row[-1]), finer, ratio * factor
     return row[0], error
 
 
@@ -180,7 +185,7 @@ class _Runs:
             owner, variable = owned(name, parts, "input", full, single=self.single)
             curve = Port(parts[owner], variable).triple()
             functions[full] = partial(_triple, polynomial) if curve else polynomial
-        points = np.unique([self.start_time, *times])
+        points = np.unique([self.start_time, *times, *_breaks(self.inputs, self.start_time, times[-1])])
         settings = SimulationSettings(times=points, tolerance=self.tolerance, record=record, inputs=functions)
         parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
         return performed(checked(name, parts, self.system.connections, settings, single=self.single))
@@ -200,6 +205,11 @@ class _Runs:
             return result, np.moveaxis(stacked[:, 0], 0, 2), stacked[:, 1].max(axis=2).T
 
         return evaluate
+
+
+def _breaks(inputs: Mapping[str, PPoly], begin: float, end: float) -> list[float]:
+    """Ends of the pieces between two times [s]."""
+    return [x for polynomial in inputs.values() for x in polynomial.x if begin < x < end]
 
 
 def _triple(polynomial: PPoly, t: float) -> tuple[Any, ...]:
@@ -260,11 +270,11 @@ class _VariationalEquations:
         before, steps = np.array(np.nan), 1
         while steps <= _MOST_STEPS:
             after = np.array(np.nan)
-            with suppress(RefusedError):
+            with suppress(RefusedError), np.errstate(over="ignore", invalid="ignore"):
                 after = integrated(steps)
-            sizes = np.abs(after).max(initial=0.0, axis=-2, keepdims=True) if after.ndim else after
-            if np.all(np.abs(after - before) <= self.tolerance * sizes):
-                return steps
+                sizes = np.abs(after).max(axis=1, keepdims=True)
+                if np.all(np.abs(after - before) <= self.tolerance * sizes):
+                    return steps
             before, steps = after, 2 * steps
         raise SimulationError(f"{self.path.name}: {_MOST_STEPS} steps between two times are too few; it may be stiff")
 
@@ -272,8 +282,7 @@ class _VariationalEquations:
         self, calculate: Callable[[float, Floats, float], Floats], z: Floats, times: Floats, steps: int
     ) -> Floats:
         """Outputs at the times, with further columns."""
-        breaks = [x for polynomial in self.inputs.values() for x in polynomial.x if self.start_time < x < times[-1]]
-        points = np.unique([self.start_time, *breaks, *times]).tolist()
+        points = np.unique([self.start_time, *times, *_breaks(self.inputs, self.start_time, times[-1])]).tolist()
         recorded = {self.start_time: calculate(self.start_time, z, points[-1])[len(z) :]}
         for begin, end in pairwise(points):
             h = (end - begin) / steps
