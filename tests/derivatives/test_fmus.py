@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from exchange import BALL, DAHLQUIST, VAN_DER_POL, Exchange, Made
@@ -12,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from liaisons import System
+from liaisons import System, gradient, sensitivities
 from liaisons.derivatives import DifferentiableMotion, motion_of
 from liaisons.derivatives.fmus import FmuMotion
 from liaisons.errors import LiaisonsError, SimulationError
@@ -74,6 +75,15 @@ def test_van_der_pol_has_the_derivatives_of_its_variational_equations(
         assert isinstance(motion, FmuMotion)
         errors = np.abs(derivatives - expected).max(axis=1)
         assert (errors <= motion.errors(motion.values) + 1e-8).all()
+
+
+def test_sensitivities_of_fmus(made: Made) -> None:
+    path = made(DAHLQUIST)
+    s = sensitivities(path, by=["k", "x"], stop_time=2.0, step_size=0.5, k=1.0)
+    assert s.method == "directional derivatives"
+    assert_allclose(s.derivative("x", "k"), -s.time * np.exp(-s.time), atol=1e-11)
+    total = gradient(path, lambda m: ca.sum1(m["x"]), by="k", stop_time=2.0, step_size=0.5, k=1.0)
+    assert total["k"] == pytest.approx(-np.sum(s.time * np.exp(-s.time)), rel=1e-9)
 
 
 def test_derivatives_of_the_states_that_are_wrong_are_named(made: Made) -> None:
