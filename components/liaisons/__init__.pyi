@@ -7,11 +7,14 @@ from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
 from .check import verdict as verdict
 from .cosim import Signal as Signal
+from .derivatives import gradient as gradient
 from .derivatives import linearize as linearize
+from .derivatives import sensitivities as sensitivities
 from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .flattening import flatten as flatten
 from .formulas import DisplayedEquations as DisplayedEquations
+from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations
 from .interface import operator as operator

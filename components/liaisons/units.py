@@ -147,6 +147,13 @@ def written(exponents: Powers) -> str:
     return f"{top or '1'}/{bottom}" if bottom else top or "1"
 
 
+def quotient(numerator: str, denominator: str) -> str:
+    """Unit of a quotient, the radian left out; ANY if one of them is."""
+    if ANY in (numerator, denominator):
+        return ANY
+    return written(product([(powers(numerator), 1), (powers(denominator), -1)]))
+
+
 def _exponent(power: int | Fraction) -> str:
     if power == 1:
         return ""

@@ -1,6 +1,16 @@
 """Derivatives of motions, and of equations at a point."""
 
+from liaisons.derivatives.differentiation import Gradient, Sensitivities, gradient, sensitivities
 from liaisons.derivatives.linearization import Linearization, linearize
 from liaisons.derivatives.motion import DifferentiableMotion, motion_of
 
-__all__ = ["DifferentiableMotion", "Linearization", "linearize", "motion_of"]
+__all__ = [
+    "DifferentiableMotion",
+    "Gradient",
+    "Linearization",
+    "Sensitivities",
+    "gradient",
+    "linearize",
+    "motion_of",
+    "sensitivities",
+]

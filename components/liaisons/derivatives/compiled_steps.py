@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator, Sequence
-from typing import Any, final
+from typing import Any, Literal, final
 
 import casadi as ca
 import numpy as np
@@ -19,15 +19,17 @@ from liaisons.ensembles.steps import declarations, library
 from liaisons.expressions import c_parts, literal
 from liaisons.expressions.algebra import stack
 
+Purpose = Literal["run", "tangents", "adjoint"]
+
 DIRECTIONS = 8
 _OPERATIONS = 1000
 """In one function of C, at most."""
 
-_SOURCE = """\
+_HEAD = """\
 #include <math.h>
 #include <string.h>
 {declarations}
-enum {{ N = {states}, K = {lanes}, R = {shared}, W = {numbers}, S = {stages}, D = {directions} }};
+enum {{ N = {states}, K = {lanes}, R = {shared}, W = {numbers}, S = {stages}, D = {directions}, ORDER = {order} }};
 typedef double Row[D];
 static const double A[S + 1][S] = {{{matrix}}}, C[S + 1] = {{{nodes}}};
 {functions}
@@ -48,28 +50,30 @@ static void combine(int stage, double h, const double *y, const double (*f)[N], 
         at[j] = y[j] + h * slope[j];
 }}
 
+"""
+_RUN = """\
 static void step(double t, double h, const double *limits, const double *k, const double *s, double *y, double *kept)
-{{
+{
     double f[S][N], slope[N];
-    for (int stage = 0; stage <= S; ++stage, kept += N) {{
+    for (int stage = 0; stage <= S; ++stage, kept += N) {
         const double time = clipped(t + C[stage] * h, limits);
         combine(stage, h, y, (const double (*)[N])f, slope, kept);
         if (stage < S)
             rates(&time, k, s, kept, f[stage]);
         else
             project(&time, k, s, kept, y);
-    }}
-}}
+    }
+}
 
 long choose(long intervals, const double *cuts, const long *rows, const double *limits, const double *k,
             const double *table, double tolerance, const double *sizes, double *size, double *y, double *kept,
             long most, double *ends, long *counts)
-{{
+{
     long count = 0;
-    for (long m = 0; m < intervals; counts[m++] = count) {{
+    for (long m = 0; m < intervals; counts[m++] = count) {
         const double *s = table + rows[m] * R;
         double t = cuts[m], end = cuts[m + 1];
-        while (t < end) {{
+        while (t < end) {
             const int last = *size >= 0.999999 * (end - t);
             const double h = last ? end - t : fmin(*size, 0.5 * (end - t));
             double whole[N], halves[N], error = 0.0;
@@ -78,63 +82,65 @@ long choose(long intervals, const double *cuts, const long *rows, const double *
             step(t, h, limits, k, s, whole, kept);
             step(t, 0.5 * h, limits, k, s, halves, kept);
             step(t + 0.5 * h, 0.5 * h, limits, k, s, halves, kept);
-            for (int j = 0; j < N; ++j) {{
+            for (int j = 0; j < N; ++j) {
                 const double part = fabs(whole[j] - halves[j]) / (sizes[j] + fabs(whole[j]));
                 error = isnan(error) || part <= error ? error : part;
-            }}
-            const double factor = isfinite(error) ? 0.9 * pow(tolerance / fmax(error, 1e-30), 1.0 / {order}) : 0.0;
-            if (!(error <= tolerance)) {{
+            }
+            const double factor = isfinite(error) ? 0.9 * pow(tolerance / fmax(error, 1e-30), 1.0 / ORDER) : 0.0;
+            if (!(error <= tolerance)) {
                 *size = h * fmax(factor, 0.1);
                 if (t + 1e-3 * *size == t)
                     return -1 - count;
                 continue;
-            }}
+            }
             if (count == most)
                 return most + 1;
             *size = fmax(last ? *size : 0.0, h * fmin(factor, 4.0));
             t = ends[count++] = last ? end : t + h;
             memcpy(y, whole, sizeof whole);
-        }}
-    }}
+        }
+    }
     return count;
-}}
+}
 
 void advance(long steps, const double *t, const double *h, const long *rows, const double *limits, const double *k,
              const double *table, double *y, double *states, double *kept, long stride)
-{{
-    for (long n = 0; n < steps; ++n) {{
+{
+    for (long n = 0; n < steps; ++n) {
         step(t[n], h[n], limits, k, table + rows[n] * R, y, kept + n * stride);
         memcpy(states + n * N, y, N * sizeof *y);
-    }}
-}}
+    }
+}
 
+"""
+_TANGENTS = """\
 void tangents(long steps, const double *t, const double *h, const long *rows, const double *limits, const double *k,
               const double *table, const double *kept, long blocks, const Row *dk, const Row *dt, const Row *dh,
               long moving, Row *dy, const long *record, Row *records, Row *df)
-{{
+{
     double f[S][N], slope[N], at[N], w[W], none[N];
     Row along[N], time_along;
     memset(none, 0, sizeof none);
-    for (long n = 0; n < steps; ++n) {{
+    for (long n = 0; n < steps; ++n) {
         const double *s = table + rows[n] * R;
-        for (int stage = 0; stage <= S; ++stage) {{
+        for (int stage = 0; stage <= S; ++stage) {
             const double time = clipped(t[n] + C[stage] * h[n], limits), *y = kept + (n * (S + 1) + stage) * N;
             combine(stage, 0.0, none, (const double (*)[N])f, slope, at);
             if (stage < S)
                 rates_early(&time, k, s, y, f[stage], w);
             else
                 project_early(&time, k, s, y, at, w);
-            for (long b = 0; b < blocks; ++b) {{
+            for (long b = 0; b < blocks; ++b) {
                 const Row *rows_f = df + b * S * N, *t_b = dt + n * moving + b, *h_b = dh + n * moving + b;
                 Row *dy_b = dy + b * N;
-                for (int j = 0; j < N; ++j) {{
-                    Row sum = {{0}};
+                for (int j = 0; j < N; ++j) {
+                    Row sum = {0};
                     for (int q = 0; q < stage; ++q)
                         for (int i = 0; i < D; ++i)
                             sum[i] += A[stage][q] * rows_f[q * N + j][i];
                     for (int i = 0; i < D; ++i)
                         along[j][i] = dy_b[j][i] + h[n] * sum[i] + (*h_b)[i] * slope[j];
-                }}
+                }
                 for (int i = 0; i < D; ++i)
                     time_along[i] = (*t_b)[i] + C[stage] * (*h_b)[i];
                 if (stage < S)
@@ -142,19 +148,21 @@ void tangents(long steps, const double *t, const double *h, const long *rows, co
                                df + (b * S + stage) * N);
                 else
                     project_late(&time, k, s, y, w, (const Row *)&time_along, dk + b * K, (const Row *)along, dy_b);
-            }}
-        }}
+            }
+        }
         if (record[n] >= 0)
             memcpy(records + record[n] * blocks * N, dy, blocks * N * sizeof *dy);
-    }}
-}}
+    }
+}
 
+"""
+_ADJOINT = """\
 void adjoint(long steps, const double *t, const double *h, const long *rows, const double *limits, const double *k,
              const double *table, const double *kept, const long *record, const double *weights, double *lambda,
              double *of_k, double *of_t, double *of_h)
-{{
+{
     double f[N], g[N], scaled[N], of_y[S][N], total[N], part_k[K + 1], part_t;
-    for (long n = steps - 1; n >= 0; --n) {{
+    for (long n = steps - 1; n >= 0; --n) {
         const double *s = table + rows[n] * R, *y = kept + n * (S + 1) * N;
         double time = clipped(t[n] + h[n], limits);
         if (record[n] >= 0)
@@ -165,7 +173,7 @@ void adjoint(long steps, const double *t, const double *h, const long *rows, con
         of_t[n] = of_h[n] = part_t;
         for (int i = 0; i < K; ++i)
             of_k[i] += part_k[i];
-        for (int stage = S - 1; stage >= 0; --stage) {{
+        for (int stage = S - 1; stage >= 0; --stage) {
             for (int j = 0; j < N; ++j)
                 g[j] = A[S][stage] * lambda[j];
             for (int q = stage + 1; q < S; ++q)
@@ -179,14 +187,14 @@ void adjoint(long steps, const double *t, const double *h, const long *rows, con
             of_h[n] += C[stage] * part_t;
             for (int i = 0; i < K; ++i)
                 of_k[i] += part_k[i];
-            for (int j = 0; j < N; ++j) {{
+            for (int j = 0; j < N; ++j) {
                 of_h[n] += f[j] * g[j];
                 total[j] += of_y[stage][j];
-            }}
-        }}
+            }
+        }
         memcpy(lambda, total, sizeof total);
-    }}
-}}
+    }
+}
 """
 
 
@@ -195,11 +203,14 @@ class CompiledSteps:
     """Steps in machine code."""
 
     def __init__(self, equations: RightHandSide) -> None:
-        self._library = library(source(equations))
+        self._equations = equations
+        self._libraries: dict[Purpose, ctypes.CDLL] = {}
 
-    def _call(self, name: str, *arguments: Any) -> int:
+    def _call(self, purpose: Purpose, name: str, *arguments: Any) -> int:
         """Call a function; arrays must have the type that it takes."""
-        function = getattr(self._library, name)
+        if purpose not in self._libraries:
+            self._libraries[purpose] = library(source(self._equations, purpose))
+        function = getattr(self._libraries[purpose], name)
         function.restype = ctypes.c_long
         return function(*map(_converted, arguments))
 
@@ -217,7 +228,7 @@ class CompiledSteps:
         while True:
             at, first, ends = y.copy(), size.copy(), np.empty(most)
             where = [intervals, segment.cuts, segment.rows, segment.limits, k, segment.table]
-            done = self._call("choose", *where, float(tolerance), sizes, first, at, kept, most, ends, counts)
+            done = self._call("run", "choose", *where, float(tolerance), sizes, first, at, kept, most, ends, counts)
             if done <= most:
                 y[:], size[:] = at, first
                 return ends[: done if done >= 0 else -1 - done], counts.tolist() if done >= 0 else []
@@ -226,7 +237,7 @@ class CompiledSteps:
     def advance(self, steps: Steps, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:
         """States at the ends of steps, (steps, states), and, to be kept, those of their stages."""
         states, kept = np.empty((len(steps.t), len(y))), _room(len(steps.t) if keep else 1, y)
-        self._call("advance", *steps.arguments(k), y.copy(), states, kept, kept[0].size if keep else 0)
+        self._call("run", "advance", *steps.arguments(k), y.copy(), states, kept, kept[0].size if keep else 0)
         return states, kept
 
     def tangents(self, steps: Steps, k: Floats, kept: Floats, of_k: Floats, of_y: Floats) -> tuple[Floats, Floats]:
@@ -241,7 +252,21 @@ class CompiledSteps:
         records = np.empty((steps.records, blocks, states, DIRECTIONS))
         work = np.empty((blocks, METHOD.stages, states, DIRECTIONS))
         moving = blocks if len(dt) == len(steps.t) else 0
-        self._call("tangents", *steps.arguments(k), kept, blocks, dk, dt, dh, moving, dy, steps.record, records, work)
+        self._call(
+            "tangents",
+            "tangents",
+            *steps.arguments(k),
+            kept,
+            blocks,
+            dk,
+            dt,
+            dh,
+            moving,
+            dy,
+            steps.record,
+            records,
+            work,
+        )
         return _unblocked(records, count), _unblocked(dy, count)
 
     def adjoint(
@@ -253,7 +278,7 @@ class CompiledSteps:
         :param of_y: derivatives by the last state; then by the first one.
         """
         of_k, of_t, of_h = np.zeros(len(k)), np.empty(len(steps.t)), np.empty(len(steps.t))
-        self._call("adjoint", *steps.arguments(k), kept, steps.record, weights, of_y, of_k, of_t, of_h)
+        self._call("adjoint", "adjoint", *steps.arguments(k), kept, steps.record, weights, of_y, of_k, of_t, of_h)
         return of_k, of_t, of_h
 
 
@@ -280,37 +305,41 @@ def _unblocked(blocks: Floats, count: int) -> Floats:
     return rows.reshape(*rows.shape[:-2], blocks.shape[-3] * DIRECTIONS)[..., :count]
 
 
-def source(equations: RightHandSide) -> str:
-    """C99 of a motion."""
+def source(equations: RightHandSide, purpose: Purpose) -> str:
+    """C99 of a motion, or of its derivatives."""
     t, k, s, y = equations.symbols
-    states, point = y.numel(), [(t, "t"), (k, "k"), (s, "s"), (y, "y")]
-    seeds = [(ca.SX.sym("d", column.numel()), f"*d{name}") for column, name in (point[0], point[1], point[3])]
-    a, variables, lines, numbers = ca.SX.sym("a", states), ca.vertcat(t, k, y), list[str](), 1
+    point, variables = [(t, "t"), (k, "k"), (s, "s"), (y, "y")], ca.vertcat(t, k, y)
     projected = y if equations.projected is None else equations.projected
+    lines, numbers = list[str](), 1
     for name, value in (("rates", equations.rates), ("project", projected)):
-        late = ca.densify(ca.jtimes(value, variables, ca.vertcat(*(column for column, _ in seeds))))
-        late, symbols, early = ca.extract_parametric(late, ca.vertcat(t, k, s, y))
-        back = ca.vertsplit(ca.jtimes(value, variables, a, True), [0, 1, 1 + k.numel(), 1 + k.numel() + states])
-        numbers = max(numbers, len(early))
-        lines += _function(name, point, [(value, "f")])
-        lines += _function(f"{name}_early", point, [(value, "f"), (stack(early), "w")])
-        lines += _function(f"{name}_late", [*point, (stack(symbols), "w"), *seeds], [(late, "*df")])
-        backwards = [(value, "f"), (back[2], "of_y"), (back[1], "of_k"), (back[0], "of_t")]
-        lines += _function(f"{name}_adjoint", [*point, (a, "a")], backwards)
-    matrix = ([*map(literal, row or (0.0,))] for row in (*METHOD.matrix, METHOD.weights))
-    return _SOURCE.format(
+        if purpose == "run":
+            lines += _function(name, point, [(value, "f")])
+        elif purpose == "tangents":
+            seeds = [(ca.SX.sym("d", column.numel()), f"*d{letter}") for column, letter in (*point[:2], point[3])]
+            late = ca.densify(ca.jtimes(value, variables, ca.vertcat(*(column for column, _ in seeds))))
+            late, symbols, early = ca.extract_parametric(late, ca.vertcat(t, k, s, y))
+            numbers = max(numbers, len(early))
+            lines += _function(f"{name}_early", point, [(value, "f"), (stack(early), "w")])
+            lines += _function(f"{name}_late", [*point, (stack(symbols), "w"), *seeds], [(late, "*df")])
+        else:
+            a, ends = ca.SX.sym("a", y.numel()), np.cumsum([0, 1, k.numel(), y.numel()]).tolist()
+            of_t, of_k, of_y = ca.vertsplit(ca.densify(ca.jtimes(value, variables, a, True)), ends)
+            backwards = [(value, "f"), (of_y, "of_y"), (of_k, "of_k"), (of_t, "of_t")]
+            lines += _function(f"{name}_adjoint", [*point, (a, "a")], backwards)
+    head = _HEAD.format(
         declarations="\n".join(declarations()),
         functions="\n".join(lines),
-        states=states,
+        states=y.numel(),
         lanes=k.numel(),
         shared=s.numel(),
         numbers=numbers,
         stages=METHOD.stages,
         directions=DIRECTIONS,
-        matrix=", ".join(f"{{{', '.join(row)}}}" for row in matrix),
+        order=METHOD.order + 1,
+        matrix=", ".join(f"{{{', '.join(map(literal, row or (0.0,)))}}}" for row in (*METHOD.matrix, METHOD.weights)),
         nodes=", ".join(map(literal, (*METHOD.nodes, 1.0))),
-        order=float(METHOD.order + 1),
     )
+    return head + {"run": _RUN, "tangents": _TANGENTS, "adjoint": _ADJOINT}[purpose]
 
 
 def _function(name: str, inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast, final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons import flattening
 from liaisons.arguments import finite, listed, named, numbers, positive
@@ -100,13 +100,26 @@ def _functions(
 
 @final
 @dataclass(frozen=True, eq=False)
-class _Cut:
-    """An instant at which a step ends, and its derivatives by the values."""
+class _Cuts:
+    """Instants at which steps end.
 
-    time: float
-    slope: Floats
-    is_event: bool = False
-    record: int = -1
+    :param slopes: their derivatives by the values, (instants, values).
+    :param events: which of them are events.
+    :param records: number of the recorded time; -1: none.
+    """
+
+    times: Floats
+    slopes: Floats
+    events: NDArray[np.bool_]
+    records: Integers
+
+    def order(self) -> tuple[bytes, bytes]:
+        """Which kinds of instants follow each other."""
+        return self.events.tobytes(), self.records.tobytes()
+
+
+Parts: TypeAlias = tuple[Floats, Integers]
+"""Ends of steps as parts of their intervals, one after another, and how many there are in each interval."""
 
 
 @final
@@ -187,10 +200,10 @@ class DifferentiableMotion:
         self.name, self.names, self.signals, self.units = name, tuple(variables), signals, units
         self.values, self.times, self._start = values, times, start_time
         self._functions, self._variables, self._table, self._breaks = functions, variables, table, breaks
-        self._jumps = jumps.tolist()
+        self._jumps = jumps
         self._tolerance = max(_PART * tolerance, _ROUNDING)
-        self._fixed: tuple[list[tuple[bool, int]], list[Floats]] | None = None
-        self._last = b"", list[Floats]()
+        self._fixed: tuple[tuple[bytes, bytes], list[Parts]] | None = None
+        self._last = b"", list[Parts]()
 
     def __call__(self, values: ArrayLike) -> Floats:
         """Signals, (signals, times)."""
@@ -243,8 +256,8 @@ class DifferentiableMotion:
     def frozen(self, values: ArrayLike) -> Self:
         """The same motion with the steps that are taken at some values, whatever it is called with."""
         k = self._checked(values)
-        cuts = list(self._cuts(k))
-        return self._with(_fixed=(_order(cuts), self._chosen(k, cuts)))
+        cuts = self._cuts(k)
+        return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)))
 
     def _with(self, **changes: Any) -> Self:
         other = copy(self)
@@ -264,25 +277,24 @@ class DifferentiableMotion:
 
     def _run(self, values: ArrayLike, *, keep: bool = False) -> _Run:
         f, k = self._functions, self._checked(values)
-        cuts = list(self._cuts(k))
+        cuts = self._cuts(k)
         if self._fixed is None:
             parts = self._chosen(k, cuts)
         else:
             order, parts = self._fixed
-            if order != _order(cuts):
+            if order != cuts.order():
                 raise SimulationError(f"{self.name}: the events come in another order at these values")
         y = _array(f.start(k, self._table[0])[0]).ravel()
         records, legs = np.tile(y, (len(self.times), 1)), list[_Leg]()
         instants = self.times.copy()
         self._holds(k, np.array([self._start]), self._table[:1], y[None])
         most = max(1, _CHUNK // ((METHOD.stages + 1) * len(y)))
-        keeps = keep and sum(map(len, parts)) * (METHOD.stages + 1) * len(y) <= _ROOM
-        for segment, first in self._segments(cuts):
+        keeps = keep and sum(len(ends) for ends, _ in parts) * (METHOD.stages + 1) * len(y) <= _ROOM
+        for (segment, inside), own in zip(self._segments(cuts), parts, strict=True):
             landing = None
-            if first:
-                y, landing = self._landed(k, cuts[first], y)
-            last = first + len(segment.rows)
-            whole, recorded = _steps(cuts[first : last + 1], parts[first:last], segment)
+            if inside.start:
+                y, landing = self._landed(k, cuts, inside.start, y)
+            whole, recorded = _steps(cuts, inside, own, segment)
             for begin in range(0, len(whole.t), most):
                 steps, which = _some(whole, recorded, begin, begin + most)
                 states, kept = f.steps.advance(steps, k, y, keep=keeps)
@@ -315,19 +327,23 @@ class DifferentiableMotion:
 
     # ---- where steps end
 
-    def _cuts(self, k: Floats) -> Iterator[_Cut]:
+    def _cuts(self, k: Floats) -> _Cuts:
         """Start, recorded times, breaks and events, in order; an event comes before what is at the same time."""
-        nothing, start, stop = np.zeros(len(k)), self._start, float(self.times[-1])
-        breaks = self._breaks[(start < self._breaks) & (self._breaks < stop)]
-        records = {time: number for number, time in enumerate(self.times.tolist()) if time > start}
-        regular = sorted({*records, *breaks.tolist()})
-        events = [_Cut(time, nothing, is_event=True) for time in self._jumps if start < time < stop]
+        start, stop = self._start, self.times[-1]
+        jumps, breaks = (t[(start < t) & (t < stop)] for t in (self._jumps, self._breaks))
+        later = self.times[self.times > start]
+        regular = np.union1d(later, breaks)
+        instants, slopes = [start, *jumps], [np.zeros(len(k))] * (1 + len(jumps))
         for time, slope in self._events(k):
-            near = min(regular, key=lambda other: abs(other - time), default=time)
-            events.append(_Cut(near if abs(near - time) <= _rounding(time) else time, slope, is_event=True))
-        others = [_Cut(time, nothing, record=records.get(time, -1)) for time in regular]
-        yield _Cut(start, nothing)
-        yield from sorted([*events, *others], key=lambda cut: (cut.time, not cut.is_event))
+            near = regular[np.argmin(np.abs(regular - time))]
+            instants.append(near if abs(near - time) <= _rounding(time) else time)
+            slopes.append(slope)
+        times = np.concatenate([instants, regular])
+        events = (np.arange(len(times)) > 0) & (np.arange(len(times)) < len(instants))
+        records = np.full(len(times), -1)
+        records[len(instants) + np.searchsorted(regular, later)] = np.arange(len(self.times))[self.times > start]
+        order = np.lexsort((~events, times))
+        return _Cuts(times[order], _padded(slopes, len(times))[order], events[order], records[order])
 
     def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
         """Instants and their derivatives."""
@@ -341,57 +357,60 @@ class DifferentiableMotion:
             for slope in np.unique(slopes[instants.ravel() == t], axis=0):
                 yield t, slope
 
-    def _segments(self, cuts: list[_Cut]) -> Iterator[tuple[Segment, int]]:
-        """What is between events, and the number of its first cut."""
-        bounds = [0, *(number for number, cut in enumerate(cuts) if cut.is_event), len(cuts) - 1]
-        for first, last in pairwise(bounds):
+    def _segments(self, cuts: _Cuts) -> Iterator[tuple[Segment, slice]]:
+        """What is between events, and which of the instants."""
+        for first, last in pairwise([0, *np.flatnonzero(cuts.events).tolist(), len(cuts.times) - 1]):
             if last > first:
-                t = np.array([cut.time for cut in cuts[first : last + 1]])
+                t = cuts.times[first : last + 1]
                 low, high = (
-                    t[end] + sign * _rounding(t[end]) if cut.is_event else sign * -np.inf
-                    for end, sign, cut in ((0, 1, cuts[first]), (-1, -1, cuts[last]))
+                    cuts.times[end] + sign * (_rounding(cuts.times[end]) if cuts.events[end] else -np.inf)
+                    for end, sign in ((first, 1), (last, -1))
                 )
-                yield Segment(t, self._row(t[:-1]), np.array([low, high]), self._table), first
+                yield Segment(t, self._row(t[:-1]), np.array([low, high]), self._table), slice(first, last + 1)
 
     def _row(self, t: Floats) -> Integers:
         """Rows of shared values that hold from some instants on."""
         return np.maximum(np.searchsorted(self._breaks, t, side="right") - 1, 0)
 
-    def _chosen(self, k: Floats, cuts: list[_Cut]) -> list[Floats]:
-        """Ends of steps as parts of each interval between cuts."""
+    def _chosen(self, k: Floats, cuts: _Cuts) -> list[Parts]:
+        """Ends of steps, segment by segment."""
         f, key = self._functions, k.tobytes()
         if self._last[0] == key:
             return self._last[1]
         y, sizes = (_array(x).ravel() for x in f.start(k, self._table[0]))
-        size, parts = np.array([cuts[-1].time - self._start]), list[Floats]()
-        for segment, first in self._segments(cuts):
-            if first:
-                y, _ = self._landed(k, cuts[first], y)
-            ends, counts = f.steps.choose(segment, k, y, size, tolerance=self._tolerance, sizes=np.abs(sizes))
-            if not counts:
+        size, parts = np.array([cuts.times[-1] - self._start]), list[Parts]()
+        for segment, inside in self._segments(cuts):
+            if inside.start:
+                y, _ = self._landed(k, cuts, inside.start, y)
+            ends, totals = f.steps.choose(segment, k, y, size, tolerance=self._tolerance, sizes=np.abs(sizes))
+            if not totals:
                 t = ends[-1:] if ends.size else segment.cuts[:1]
                 self._holds(k, t, self._table[self._row(t)], y[None])
                 near = _array(f.conditions(t, k, self._table[self._row(t)].T, y)).ravel()
                 reason = f.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
                 raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
-            for (begin, end), inside in zip(pairwise(segment.cuts), np.split(ends, counts[:-1]), strict=True):
-                parts.append((inside - begin) / (end - begin) if inside.size else np.ones(1))
+            counts = np.diff(totals, prepend=0)
+            which = np.repeat(np.arange(len(counts)), counts)
+            fractions = (ends - segment.cuts[which]) / np.diff(segment.cuts)[which]
+            # An interval without extent is one step.
+            fractions = np.insert(fractions, np.array(totals)[counts == 0], 1.0)
+            parts.append((fractions, np.maximum(counts, 1)))
         self._last = key, parts
         return parts
 
-    def _landed(self, k: Floats, cut: _Cut, y: Floats) -> tuple[Floats, _Landing | None]:
+    def _landed(self, k: Floats, cuts: _Cuts, number: int, y: Floats) -> tuple[Floats, _Landing | None]:
         """State after the event at which a segment begins, and its derivatives."""
-        f, rounding = self._functions, _rounding(cut.time)
-        sides = cut.time - rounding, cut.time + rounding
+        f, time = self._functions, float(cuts.times[number])
+        sides = time - _rounding(time), time + _rounding(time)
         before, after = (self._table[row] for row in self._row(np.array(sides)))
         then, now = (_array(f.prescribed(*at)) for at in ((sides[0], k, before), (sides[1], k, after)))
         for name, change, value in zip(f.prescribed_names, now - then, then, strict=True):
             if abs(change[0]) > _EQUAL * (1 + abs(value[0])):
-                raise SimulationError(f"{self.name}: {name} jumps at t = {cut.time:g} s; its derivatives are not known")
+                raise SimulationError(f"{self.name}: {name} jumps at t = {time:g} s; its derivatives are not known")
         if f.landed is None:
             return y, None
         landed, of_k, of_y, of_time = map(_array, f.landed(sides[1], k, after, y, sides[0], before))
-        return landed.ravel(), _Landing(of_k + of_time * cut.slope, of_y)
+        return landed.ravel(), _Landing(of_k + of_time * cuts.slopes[number], of_y)
 
 
 def _array(matrix: ca.DM) -> Floats:
@@ -402,27 +421,27 @@ def _rounding(time: float) -> float:
     return _MARGIN * float(np.spacing(abs(time)))
 
 
-def _order(cuts: Iterable[_Cut]) -> list[tuple[bool, int]]:
-    return [(cut.is_event, cut.record) for cut in cuts]
+def _padded(rows: Sequence[Floats], count: int) -> Floats:
+    """Rows, with zeros after them."""
+    return np.concatenate([rows, np.zeros((count - len(rows), len(rows[0])))])
 
 
-def _steps(cuts: Sequence[_Cut], parts: Sequence[Floats], segment: Segment) -> tuple[Steps, Integers]:
+def _steps(cuts: _Cuts, inside: slice, parts: Parts, segment: Segment) -> tuple[Steps, Integers]:
     """Steps of a segment, and the numbers of the recorded times."""
-    counts = [len(part) for part in parts]
-    whole = [np.concatenate([[0.0], part]) for part in parts]
-    begins, sizes = np.concatenate([part[:-1] for part in whole]), np.concatenate([np.diff(part) for part in whole])
-    times, slopes = np.array([cut.time for cut in cuts]), np.array([cut.slope for cut in cuts])
-    which = np.repeat(np.arange(len(parts)), counts)
-    spans = np.diff(times)[which]
+    ends, counts = parts
+    slopes, records = cuts.slopes[inside], cuts.records[inside][1:]
+    which, last = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - 1
+    begins = np.concatenate([[0.0], ends[:-1]])
+    begins[last[:-1] + 1] = 0.0
+    sizes, spans = ends - begins, np.diff(segment.cuts)[which]
     if slopes.any():
         changes = np.diff(slopes, axis=0)[which]
         of_t, of_h = slopes[which] + begins[:, None] * changes, sizes[:, None] * changes
     else:
         of_t = of_h = slopes[:1]
-    recorded = np.array([cut.record for cut in cuts[1:] if cut.record >= 0], dtype=int)
-    record, last = np.full(len(which), -1), np.cumsum(counts) - 1
-    record[last[[cut.record >= 0 for cut in cuts[1:]]]] = np.arange(len(recorded))
-    t, h = times[which] + begins * spans, sizes * spans
+    recorded, record = records[records >= 0], np.full(len(which), -1)
+    record[last[records >= 0]] = np.arange(len(recorded))
+    t, h = segment.cuts[which] + begins * spans, sizes * spans
     rows, limits, table = segment.rows[which], segment.limits, segment.table
     return Steps(t, h, rows, limits, table, of_t, of_h, record, len(recorded)), recorded
 

@@ -1,1 +1,6 @@
 """Parameters from measurements, with their covariance and what makes it believed."""
+
+from liaisons.identification.fits import Fit
+from liaisons.identification.identifying import identify
+
+__all__ = ["Fit", "identify"]

@@ -1,0 +1,231 @@
+"""Signals of a motion and their derivatives, by name; and the gradient of one number that is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons.arguments import merged, time_span
+from liaisons.array_names import split
+from liaisons.derivatives.motion import Subject, motion_of
+from liaisons.derivatives.steps import Floats
+from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalError, suggestion
+from liaisons.results import Result
+from liaisons.units import quotient
+
+_INTERVALS = 200
+"""Between recorded times, unless their distance is set."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """Signals of a motion over time, ``s["theta"]``, and their derivatives, ``s.derivative("theta", "theta_0")``.
+
+    :param signals: by name, with units.
+    :param names: of the values that they are differentiated by.
+    :param derivatives: shape (signals, times, values).
+    :param units: of the values.
+    :param method: ``"steps"``: of the steps that were taken; ``"directional derivatives"`` of FMUs; ``"differences"``.
+    """
+
+    signals: Result
+    names: tuple[str, ...]
+    derivatives: Floats
+    units: Mapping[str, str]
+    method: str
+
+    @property
+    def time(self) -> Floats:
+        """Recorded times [s]."""
+        return self.signals.time
+
+    def __getitem__(self, name: str) -> Floats:
+        """A signal, (times,), or an array of them."""
+        return self.signals[name]
+
+    def derivative(self, signal: str, value: str) -> Floats:
+        """Derivative of a signal by a value, (times,); of an array or by one, with an axis more for each.
+
+        :raises UnknownSignalError: with the nearest name.
+        """
+        rows, columns = (_numbers(name, names) for name, names in ((signal, self.signals.names), (value, self.names)))
+        array = self.derivatives[rows][:, :, columns].swapaxes(0, 1)
+        lone = [
+            axis for axis, name, names in ((1, signal, self.signals.names), (2, value, self.names)) if name in names
+        ]
+        return array.squeeze(tuple(lone))
+
+    def unit(self, signal: str, value: str) -> str:
+        """Unit of a derivative; empty where one of the two has none."""
+        first = self.names[_numbers(value, self.names)[0]]
+        return quotient(self.signals.units[signal], self.units[first])
+
+    def to_result(self) -> Result:
+        """Signals and derivatives, ``"d(theta)/d(theta_0)"``, as a result that can be plotted and written."""
+        pairs = [(signal, value) for signal in self.signals.names for value in self.names]
+        labels = {f"d({signal})/d({value})": self.unit(signal, value) for signal, value in pairs}
+        rows = np.moveaxis(self.derivatives, 2, 1).reshape(len(pairs), -1)
+        return Result(
+            self.signals.title,
+            self.time,
+            (*self.signals.names, *labels),
+            np.vstack([self.signals.values, rows]),
+            dict(self.signals.units) | labels,
+        )
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """A number that is made of signals, and its derivatives.
+
+    :param value: the number.
+    :param derivatives: value of the motion -> derivative of the number.
+    :param method: as of :class:`Sensitivities`.
+    """
+
+    value: float
+    derivatives: Mapping[str, float]
+    method: str
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self.derivatives:
+            raise UnknownSignalError(f"there is no derivative by {name!r}{suggestion(name, self.derivatives)}")
+        return self.derivatives[name]
+
+
+def sensitivities(
+    subject: Subject,
+    by: str | Iterable[str],
+    *,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    start_time: float = 0.0,
+    times: ArrayLike | None = None,
+    start_values: Mapping[str, ArrayLike] | None = None,
+    record: str | Iterable[str] | None = None,
+    operators: Mapping[str, Any] | None = None,
+    inputs: Mapping[str, Any] | None = None,
+    tolerance: float = 1e-10,
+    **keywords: ArrayLike,
+) -> Sensitivities:
+    """Signals of a motion, and their derivatives by start values, parameters and inputs.
+
+    What is differentiated are the steps that were taken: a finite difference of the same steps agrees::
+
+        s = sensitivities("Pendulum", by=["theta_0", "gravity"], stop_time=9, theta_0=2)
+        s["theta"], s.derivative("theta", "gravity")
+
+    :param subject: a component by its name, file or class; a model; a system that :meth:`System.flatten` takes.
+    :param by: names of values; parameters of operators are ``"length.amplitude"``.
+    :param stop_time: end [s]; ``step_size``: distance of the recorded times, of which there are 201 if it is None.
+    :param times: recorded times [s], in place of these.
+    :param start_values: where they differ from the declared ones; ``keywords`` are further ones.
+    :param record: outputs; coordinates and momenta if None.
+    :param operators: active coordinate -> operator that moves it.
+    :param inputs: input or active coordinate -> SciPy's ``PPoly`` of time, of degree five at most.
+    :param tolerance: of a step, relative to the size of each state.
+    :raises ComponentError: for an unknown name, with the nearest one.
+    :raises SimulationError: for a bad number, or where the motion comes to an end.
+    """
+    motion = motion_of(
+        subject,
+        by,
+        _times(start_time, stop_time, step_size, times),
+        start_time=start_time,
+        record=record,
+        operators=operators,
+        inputs=inputs,
+        start_values=merged("sensitivities", start_values, keywords),
+        tolerance=tolerance,
+    )
+    signals, derivatives = motion.forward(motion.values)
+    units = {name: motion.units[name] for name in motion.signals}
+    result = Result(motion.name, motion.times, motion.signals, signals, units)
+    return Sensitivities(result, motion.names, derivatives, motion.units, motion.method)
+
+
+def gradient(
+    subject: Subject,
+    cost: Callable[[Mapping[str, Any]], Any],
+    by: str | Iterable[str],
+    *,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    start_time: float = 0.0,
+    times: ArrayLike | None = None,
+    start_values: Mapping[str, ArrayLike] | None = None,
+    record: str | Iterable[str] | None = None,
+    operators: Mapping[str, Any] | None = None,
+    inputs: Mapping[str, Any] | None = None,
+    tolerance: float = 1e-10,
+    **keywords: ArrayLike,
+) -> Gradient:
+    """A number that is made of signals, and its derivatives, at a cost that does not grow with their count.
+
+    ::
+
+        gradient("Pendulum", lambda m: ca.sumsqr(m["theta"] - data), by=["theta_0", "length"], stop_time=9)
+
+    :param cost: CasADi expression of ``m["theta"]``, a column over the recorded times; of an array a matrix.
+    :param by: this and the further ones as of :func:`sensitivities`.
+    :raises SimulationError: also if the cost is not one number.
+    """
+    motion = motion_of(
+        subject,
+        by,
+        _times(start_time, stop_time, step_size, times),
+        start_time=start_time,
+        record=record,
+        operators=operators,
+        inputs=inputs,
+        start_values=merged("gradient", start_values, keywords),
+        tolerance=tolerance,
+    )
+    columns = ca.MX.sym("signals", len(motion.times), len(motion.signals))
+    named = _Signals({"time": ca.DM(motion.times)})
+    for name in dict.fromkeys((*motion.signals, *(split(name)[0] for name in motion.signals))):
+        named[name] = columns[:, _numbers(name, motion.signals)]
+    number = ca.MX(cost(named))
+    if number.shape != (1, 1):
+        raise SimulationError(f"gradient: the cost has shape {number.shape}; it must be one number, ca.sumsqr(...)")
+    evaluate = ca.Function("cost", [columns], [number, ca.densify(ca.gradient(number, columns))])
+    values: list[float] = []
+
+    def weights(signals: Floats) -> Floats:
+        value, slopes = evaluate(signals.T)
+        values.append(float(value))
+        return np.array(slopes.full()).T
+
+    _, derivatives = motion.adjoint(motion.values, weights)
+    return Gradient(values[0], dict(zip(motion.names, derivatives.tolist(), strict=True)), motion.method)
+
+
+class _Signals(dict[str, Any]):
+    def __missing__(self, name: str) -> Any:
+        raise UnknownSignalError(f"gradient: {name!r} is not recorded{suggestion(name, self)}; name it in record=[...]")
+
+
+def _numbers(name: str, names: tuple[str, ...]) -> list[int]:
+    """Where a name, or the elements of an array, are among names."""
+    found = [number for number, other in enumerate(names) if name in (other, split(other)[0])]
+    if not found:
+        raise UnknownSignalError(f"there is no {name!r}{suggestion(name, names)}")
+    return [names.index(name)] if name in names else found
+
+
+def _times(start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None) -> ArrayLike:
+    if times is not None:
+        return times
+    if stop_time is None:
+        raise InvalidValueError("give stop_time, or the recorded times themselves as times")
+    step = (abs(stop_time - start_time) or 1.0) / _INTERVALS if step_size is None else step_size
+    stop, step = time_span(start_time, stop_time, step)
+    whole = np.arange(start_time, stop - 1e-9 * step, step)
+    return np.append(whole, stop)
