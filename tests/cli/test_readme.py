@@ -58,7 +58,7 @@ def test_the_readme_identifies_a_pendulum(tmp_path: Path, monkeypatch: pytest.Mo
     )
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, Any] = {}
-    exec(*blocks("README.md", "python"), namespace)
+    exec("".join(blocks("README.md", "python")), namespace)
     assert namespace["fit"].values["length"] == pytest.approx(1.2, rel=1e-3)
     assert (tmp_path / "fit.png").is_file()
 

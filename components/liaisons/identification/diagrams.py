@@ -12,8 +12,8 @@ from scipy.stats import chi2, f, norm
 
 from liaisons.arguments import as_path, listed
 from liaisons.errors import IdentificationError, suggestion
-from liaisons.identification.estimates import Estimate
-from liaisons.identification.problems import Experiment, Floats
+from liaisons.identification.estimates import ParameterEstimate
+from liaisons.identification.problems import Floats, MeasuredMotion
 from liaisons.identification.replaying import replays
 from liaisons.results import Result
 from liaisons.results.figures import new_figure, save
@@ -30,7 +30,7 @@ class Fitted(Protocol):
     """What has an estimate."""
 
     @property
-    def estimate(self) -> Estimate:
+    def estimate(self) -> ParameterEstimate:
         """Of the unknowns."""
         ...
 
@@ -125,7 +125,7 @@ def to_csv(fit: Fitted, path: Path | str) -> None:
         table.to_csv(path if i == 1 else path.with_stem(f"{path.stem}_{i}"))
 
 
-def _tables(estimate: Estimate) -> list[tuple[Experiment, Result]]:
+def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
     """Measured and fitted values of each experiment, and their difference."""
     tables = []
     for experiment, fitted in zip(estimate.objective.experiments, estimate.fitted, strict=True):
@@ -138,7 +138,7 @@ def _tables(estimate: Estimate) -> list[tuple[Experiment, Result]]:
     return tables
 
 
-def _curve(estimate: Estimate, experiment: Experiment, name: str) -> tuple[Floats, Floats, Floats, Floats]:
+def _curve(estimate: ParameterEstimate, experiment: MeasuredMotion, name: str) -> tuple[Floats, Floats, Floats, Floats]:
     """Times, fitted values, and both ends of the band."""
     data = experiment.measurements
     row = data.signals.index(name)
