@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.array_names import split
-from liaisons.derivatives.motion import DifferentiableMotion, motion_of
+from liaisons.derivatives.motion import Motion, motion_of
 from liaisons.identification.measurements import Measurements
 from liaisons.library import Target
 
@@ -34,7 +34,7 @@ class MeasuredMotion:
     """
 
     measurements: Measurements
-    motion: DifferentiableMotion
+    motion: Motion
     columns: tuple[int, ...]
     offset: int | None
     deviations: Floats
