@@ -43,7 +43,8 @@ class NullSpace:
         lengths = np.linalg.norm(relative, axis=0)
         lengths[lengths <= _UNSEEN * max(lengths.max(initial=0.0), np.finfo(float).tiny)] = 0
         unit = np.divide(relative, lengths, out=np.zeros_like(relative), where=lengths > 0)
-        directions = null_space(unit, rcond=_DEPENDENT) / np.where(lengths > 0, lengths, 1)[:, None]
+        directions = null_space(np.linalg.qr(unit, mode="r"), rcond=_DEPENDENT)
+        directions /= np.where(lengths > 0, lengths, 1)[:, None]
         return cls(values, np.linalg.qr(directions)[0])
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from liaisons.arguments import shown
 from liaisons.check import Verdict, table
 from liaisons.errors import IdentificationError
+from liaisons.identification import diagrams
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats
@@ -117,6 +118,8 @@ class Fit:
         :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """
         return list(verdicts(self.estimate, self.replay()))
+
+    plot, plot_ellipse, animate, to_csv = diagrams.plot, diagrams.plot_ellipse, diagrams.animate, diagrams.to_csv
 
     def __repr__(self) -> str:
         errors, intervals = self.standard_errors, self.intervals()
