@@ -14,7 +14,7 @@ from sphinx.environment import BuildEnvironment
 from sphinx.errors import ExtensionError
 
 import liaisons
-from liaisons.cli import check, compare, components, equations, pictures, plan, run, simulate, sweep  # noqa: F401  # the commands
+from liaisons.cli import check, compare, components, equations, identify, pictures, plan, run, simulate, sweep  # noqa: F401  # the commands
 from liaisons.cli._command import application
 
 ELSEWHERE = [r"(numpy|casadi|ca|np|jax|pandas|xarray|matplotlib|scipy|distributed|collections|fmpy)\b.*"]

@@ -14,6 +14,7 @@ from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .flattening import flatten as flatten
 from .formulas import DisplayedEquations as DisplayedEquations
+from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations
 from .interface import operator as operator

@@ -99,7 +99,11 @@ class PlanError(LiaisonsError, ValueError):
 
 
 class IdentificationError(LiaisonsError, ValueError):
-    """Measurements cannot be read, or tell nothing of what is unknown."""
+    """Measurements cannot be read, or do not determine what is unknown; ``fit`` is what was reached, if anything."""
+
+    def __init__(self, message: str, fit: Any = None) -> None:
+        super().__init__(message)
+        self.fit = fit
 
 
 class SweepError(LiaisonsError, ValueError):

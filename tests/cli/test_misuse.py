@@ -128,7 +128,7 @@ def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
 
 
 @pytest.mark.parametrize(
-    "command", ["", "list", "build", "equations", "simulate", "plan", "sweep", "compare", "run", "check"]
+    "command", ["", "list", "build", "equations", "simulate", "plan", "identify", "sweep", "compare", "run", "check"]
 )
 def test_help_shows_examples(liaisons: Cli, command: str) -> None:
     reply = liaisons(*command.split(), "--help")
@@ -159,7 +159,20 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
     [
         (
             "liaisons ",
-            ["list", "build", "equations", "simulate", "animate", "show", "plan", "sweep", "compare", "run", "check"],
+            [
+                "list",
+                "build",
+                "equations",
+                "simulate",
+                "animate",
+                "show",
+                "plan",
+                "identify",
+                "sweep",
+                "compare",
+                "run",
+                "check",
+            ],
         ),
         ("liaisons build Pe", ["Pendulum", "PendulumChain"]),
         ("liaisons run pumped", ["pumped_swing"]),

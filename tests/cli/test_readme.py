@@ -16,6 +16,7 @@ from PIL import Image
 
 from liaisons.cli import main as command_line
 from liaisons.cli._command import application
+from liaisons.models import Pendulum
 from liaisons.scenarios import names
 
 from . import documents
@@ -47,6 +48,19 @@ def test_the_readme_has_two_commands_first() -> None:
     *_, words = main.rpartition("liaisons ")
     assert words.split()[0] == "run"
     assert "pytest" in test
+
+
+def test_the_readme_identifies_a_pendulum(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = np.arange(100) / 20
+    degrees = np.degrees(Pendulum.exact(times, length=1.2, theta_0=0.3)["theta"]) + np.tile([0.1, -0.1], 50)
+    np.savetxt(
+        tmp_path / "measured.csv", np.transpose([times, degrees]), delimiter=",", header="time,theta [deg]", comments=""
+    )
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {}
+    exec("".join(blocks("README.md", "python")), namespace)
+    assert namespace["fit"].values["length"] == pytest.approx(1.2, rel=1e-3)
+    assert (tmp_path / "fit.png").is_file()
 
 
 @pytest.mark.parametrize("page", documents.PAGES)

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from liaisons import System
-from liaisons.derivatives import DifferentiableMotion, motion_of
+from liaisons.derivatives import Motion, motion_of
 from liaisons.derivatives.interpreted_steps import InterpretedSteps
 from liaisons.derivatives.motion import functions_of
 from liaisons.errors import ComponentError, SimulationError
@@ -54,7 +54,7 @@ MOTIONS: dict[str, tuple[Any, dict[str, float], dict[str, Any]]] = {
 
 
 @pytest.fixture(scope="module", params=MOTIONS)
-def motion(request: pytest.FixtureRequest) -> DifferentiableMotion:
+def motion(request: pytest.FixtureRequest) -> Motion:
     subject, values, options = MOTIONS[request.param]
     moving: Any = subject() if callable(subject) else subject
     return motion_of(moving, list(values), TIMES, start_values=values, **options)
@@ -98,7 +98,7 @@ def test_without_a_compiler_the_steps_are_the_same(case: str, monkeypatch: pytes
             if found is interpreted:
                 patch.setattr("liaisons.derivatives.motion.CompiledSteps", InterpretedSteps)
             functions_of.cache_clear()
-            motion = motion_of(subject, list(values), TIMES[:21] + 1.0, start_values=values, **options)
+            motion: Any = motion_of(subject, list(values), TIMES[:21] + 1.0, start_values=values, **options)
             frozen = motion.frozen(motion.values)
             signals, derivatives = frozen.forward(motion.values)
             _, back = frozen.adjoint(motion.values, np.cos(signals))

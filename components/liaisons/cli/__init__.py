@@ -52,7 +52,7 @@ def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
     # isort: off
     from typer import TyperException
 
-    from liaisons.cli import components, equations, simulate, pictures, plan, sweep, compare, run, check  # noqa: F401
+    from liaisons.cli import components, equations, simulate, pictures, plan, identify, sweep, compare, run, check  # noqa: F401
     from liaisons.cli._command import application
     # isort: on
 

@@ -39,6 +39,7 @@ application = typer.Typer(
         liaisons animate Pendulum --output swing.gif    ... as a film
         liaisons show Pendulum                          ... live, in the browser
         liaisons plan goal.toml                         the motion of an operator that reaches a goal at least cost
+        liaisons identify fit.toml                      parameters from measurements, and how sure they are
         liaisons sweep Pendulum --over theta_0=0.1:3:50 --keep theta:max
         liaisons compare mine.csv theirs.csv            differences, signal by signal
         liaisons check fmus/Pendulum.fmu                validators and invariants, for any FMU

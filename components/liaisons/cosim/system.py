@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import final
+from typing import Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, merged, settings_beside, shown
+from liaisons.arguments import as_path, merged, named, settings_beside, shown
 from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.components import Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
@@ -19,7 +21,7 @@ from liaisons.cosim.structure.diagram import Diagram, diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.simulation import SimulationSettings, checked
 from liaisons.cosim.structure.sources import Function
-from liaisons.errors import ConnectError, SimulationError
+from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.results import Result
 
 
@@ -143,6 +145,25 @@ class System:
                 cure = "; where two mechanisms hang, a Junction adds their forces" if connection.back else ""
                 raise ConnectError(f"{ends}: {taken.source} feeds it already; an input has one source{cure}")
         self._connections.update(joined)
+
+    def with_start_values(self, start_values: Mapping[str, ArrayLike]) -> Self:
+        """The same system with other start values.
+
+        :param start_values: ``"component.variable"`` -> start value, where it differs.
+        :raises SimulationError: for an unknown component or variable, or a value that it cannot have.
+        """
+        own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in self._parts.items()}
+        for name, value in named(f"{self.name}: start_values", start_values).items():
+            component, _, variable = name.partition(".")
+            if component not in own:
+                raise SimulationError(f"{self.name} has no component {component!r}{suggestion(component, own)}")
+            own[component][variable] = value
+        other = copy(self)
+        parts = self._parts.items()
+        vars(other)["_parts"] = {
+            name: replace(part, starts=checked_starts(name, part.fmu, own[name])) for name, part in parts
+        }
+        return other
 
     def simulate(
         self,

@@ -13,11 +13,12 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast, final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons import flattening
 from liaisons.arguments import finite, listed, named, numbers, positive
@@ -25,6 +26,7 @@ from liaisons.array_names import split
 from liaisons.compiler import system_compiler, zig_compiler
 from liaisons.cosim import System
 from liaisons.derivatives.compiled_steps import CompiledSteps
+from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.interpreted_steps import InterpretedSteps
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.right_hand_sides import (
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Subject: TypeAlias = "Target | Model | System"
+Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
 Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
 
 _MARGIN = 8
@@ -129,7 +132,7 @@ class _Functions:
         """Derivatives of signals by values, then states: (signal, which of these) and their program."""
         slopes = ca.jacobian(self._equations.outputs, ca.vertcat(self._k, self._y))
         where = list(zip(*slopes.sparsity().get_triplet(), strict=True))
-        return where, program(self._equations.symbols, [stack([ca.SX(slope) for slope in slopes.nonzeros()])])
+        return where, program(self._equations.symbols, [slopes.nz[:]])
 
 
 def _function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
@@ -152,27 +155,37 @@ def functions_of(
 
 @final
 @dataclass(frozen=True, eq=False)
-class _Cut:
-    """An instant at which a step ends, and its derivatives by the values."""
+class _Cuts:
+    """Instants at which steps end.
 
-    time: float
-    slope: Floats
-    is_event: bool = False
-    record: int = -1
+    :param slopes: their derivatives by the values, (instants, values).
+    :param events: which of them are events.
+    :param records: number of the recorded time; -1: none.
+    """
+
+    times: Floats
+    slopes: Floats
+    events: NDArray[np.bool_]
+    records: Integers
+
+    def order(self) -> tuple[bytes, bytes]:
+        """Which kinds of instants follow each other."""
+        return self.events.tobytes(), self.records.tobytes()
 
 
-_Parts: TypeAlias = "tuple[Floats, Integers]"
-"""Ends of steps as parts of intervals between cuts, and the numbers of these intervals."""
+Parts: TypeAlias = tuple[Floats, Integers]
+"""Ends of steps as parts of their intervals, one after another, and how many there are in each interval."""
+_NOT_FIXED: tuple[tuple[bytes, bytes], list[Parts]] = (b"", b""), []
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Some steps between two events, the recorded times among their ends, and the event just before."""
+    """Some steps between two events, the recorded times among their ends, and instant and slope of an event before."""
 
     steps: Steps
     recorded: Integers
-    event: _Cut | None
+    event: tuple[float, Floats] | None
 
 
 @final
@@ -253,9 +266,9 @@ class DifferentiableMotion:
         self.name, self.names, self.signals, self.units = name, tuple(variables), signals, units
         self.values, self.times, self._start = values, times, start_time
         self._functions, self._variables, self._table, self._breaks = functions, variables, table, breaks
-        self._jumps = jumps.tolist()
+        self._jumps = jumps
         self._tolerance = max(_PART * tolerance, _ROUNDING)
-        self._fixed: tuple[list[tuple[bool, int]], list[_Parts]] | None = None
+        self._fixed = _NOT_FIXED
         self._last = b"", list[_Piece]()
 
     def __call__(self, values: ArrayLike) -> Floats:
@@ -311,14 +324,13 @@ class DifferentiableMotion:
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
-        return self._with(times=_times(times, self._start), _fixed=None, _last=(b"", []))
+        return self._with(times=_times(times, self._start), _fixed=_NOT_FIXED, _last=(b"", []))
 
     def frozen(self, values: ArrayLike) -> Self:
-        """The same motion with the steps that are taken at some values, whatever it is called with."""
+        """The same motion with the steps that are taken at some values, wherever events come in the same order."""
         k = self._checked(values)
-        cuts = list(self._cuts(k))
-        fixed = _order(cuts), self._chosen(k, cuts)
-        return self._with(_fixed=fixed, _last=(b"", []))
+        cuts = self._cuts(k)
+        return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)), _last=(b"", []))
 
     def _with(self, **changes: Any) -> Self:
         other = copy(self)
@@ -346,7 +358,7 @@ class DifferentiableMotion:
         for piece in pieces:
             steps, which, landing = piece.steps, piece.recorded, None
             if piece.event is not None:
-                y, landing = self._landed(k, piece.event, y)
+                y, landing = self._landed(k, *piece.event, y)
             states, kept = f.steps.advance(steps, k, y, keep=keeps)
             self._holds(k, steps.t + steps.h, steps.table[steps.rows], states)
             legs.append(_Leg(steps, y, kept if keeps else None, which, landing))
@@ -383,19 +395,23 @@ class DifferentiableMotion:
 
     # ---- where steps end
 
-    def _cuts(self, k: Floats) -> Iterator[_Cut]:
+    def _cuts(self, k: Floats) -> _Cuts:
         """Start, recorded times, breaks and events, in order; an event comes before what is at the same time."""
-        nothing, start, stop = np.zeros(len(k)), self._start, float(self.times[-1])
-        breaks = self._breaks[(start < self._breaks) & (self._breaks < stop)]
-        records = {time: number for number, time in enumerate(self.times.tolist()) if time > start}
-        regular = sorted({*records, *breaks.tolist()})
-        events = [_Cut(time, nothing, is_event=True) for time in self._jumps if start < time < stop]
+        start, stop = self._start, self.times[-1]
+        jumps, breaks = (t[(start < t) & (t < stop)] for t in (self._jumps, self._breaks))
+        later = self.times[self.times > start]
+        regular = np.union1d(later, breaks)
+        instants, slopes = [start, *jumps], [np.zeros(len(k))] * (1 + len(jumps))
         for time, slope in self._events(k):
-            near = min(regular, key=lambda other: abs(other - time), default=time)
-            events.append(_Cut(near if abs(near - time) <= _rounding(time) else time, slope, is_event=True))
-        others = [_Cut(time, nothing, record=records.get(time, -1)) for time in regular]
-        yield _Cut(start, nothing)
-        yield from sorted([*events, *others], key=lambda cut: (cut.time, not cut.is_event))
+            near = regular[np.argmin(np.abs(regular - time))]
+            instants.append(near if abs(near - time) <= _rounding(time) else time)
+            slopes.append(slope)
+        times = np.concatenate([instants, regular])
+        events = (np.arange(len(times)) > 0) & (np.arange(len(times)) < len(instants))
+        records = np.full(len(times), -1)
+        records[len(instants) + np.searchsorted(regular, later)] = np.arange(len(self.times))[self.times > start]
+        order = np.lexsort((~events, times))
+        return _Cuts(times[order], _padded(slopes, len(times))[order], events[order], records[order])
 
     def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
         """Instants and their derivatives."""
@@ -409,73 +425,72 @@ class DifferentiableMotion:
             for slope in np.unique(slopes[instants.ravel() == t], axis=0):
                 yield t, slope
 
-    def _segments(self, cuts: list[_Cut]) -> Iterator[tuple[Segment, int]]:
-        """What is between events, and the number of its first cut."""
-        bounds = [0, *(number for number, cut in enumerate(cuts) if cut.is_event), len(cuts) - 1]
-        for first, last in pairwise(bounds):
+    def _segments(self, cuts: _Cuts) -> Iterator[tuple[Segment, slice]]:
+        """What is between events, and which of the instants."""
+        for first, last in pairwise([0, *np.flatnonzero(cuts.events).tolist(), len(cuts.times) - 1]):
             if last > first:
-                t = np.array([cut.time for cut in cuts[first : last + 1]])
+                t = cuts.times[first : last + 1]
                 low, high = (
-                    t[end] + sign * _rounding(t[end]) if cut.is_event else sign * -np.inf
-                    for end, sign, cut in ((0, 1, cuts[first]), (-1, -1, cuts[last]))
+                    cuts.times[end] + sign * (_rounding(cuts.times[end]) if cuts.events[end] else -np.inf)
+                    for end, sign in ((first, 1), (last, -1))
                 )
-                yield Segment(t, self._row(t[:-1]), np.array([low, high]), self._table), first
+                yield Segment(t, self._row(t[:-1]), np.array([low, high]), self._table), slice(first, last + 1)
 
     def _row(self, t: Floats) -> Integers:
         """Rows of shared values that hold from some instants on."""
         return np.maximum(np.searchsorted(self._breaks, t, side="right") - 1, 0)
 
     def _pieces(self, k: Floats) -> list[_Piece]:
-        """Steps for some values: chosen for them, or those that are fixed."""
-        key, moving = k.tobytes(), self._functions.events.numel_out(0)
-        if self._last[0] == key or (self._last[0] and self._fixed is not None and not moving):
+        """Steps for some values: those that are fixed, or chosen for them."""
+        key, (order, parts) = k.tobytes(), self._fixed
+        if self._last[0] == key or (self._last[0] and parts and not self._functions.events.numel_out(0)):
             return self._last[1]
-        cuts, pieces = list(self._cuts(k)), list[_Piece]()
-        order, parts = self._fixed or (_order(cuts), self._chosen(k, cuts))
-        if order != _order(cuts):
-            raise SimulationError(f"{self.name}: the events come in another order at these values")
+        cuts, pieces = self._cuts(k), list[_Piece]()
+        if order != cuts.order():
+            parts = self._chosen(k, cuts)
         most = max(1, _CHUNK // (METHOD.stages + 1) // self._functions.states)
-        for (segment, first), part in zip(self._segments(cuts), parts, strict=True):
-            whole, recorded = _steps(cuts[first : first + len(segment.cuts)], part, segment)
+        for (segment, inside), part in zip(self._segments(cuts), parts, strict=True):
+            event = (float(cuts.times[inside.start]), cuts.slopes[inside.start]) if inside.start else None
+            whole, recorded = _steps(cuts, inside, part, segment)
             for begin in range(0, len(whole.t), most):
-                steps, which = _some(whole, recorded, begin, begin + most)
-                pieces.append(_Piece(steps, which, cuts[first] if first and not begin else None))
+                pieces.append(_Piece(*_some(whole, recorded, begin, begin + most), None if begin else event))
         self._last = key, pieces
         return pieces
 
-    def _chosen(self, k: Floats, cuts: list[_Cut]) -> list[_Parts]:
-        """Ends of steps, segment by segment, by error control."""
+    def _chosen(self, k: Floats, cuts: _Cuts) -> list[Parts]:
+        """Ends of steps, segment by segment."""
         f = self._functions
         y, sizes = (_array(x).ravel() for x in f.start(k, self._table[0]))
-        size, parts = np.array([cuts[-1].time - self._start]), list[_Parts]()
-        for segment, first in self._segments(cuts):
-            if first:
-                y, _ = self._landed(k, cuts[first], y)
-            ends, counts = f.steps.choose(segment, k, y, size, tolerance=self._tolerance, sizes=np.abs(sizes))
-            if not counts.size:
+        size, parts = np.array([cuts.times[-1] - self._start]), list[Parts]()
+        for segment, inside in self._segments(cuts):
+            if inside.start:
+                y, _ = self._landed(k, float(cuts.times[inside.start]), cuts.slopes[inside.start], y)
+            ends, totals = f.steps.choose(segment, k, y, size, tolerance=self._tolerance, sizes=np.abs(sizes))
+            if not totals.size:
                 t = ends[-1:] if ends.size else segment.cuts[:1]
                 self._holds(k, t, self._table[self._row(t)], y[None])
                 near = f.conditions.evaluate([t, k, self._table[self._row(t)].T[:, 0], y])[0]
                 reason = f.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
                 raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
-            which = np.repeat(np.arange(len(counts)), np.diff(counts, prepend=0))
+            counts = np.diff(totals, prepend=0)
+            which = np.repeat(np.arange(len(counts)), counts)
             spans = np.diff(segment.cuts)[which]
-            parts.append((np.where(spans > 0, (ends - segment.cuts[which]) / np.where(spans > 0, spans, 1), 1), which))
+            parts.append((np.where(spans > 0, (ends - segment.cuts[which]) / np.where(spans > 0, spans, 1), 1), counts))
         return parts
 
-    def _landed(self, k: Floats, cut: _Cut, y: Floats) -> tuple[Floats, _Landing | None]:
+    def _landed(self, k: Floats, time: float, slope: Floats, y: Floats) -> tuple[Floats, _Landing | None]:
         """State after the event at which a segment begins, and its derivatives."""
-        f, rounding = self._functions, _rounding(cut.time)
-        sides = cut.time - rounding, cut.time + rounding
+        f = self._functions
+        sides = time - _rounding(time), time + _rounding(time)
         before, after = (self._table[row] for row in self._row(np.array(sides)))
         then, now = (_array(f.prescribed(*at)) for at in ((sides[0], k, before), (sides[1], k, after)))
         for name, change, value in zip(f.prescribed_names, now - then, then, strict=True):
             if abs(change[0]) > _EQUAL * (1 + abs(value[0])):
-                raise SimulationError(f"{self.name}: {name} jumps at t = {cut.time:g} s; its derivatives are not known")
+                raise SimulationError(f"{self.name}: {name} jumps at t = {time:g} s; its derivatives are not known")
         if f.landed is None:
             return y, None
         landed, of_k, of_y, of_time = map(_array, f.landed(sides[1], k, after, y, sides[0], before))
-        return landed.ravel(), _Landing(of_k + of_time * cut.slope, of_y)
+        return landed.ravel(), _Landing(of_k + of_time * slope, of_y)
 
 
 def _array(matrix: ca.DM) -> Floats:
@@ -486,26 +501,29 @@ def _rounding(time: float) -> float:
     return _MARGIN * float(np.spacing(abs(time)))
 
 
-def _order(cuts: Iterable[_Cut]) -> list[tuple[bool, int]]:
-    return [(cut.is_event, cut.record) for cut in cuts]
+def _padded(rows: Sequence[Floats], count: int) -> Floats:
+    """Rows, with zeros after them."""
+    return np.concatenate([rows, np.zeros((count - len(rows), len(rows[0])))])
 
 
-def _steps(cuts: Sequence[_Cut], parts: _Parts, segment: Segment) -> tuple[Steps, Integers]:
+def _steps(cuts: _Cuts, inside: slice, parts: Parts, segment: Segment) -> tuple[Steps, Integers]:
     """Steps of a segment, and the numbers of the recorded times."""
-    ends, which = parts
-    is_last = np.diff(which, append=len(cuts)) > 0
-    begins = np.where(np.roll(is_last, 1), 0, np.roll(ends, 1))
-    times, slopes = np.array([cut.time for cut in cuts]), np.array([cut.slope for cut in cuts])
-    spans, sizes, of_t = np.diff(times)[which], ends - begins, slopes[:1]
-    of_h = of_t
+    ends, counts = parts
+    slopes, records = cuts.slopes[inside], cuts.records[inside][1:]
+    which, last = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - 1
+    begins = np.concatenate([[0.0], ends[:-1]])
+    begins[last[:-1] + 1] = 0.0
+    sizes, spans = ends - begins, np.diff(segment.cuts)[which]
     if slopes.any():
         changes = np.diff(slopes, axis=0)[which]
         of_t, of_h = slopes[which] + begins[:, None] * changes, sizes[:, None] * changes
-    numbers_of_cuts = np.array([cut.record for cut in cuts[1:]])
-    recorded, record = numbers_of_cuts[numbers_of_cuts >= 0], np.full(len(which), -1)
-    record[np.flatnonzero(is_last)[numbers_of_cuts >= 0]] = np.arange(len(recorded))
-    t, h, rows = times[which] + begins * spans, sizes * spans, segment.rows[which]
-    return Steps(t, h, rows, segment.limits, segment.table, of_t, of_h, record, len(recorded)), recorded
+    else:
+        of_t = of_h = slopes[:1]
+    recorded, record = records[records >= 0], np.full(len(which), -1)
+    record[last[records >= 0]] = np.arange(len(recorded))
+    t, h = segment.cuts[which] + begins * spans, sizes * spans
+    rows, limits, table = segment.rows[which], segment.limits, segment.table
+    return Steps(t, h, rows, limits, table, of_t, of_h, record, len(recorded)), recorded
 
 
 def _some(steps: Steps, recorded: Integers, begin: int, end: int) -> tuple[Steps, Integers]:
@@ -539,11 +557,11 @@ def motion_of(
     inputs: Mapping[str, PPoly] | None = None,
     start_values: Mapping[str, ArrayLike] | None = None,
     tolerance: float = 1e-10,
-) -> DifferentiableMotion:
+) -> Motion:
     """A motion as a function of some of its values.
 
-    :param subject: a component by its name, file or class; a model; a system that :meth:`System.flatten` takes, with
-        names such as ``"swing.theta"``.
+    :param subject: a component by its name, file or class; a model; an FMU; a system, with names such as
+        ``"swing.theta"``.
     :param by: values that it is a function of: start values, parameters, inputs at rest, and parameters of operators,
         ``"length.amplitude"``; an array under its own name or element by element.
     :param times: recorded [s], ascending.
@@ -557,7 +575,16 @@ def motion_of(
     :raises ComponentError: for an unknown name, with the nearest one.
     :raises SimulationError: for a bad number, or a system that cannot be flattened.
     """
-    model = _model(subject)
+    try:
+        model, own_values = _model(subject)
+    except (SimulationError, ComponentError):  # of FMUs whose equations are not at hand
+        if not _is_file(subject) and not isinstance(subject, System):
+            raise
+        if operators:
+            raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
+        foreign = subject if isinstance(subject, System) else Path(cast("str", subject))
+        options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
+        return fmu_motion(foreign, by, _times(times, start_time), tolerance=tolerance, **options)
     moving = {
         name: operator_model(model, name, component(operator))
         for name, operator in named("operators", operators or {}).items()
@@ -570,7 +597,7 @@ def motion_of(
     hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
     values: dict[str, float] = {}
-    for name, value in named("start_values", start_values or {}).items():
+    for name, value in {**own_values, **named("start_values", start_values or {})}.items():
         elements = _elements(model, name, variables)
         array = numbers(name, value)
         if array.shape not in ((), (len(elements),)):
@@ -619,10 +646,18 @@ def motion_of(
     )
 
 
-def _model(subject: Subject) -> Model:
+def _is_file(subject: object) -> bool:
+    return isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu"
+
+
+def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
+    """The model, and start values of a file that differ from the declared ones."""
     if isinstance(subject, System):
-        return flattening.composed(subject).flat()
-    return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject)))
+        return flattening.composed(subject).flat(), {}
+    if not _is_file(subject):
+        return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject))), {}
+    model, starts = flattening.model_of(cast("str", subject))
+    return model, {v.name: starts[v.name] for v in settable(model, {}).values() if starts[v.name] != v.start}
 
 
 def _group(name: str, known: Iterable[str]) -> list[str]:

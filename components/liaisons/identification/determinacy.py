@@ -1,0 +1,159 @@
+"""What measurements determine and what not: null directions of the information matrix, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import null_space
+from scipy.sparse.csgraph import connected_components
+
+Floats = NDArray[np.float64]
+
+_UNSEEN = 1e-9
+"""A derivative that is smaller, relative to the largest one, is rounding."""
+_DEPENDENT = 1e-8
+"""A singular value of normalised columns that is smaller is rounding, or the error of the steps."""
+_INVOLVED = 1e-5
+_LARGEST = 6
+"""Of exponents and their denominators."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class NullSpace:
+    """Changes of unknowns that change no residual.
+
+    :param values: of the unknowns.
+    :param directions: orthonormal columns, relative to values that are not 0; shape (unknowns, directions).
+    """
+
+    values: Floats
+    directions: Floats
+
+    @classmethod
+    def of(cls, jacobian: Floats, values: Floats) -> NullSpace:
+        """Of the derivatives of residuals, shape (residuals, unknowns)."""
+        relative = jacobian * _scales(values)
+        lengths = np.linalg.norm(relative, axis=0)
+        lengths[lengths <= _UNSEEN * max(lengths.max(initial=0.0), np.finfo(float).tiny)] = 0
+        unit = np.divide(relative, lengths, out=np.zeros_like(relative), where=lengths > 0)
+        directions = null_space(np.linalg.qr(unit, mode="r"), rcond=_DEPENDENT)
+        directions /= np.where(lengths > 0, lengths, 1)[:, None]
+        return cls(values, np.linalg.qr(directions)[0])
+
+    @property
+    def undetermined(self) -> NDArray[np.bool_]:
+        """Which unknowns change."""
+        return np.linalg.norm(self.directions, axis=1) > _INVOLVED
+
+    @property
+    def dependent(self) -> list[int]:
+        """Unknowns, the last ones, that have to be held for all others to be determined."""
+        return _independent(self.directions)
+
+    def projection(self) -> Floats:
+        """Onto the directions."""
+        return self.directions @ self.directions.T
+
+
+def _scales(values: Floats) -> Floats:
+    return np.where(values == 0, 1.0, np.abs(values))
+
+
+def sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: Sequence[str]) -> tuple[str, ...]:
+    """What is not determined: ``"of gravity and length only gravity/length is determined by theta"``.
+
+    :param near: at other values; a product that is the same there is one, and no coincidence of the values.
+    :param names: of the unknowns.
+    :param measured: names of the signals.
+    """
+    return tuple(_sentences(here, near, names, _joined(measured)))
+
+
+def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: str) -> Iterator[str]:
+    undetermined = here.undetermined
+    linked: Any = connected_components(np.abs(here.projection()) > _INVOLVED)
+    blocks = linked[1]
+    unseen: list[str] = []
+    for block in dict.fromkeys(blocks[undetermined]):
+        members = np.flatnonzero(blocks == block).tolist()
+        own = [names[i] for i in members]
+        combinations = _combinations(here, near, members, own)
+        if combinations:
+            verb = "are" if "combinations" in combinations[0] or len(combinations) > 1 else "is"
+            yield f"of {_joined(own)} only {_joined(combinations)} {verb} determined by {measured}"
+        else:
+            unseen += own
+    if unseen:
+        yield f"{_joined(unseen)}: not determined at all by {measured}"
+
+
+def _combinations(here: NullSpace, near: NullSpace, members: list[int], names: list[str]) -> list[str]:
+    """Combinations of some unknowns that are determined: products, else sums, else how many there are."""
+    for written in (_product, _sum):
+        rows = [
+            _rows(space.directions[members] * (_scales(space.values)[members, None] if written is _sum else 1))
+            for space in (here, near)
+        ]
+        if None not in rows and rows[0] == rows[1] and (written is _sum or (here.values[members] != 0).all()):
+            return [written(row, names) for row in rows[0] or []]
+    count = len(members) - np.linalg.matrix_rank(here.directions[members], tol=_INVOLVED)
+    return [f"{count} combination{'s' if count > 1 else ''} near these values"] if count else []
+
+
+def _rows(directions: Floats) -> list[tuple[int, ...]] | None:
+    """Whole numbers whose sums, weighted by what is determined, stay constant; None if these are none."""
+    basis = null_space(directions.T, rcond=_INVOLVED)
+    rows = []
+    for row in (basis @ np.linalg.inv(basis[_independent(basis)])).T.tolist():
+        fractions = [Fraction(x).limit_denominator(_LARGEST) for x in row]
+        common = math.lcm(*(fraction.denominator for fraction in fractions))
+        whole = [int(fraction * common) for fraction in fractions]
+        if max(abs(x * common - n) for x, n in zip(row, whole, strict=True)) > _INVOLVED or max(whole) > _LARGEST:
+            return None
+        first = next(filter(None, whole))
+        sign = np.sign(sum(map(np.sign, whole)) or first)
+        rows.append(tuple(int(sign) * n for n in whole))
+    return rows
+
+
+def _independent(rows: Floats) -> list[int]:
+    """Indices of rows, the last ones, of which all others are linear combinations."""
+    chosen: list[int] = []
+    for i in reversed(range(len(rows))):
+        if np.linalg.matrix_rank(rows[[*chosen, i]], tol=_INVOLVED) > len(chosen):
+            chosen.append(i)
+    return sorted(chosen)
+
+
+def _product(exponents: tuple[int, ...], names: list[str]) -> str:
+    def factors(sign: int) -> list[str]:
+        return [
+            name if abs(n) == 1 else f"{name}**{abs(n)}"
+            for name, n in zip(names, exponents, strict=True)
+            if n * sign > 0
+        ]
+
+    top, bottom = factors(1), factors(-1)
+    below = "*".join(bottom)
+    return "*".join(top) + (f"/{below}" if len(bottom) == 1 else f"/({below})" if bottom else "")
+
+
+def _sum(weights: tuple[int, ...], names: list[str]) -> str:
+    terms = [
+        ("-" if n < 0 else "+", name if abs(n) == 1 else f"{abs(n)}*{name}")
+        for name, n in zip(names, weights, strict=True)
+        if n
+    ]
+    first, *rest = terms
+    return first[1] + "".join(f" {sign} {text}" for sign, text in rest)
+
+
+def _joined(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]])) if words else ""

@@ -1,0 +1,156 @@
+"""Diagrams, films and tables of a fit; these are methods of :class:`liaisons.identification.Fit`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from scipy.stats import chi2, f, norm
+
+from liaisons.arguments import as_path, listed
+from liaisons.errors import IdentificationError, suggestion
+from liaisons.identification.estimates import ParameterEstimate
+from liaisons.identification.problems import Floats, MeasuredMotion
+from liaisons.identification.replaying import replays
+from liaisons.results import Result
+from liaisons.results.figures import new_figure, save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_POINTS = 500
+"""Of a curve."""
+_BAND = 0.95
+
+
+class Fitted(Protocol):
+    """What has an estimate."""
+
+    @property
+    def estimate(self) -> ParameterEstimate:
+        """Of the unknowns."""
+        ...
+
+
+def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
+    """Draw measured points over the fitted motion, the band that holds 95 % of them, and residuals below.
+
+    :param names: measured signals, one by one or in a list; if nothing is named, all of them.
+    :param path: where to save the figure, its kind by the suffix.
+    :raises IdentificationError: for a signal that was not measured.
+    """
+    tables = _tables(fit.estimate)
+    units = {name: table.units[name] for _, table in tables for name in table if f"fitted {name}" in table}
+    chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [*units]
+    for name in chosen:
+        if name not in units:
+            raise IdentificationError(f"plot: {name!r} was not measured{suggestion(name, units)}")
+    figure = new_figure(alone=path is not None)
+    figure.set_size_inches(10.0, 1.0 + 4.0 * len(chosen))
+    diagrams = figure.subplots(2 * len(chosen), 1, sharex=True, height_ratios=[3, 1] * len(chosen))
+    for name, above, below in zip(chosen, diagrams[::2], diagrams[1::2], strict=True):
+        for i, (experiment, table) in enumerate(tables):
+            if name in table:
+                color, times = f"C{i}", table.time
+                dense, curve, low, high = _curve(fit.estimate, experiment, name)
+                above.fill_between(dense, low, high, color=color, alpha=0.2)
+                above.plot(dense, curve, color=color)
+                above.plot(times, table[name], ".", color=color, label=experiment.measurements.title)
+                below.plot(times, table[f"residual of {name}"], ".", color=color)
+        below.axhline(0.0, color="black", linewidth=0.8)
+        above.set_ylabel(f"{name} [{units[name]}]")
+        above.legend(frameon=False, fontsize="small")
+        below.set(xlabel="time [s]", ylabel=f"residual [{units[name]}]")
+    return _saved(figure, path)
+
+
+def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path: Path | str | None = None) -> Figure:
+    """Draw the ellipse that holds two unknowns with a probability.
+
+    :raises IdentificationError: for a name that is no unknown, or an unknown without a variance.
+    """
+    estimate, problem = fit.estimate, fit.estimate.problem
+    for name in (a, b):
+        if name not in problem.names:
+            raise IdentificationError(f"plot_ellipse: {name!r} is not unknown{suggestion(name, problem.names)}")
+    pair = [problem.names.index(name) for name in (a, b)]
+    covariance = estimate.covariance[np.ix_(pair, pair)]
+    if not np.isfinite(covariance).all():
+        raise IdentificationError(f"plot_ellipse: {a} and {b} have no covariance; fit.sentences say why")
+    size = chi2.ppf(probability, 2) if problem.noise else 2 * f.ppf(probability, 2, max(1, estimate.freedom))
+    angles = np.linspace(0, 2 * np.pi, _POINTS)
+    circle = np.sqrt(size) * np.array([np.cos(angles), np.sin(angles)])
+    x, y = estimate.values[pair]
+    figure = new_figure(alone=path is not None)
+    diagram = figure.subplots()
+    diagram.plot(*([[x], [y]] + np.linalg.cholesky(covariance) @ circle), label=f"{100 * probability:g} %")
+    diagram.plot(x, y, "+", color="C0")
+    labels = [f"{problem.names[i]} [{problem.units[i]}]" for i in pair]
+    diagram.set(xlabel=labels[0], ylabel=labels[1])
+    diagram.legend(frameon=False)
+    return _saved(figure, path)
+
+
+def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float | None = None) -> float:
+    """Write the fitted motion of an experiment as a film, with measured coordinates and points as a ghost.
+
+    :param path: ends in ``.gif``, ``.png`` (a strip of instants) or ``.mp4`` (needs the extra ``film``).
+    :param experiment: its number, from 1.
+    :param speed: seconds of motion a second; real time unless that takes longer than 20 s.
+    :returns: the speed.
+    """
+    estimate = fit.estimate
+    chosen, result = estimate.objective.experiments[experiment - 1], replays(estimate)[experiment - 1]
+    times = result.time - (0.0 if chosen.offset is None else estimate.values[chosen.offset])
+    drawn = {*estimate.problem.starts.values(), *(result.scene.picture.variables if result.scene else ())}
+    ghost = {
+        name: np.interp(times, chosen.measurements.times[seen], values[seen])
+        for name, values in zip(chosen.measurements.signals, chosen.measurements.values, strict=True)
+        for seen in [np.isfinite(values)]
+        if name in drawn
+    }
+    return result.animate(path, speed=speed, against=ghost or None)
+
+
+def to_csv(fit: Fitted, path: Path | str) -> None:
+    """Write measured and fitted signals and their residuals; of further experiments to ``NAME_2.csv`` and so on.
+
+    :raises SimulationError: if a file cannot be written.
+    """
+    path = as_path("to_csv", path)
+    for i, (_, table) in enumerate(_tables(fit.estimate), start=1):
+        table.to_csv(path if i == 1 else path.with_stem(f"{path.stem}_{i}"))
+
+
+def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
+    """Measured and fitted values of each experiment, and their difference."""
+    tables = []
+    for experiment, fitted in zip(estimate.objective.experiments, estimate.fitted, strict=True):
+        data, columns, units = experiment.measurements, {}, {}
+        for name, measured, signal in zip(data.signals, data.values, fitted, strict=True):
+            columns |= {name: measured, f"fitted {name}": signal, f"residual of {name}": measured - signal}
+            units |= dict.fromkeys(columns.keys() - units, experiment.motion.units[name])
+        table = Result(f"fit to {data.title}", data.times.copy(), (*columns,), np.array([*columns.values()]), units)
+        tables.append((experiment, table))
+    return tables
+
+
+def _curve(estimate: ParameterEstimate, experiment: MeasuredMotion, name: str) -> tuple[Floats, Floats, Floats, Floats]:
+    """Times, fitted values, and both ends of the band."""
+    data = experiment.measurements
+    row = data.signals.index(name)
+    times = np.linspace(data.times[0], data.times[-1], _POINTS)
+    dense = replace(experiment, measurements=replace(data, times=times), motion=experiment.motion.at(times))
+    signals, slopes = dense.forward(estimate.values)
+    variances = np.einsum("ti,ij,tj->t", slopes[row], np.nan_to_num(estimate.covariance), slopes[row])
+    half = norm.ppf((1 + _BAND) / 2) * np.sqrt(variances + experiment.deviations[row] ** 2)
+    return times, signals[row], signals[row] - half, signals[row] + half
+
+
+def _saved(figure: Figure, path: Path | str | None) -> Figure:
+    if path is not None:
+        save(figure, as_path("path", path))
+    return figure

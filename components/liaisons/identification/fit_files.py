@@ -1,0 +1,37 @@
+"""``identified``: what a TOML file asks for."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+from liaisons.arguments import as_path, listed
+from liaisons.errors import IdentificationError
+from liaisons.files import beside, toml_arguments
+from liaisons.identification.fits import Fit
+from liaisons.identification.identifying import identify
+from liaisons.interface import System
+
+_EXAMPLES = {"subject": '"Pendulum"', "data": '"measured.csv"', "unknown": '["length", "theta_0"]'}
+
+
+def identified(path: Path | str) -> Fit:
+    """Identify what a file asks for.
+
+    ::
+
+        subject = "Pendulum"
+        data = "measured.csv"
+        unknown = ["length", "friction", "theta_0"]
+        noise = { theta = 0.01 }
+        start_values = { friction = 0.1 }
+
+    :param path: the file; measurements, and an SSP archive or component of one's own, are looked for beside it.
+    :raises IdentificationError: if it is no TOML, or has another key, or what :func:`liaisons.identify` raises.
+    """
+    path = as_path("path", path, IdentificationError)
+    keys = {*inspect.signature(identify).parameters} - {"keywords"}
+    arguments = toml_arguments(path, keys, _EXAMPLES, IdentificationError)
+    subject = beside(path, str(arguments.pop("subject")))
+    data = [beside(path, name) for name in listed(f"{path}: data", arguments.pop("data"), IdentificationError)]
+    return identify(System.from_ssp(subject) if subject.endswith(".ssp") else subject, data, **arguments)

@@ -1,0 +1,240 @@
+"""``identify``: from measurements to parameters, with their covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from liaisons import flattening
+from liaisons.arguments import chosen, finite, listed, merged, named, positive, shown, whole
+from liaisons.array_names import split
+from liaisons.cosim import System
+from liaisons.ensembles.right_hand_sides import operator_model, settable
+from liaisons.errors import IdentificationError, suggestion
+from liaisons.identification.fits import Fit
+from liaisons.identification.measurements import measurements, noise_levels
+from liaisons.identification.minimising import LOSSES
+from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior
+from liaisons.identification.searching import estimated
+from liaisons.language import Variable
+from liaisons.library import Target, component
+from liaisons.mechanics import Model, assemble
+
+Range = tuple[float | None, float | None]
+Data = Any
+
+
+def identify(
+    subject: Target | Model | System,
+    data: Data,
+    /,
+    unknown: str | Sequence[str],
+    noise: float | Mapping[str, float] | None = None,
+    *,
+    each: str | Sequence[str] = (),
+    bounds: Mapping[str, Range] | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear",
+    operators: Mapping[str, Target] | None = None,
+    measured: str | Iterable[str] | None = None,
+    ignore: str | Iterable[str] = (),
+    smoothing: float | None = None,
+    start_time: float = 0.0,
+    segments: int | None = None,
+    tolerance: float = 1e-10,
+    start_values: Mapping[str, Any] | None = None,
+    **keywords: Any,
+) -> Fit:
+    """Find parameters and start values from measurements, and how sure they are.
+
+    ::
+
+        fit = identify("Pendulum", "measured.csv", unknown=["length", "friction", "theta_0"], noise={"theta": 0.01})
+        fit.values, fit.standard_errors, fit.intervals(), fit.correlation
+        print(table(fit.verify()))
+
+    Columns of the data that are outputs were measured; those that are inputs or active coordinates drive.
+
+    :param subject: name, file or class of a component; a model; or a system, whose names are ``"swing.theta"``.
+    :param data: path of a CSV file, :class:`liaisons.Result`, mapping of names to arrays; or a list of these, one an
+        experiment.
+    :param unknown: parameters, start values, inputs at rest, parameters of operators (``"length.amplitude"``), and
+        ``"time_offset"`` [s], by which clocks of the measurements are slow; an array by its name or by elements.
+    :param noise: standard deviation of the measurements, one for all or by signal; None: as residuals show it.
+    :param each: unknowns that differ between the experiments.
+    :param bounds: (low, high) of unknowns, None for none; their domains hold without.
+    :param prior: (mean, standard deviation) of unknowns, as known without the measurements.
+    :param loss: ``"linear"``: least squares; the others are for outliers, see SciPy's ``least_squares``.
+    :param operators: active coordinate -> operator that moves it.
+    :param measured: outputs that are fitted; None: all that have a column.
+    :param ignore: columns that are not read.
+    :param smoothing: distance [s] of knots of splines through what drives; None: through all values.
+    :param start_time: [s], when the motion starts, and its start values hold.
+    :param segments: of multiple shooting, for motions that are chaotic or start far away; None: if need be.
+    :param tolerance: of the steps, relative.
+    :param start_values: values that are known, and where the search for unknowns begins, if not as declared.
+    :param keywords: further ones; a keyword that is also a setting is the setting.
+    :returns: the fit; believe it after ``fit.verify()``.
+    :raises IdentificationError: for a bad argument or column; and if least squares do not converge, with what was
+        reached as its ``fit``.
+    :raises SimulationError: if the motion cannot start.
+    """
+    names = listed("unknown", unknown, IdentificationError)
+    values = dict(merged("identify", start_values, keywords, IdentificationError))
+    chosen("loss", loss, tuple(LOSSES), IdentificationError)
+    positive("tolerance", tolerance, IdentificationError)
+    finite("start_time", start_time, IdentificationError)
+    if segments is not None:
+        whole("segments", segments, IdentificationError)
+    model = _model(subject)
+    experiments = measurements(data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing)
+    for experiment in experiments:
+        if experiment.times[0] < start_time:
+            raise IdentificationError(
+                f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"
+            )
+    moving = dict(named("operators", operators or {}, IdentificationError))
+    variables = settable(model, {name: operator_model(model, name, component(one)) for name, one in moving.items()})
+    variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
+    unknowns = _Unknowns(variables, len(experiments), names, listed("each", each, IdentificationError))
+    starts = unknowns.by_element("start_values", values)
+    levels = None if noise is None else tuple(noise_levels(noise, experiment) for experiment in experiments)
+    limits = unknowns.limits(bounds or {}, min(float(e.times[0]) for e in experiments) - start_time)
+    outputs = {variable.name for variable in model.outputs}
+    problem = FittingProblem(
+        subject=subject,
+        measurements=experiments,
+        names=tuple(label for label, _ in unknowns.labels),
+        units=tuple(variables[name].unit for _, name in unknowns.labels),
+        columns=unknowns.columns,
+        start=np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float),
+        limits=limits,
+        noise=levels,
+        priors=tuple(unknowns.priors(prior or {})),
+        loss=loss,
+        starts={p.name: output for p in model.parameters if (output := _started(p.name)) in outputs},
+        start_time=start_time,
+        start_values={name: value for name, value in starts.items() if name not in unknowns.names},
+        operators=moving,
+        tolerance=tolerance,
+    )
+    _check(problem)
+    fit = Fit(estimated(problem, segments))
+    if message := fit.estimate.minimum.message:
+        words = "give other start values, or segments of multiple shooting"
+        raise IdentificationError(f"{model.name}: {message} {words}", fit)
+    return fit
+
+
+class _Unknowns:
+    """Names of unknowns, element by element, and where they are in the vector of all.
+
+    :ivar labels: name in the fit, and name of the variable.
+    :ivar columns: of each experiment: name of the variable -> index.
+    """
+
+    def __init__(
+        self, variables: Mapping[str, Variable], experiments: int, names: Sequence[str], each: Sequence[str]
+    ) -> None:
+        self.variables = variables
+        self.names = [element for name in names for element in self._elements("unknown", name)]
+        own = [element for name in each for element in self._elements("each", name)]
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise IdentificationError(f"unknown: {name} is given twice; leave one out")
+        for name in own:
+            if name not in self.names:
+                raise IdentificationError(f"each: {name} is not unknown{suggestion(name, self.names)}")
+        if experiments == 1:
+            own = []
+        self.labels = [(name, name) for name in self.names if name not in own]
+        shared = {name: i for i, (name, _) in enumerate(self.labels)}
+        columns = []
+        for number in range(1, experiments + 1):
+            columns.append({**shared, **{name: len(self.labels) + i for i, name in enumerate(own)}})
+            self.labels += [(f"{name} ({number})", name) for name in own]
+        self.columns = tuple(columns)
+
+    def _elements(self, label: str, name: str) -> list[str]:
+        elements = [one for one in self.variables if name in {one, split(one)[0]}]
+        if not elements:
+            raise IdentificationError(f"{label}: no value is called {name!r}{suggestion(name, self.variables)}")
+        return elements
+
+    def by_element(self, label: str, values: Mapping[str, Any]) -> dict[str, float]:
+        """Numbers by names of arrays or of elements."""
+        numbers: dict[str, float] = {}
+        for name, value in values.items():
+            elements = self._elements(label, name)
+            for one, number in zip(elements, np.broadcast_to(np.ravel(value), len(elements)).tolist(), strict=True):
+                finite(f"{label}: {one}", number, IdentificationError)
+                if not self.variables[one].allows(number):
+                    domain = self.variables[one].domain()
+                    raise IdentificationError(f"{label}: {one} = {number:g}: must be {domain}")
+                numbers[one] = number
+        return numbers
+
+    def _unknown(self, label: str, values: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
+        """Indices and names of unknowns that have a value in a mapping, and this value."""
+        for name, value in named(label, values, IdentificationError).items():
+            elements = self._elements(label, name)
+            if missing := [element for element in elements if element not in self.names]:
+                raise IdentificationError(f"{label}: {missing[0]} is not unknown{suggestion(missing[0], self.names)}")
+            if not isinstance(value, (tuple, list)) or len(value) != 2:
+                raise IdentificationError(f"{label}: {name} = {shown(value)}: give two numbers")
+            for i, (text, variable) in enumerate(self.labels):
+                if variable in elements:
+                    yield i, text, value
+
+    def limits(self, bounds: Mapping[str, Range], delay: float) -> Floats:
+        """Lower and upper bounds, shape (2, unknowns): where none are given, the domains of the variables.
+
+        :param delay: how long before the first measurement the motion starts [s].
+        """
+        variables = [self.variables[name] for _, name in self.labels]
+        ends = [(-delay if v.name == TIME_OFFSET else v.minimum, v.maximum) for v in variables]
+        for i, name, (low, high) in self._unknown("bounds", bounds):
+            for end in (low, high):
+                if end is not None:
+                    finite(f"bounds: {name}", end, IdentificationError)
+            if None not in (low, high) and not low < high:
+                raise IdentificationError(f"bounds: {name} = {shown((low, high))}: the first must be less")
+            least, most = ends[i]
+            ends[i] = least if low is None else low, most if high is None else high
+        limits = np.array(ends, dtype=float).T  # None becomes not-a-number
+        return np.where(np.isnan(limits), [[-np.inf], [np.inf]], limits)
+
+    def priors(self, prior: Mapping[str, tuple[float, float]]) -> Iterator[Prior]:
+        """Priors of unknowns."""
+        for i, name, (mean, deviation) in self._unknown("prior", prior):
+            finite(f"prior: mean of {name}", mean, IdentificationError)
+            positive(f"prior: standard deviation of {name}", deviation, IdentificationError)
+            yield Prior(i, mean, deviation)
+
+
+def _model(subject: Target | Model | System) -> Model:
+    """Equations of what was measured, arrays element by element."""
+    if isinstance(subject, System):
+        return flattening.composed(subject)
+    return (subject if isinstance(subject, Model) else assemble(component(subject))).flat()
+
+
+def _started(name: str) -> str:
+    """The output that a parameter would be the start value of: ``"theta[1]"`` for ``"theta_0[1]"``."""
+    base, _ = split(name)
+    return base.removesuffix("_0") + name[len(base) :] if base.endswith("_0") else ""
+
+
+def _check(problem: FittingProblem) -> None:
+    """Check that a problem can have a solution."""
+    count = len(problem.names)
+    if not count:
+        raise IdentificationError("unknown: nothing is unknown; name one value at least")
+    numbers = sum(int(np.isfinite(data.values).sum()) for data in problem.measurements) + len(problem.priors)
+    if numbers < count:
+        raise IdentificationError(f"unknown: {count} values from {numbers} numbers; measure more, or leave some out")
+    for name, start, low, high in zip(problem.names, problem.start, *problem.limits, strict=True):
+        if not low <= start <= high:
+            raise IdentificationError(f"{name} starts at {start:g}, outside of {low:g} to {high:g}; start elsewhere")

@@ -1,0 +1,96 @@
+"""Least squares with exact derivatives, within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from liaisons.errors import LiaisonsError
+from liaisons.identification.problems import Floats, Objective
+
+_EVALUATIONS = 200
+
+
+def _huber(z: Floats) -> Floats:
+    outside = np.maximum(z, 1)
+    return np.where(
+        z <= 1, [z, np.ones_like(z), np.zeros_like(z)], [2 * z**0.5 - 1, outside**-0.5, -(outside**-1.5) / 2]
+    )
+
+
+LOSSES: Mapping[str, Callable[[Floats], Floats]] = {
+    "linear": lambda z: np.array([z, np.ones_like(z), np.zeros_like(z)]),
+    "soft_l1": lambda z: np.array([2 * ((1 + z) ** 0.5 - 1), (1 + z) ** -0.5, -((1 + z) ** -1.5) / 2]),
+    "huber": _huber,
+    "cauchy": lambda z: np.array([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2]),
+}
+"""Squared residuals -> loss, its first and its second derivative."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Unknowns at which a cost is least.
+
+    :param cost: half the sum of the losses of squared residuals.
+    :param message: of the method; empty if it has converged.
+    """
+
+    values: Floats
+    cost: float
+    message: str
+
+
+def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
+    """The least cost near a start, where some unknowns are held.
+
+    :param accuracy: relative, of cost and unknowns.
+    :raises LiaisonsError: if residuals have no value at the start.
+    """
+    free = np.setdiff1d(np.arange(len(start)), list(held))
+    latest: list[Any] = [None, None]
+
+    def at(unknowns: Floats) -> Any:
+        if latest[0] is None or not np.array_equal(latest[0], unknowns):
+            values = start.copy()
+            values[free] = unknowns
+            latest[:] = unknowns.copy(), objective(values)
+        return latest[1]
+
+    first = at(start[free])[0]
+
+    def shortened(unknowns: Floats) -> Floats:
+        """Residuals; not-a-number, so that a shorter step is tried, where the motion leaves its domain."""
+        try:
+            return at(unknowns)[0]
+        except LiaisonsError:
+            return np.full_like(first, np.nan)
+
+    if not free.size:
+        return Minimum(start, float(LOSSES[objective.loss](first**2)[0].sum() / 2), "")
+    solution: Any = least_squares(
+        shortened,
+        start[free],
+        lambda unknowns: at(unknowns)[1][:, free],  # type: ignore[arg-type]  # SciPy takes functions, too
+        bounds=objective.limits[:, free],
+        loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
+        x_scale=np.where(start[free] == 0, 1.0, np.abs(start[free])),
+        ftol=accuracy,
+        xtol=accuracy,
+        gtol=None,  # type: ignore[arg-type]  # as SciPy documents
+        max_nfev=_EVALUATIONS,
+    )
+    values = start.copy()
+    values[free] = solution.x
+    return Minimum(values, float(solution.cost), "" if solution.status > 0 else solution.message)
+
+
+def influence(loss: str, residuals: Floats) -> tuple[Floats, Floats]:
+    """First and second derivative of half the loss by the residual."""
+    squares = residuals**2
+    _, slope, curvature = LOSSES[loss](squares)
+    return slope * residuals, slope + 2 * squares * curvature

@@ -1,0 +1,250 @@
+"""What is fitted: residuals of one or more experiments, with their derivatives by the unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.array_names import split
+from liaisons.derivatives.motion import Motion, motion_of
+from liaisons.identification.measurements import Measurements
+from liaisons.library import Target
+
+Floats = NDArray[np.float64]
+
+TIME_OFFSET = "time_offset"
+_NEARBY = 7
+"""Measurements that a start value of a segment is taken from."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """Measurements, and the motion that they are of.
+
+    :param motion: at the times of the measurements, with their signals first.
+    :param columns: index of each of its values among the unknowns.
+    :param offset: index of the time offset among the unknowns; None: 0 s.
+    :param deviations: standard deviation of each signal, shape (signals,).
+    """
+
+    measurements: Measurements
+    motion: Motion
+    columns: tuple[int, ...]
+    offset: int | None
+    deviations: Floats
+
+    def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
+        values, motion = unknowns[list(self.columns)], self.motion
+        if self.offset is not None:
+            motion = motion.at(self.measurements.times + unknowns[self.offset])
+        signals, own = motion.forward(values)
+        derivatives = np.zeros((*signals.shape, len(unknowns)))
+        derivatives[..., list(self.columns)] = own
+        if self.offset is not None:
+            derivatives[..., self.offset] = motion.rates(values)
+        return signals, derivatives
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Link:
+    """Continuity: some signals at the end of an experiment are unknowns, the start of the next one."""
+
+    experiment: int
+    signals: tuple[int, ...]
+    columns: tuple[int, ...]
+    deviations: Floats
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known of an unknown without the measurements."""
+
+    column: int
+    mean: float
+    deviation: float
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """Residuals of measurements, links and priors, each divided by its standard deviation, and what limits unknowns.
+
+    :param limits: least and largest values, infinite where there are none, shape (2, unknowns).
+    :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
+    :param shift: is added to all residuals.
+    """
+
+    experiments: tuple[MeasuredMotion, ...]
+    priors: tuple[Prior, ...]
+    limits: Floats
+    loss: str
+    links: tuple[Link, ...] = ()
+    shift: float | Floats = 0.0
+    _latest: dict[bytes, tuple[Floats, Floats]] = field(default_factory=dict, init=False, repr=False)
+
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Residuals, shape (residuals,), and their derivatives, shape (residuals, unknowns)."""
+        key = unknowns.tobytes()
+        if key not in self._latest:
+            self._latest.clear()
+            self._latest[key] = self._evaluated(unknowns)
+        residuals, derivatives = self._latest[key]
+        return residuals.copy(), derivatives.copy()
+
+    def _evaluated(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        unit, parts, motions = np.eye(len(unknowns)), [], []
+        for experiment in self.experiments:
+            signals, rates = experiment.forward(unknowns)
+            motions.append((signals, rates))
+            values, level = experiment.measurements.values, experiment.deviations[:, None]
+            seen, rows = np.isfinite(values), slice(len(level))
+            parts.append((((signals[rows] - values) / level)[seen], (rates[rows] / level[..., None])[seen]))
+        for link in self.links:
+            signals, rates = motions[link.experiment]
+            rows, columns, level = list(link.signals), list(link.columns), link.deviations
+            gap, slope = signals[rows, -1] - unknowns[columns], rates[rows, -1] - unit[columns]
+            parts.append((gap / level, slope / level[:, None]))
+        for prior in self.priors:
+            gap = unknowns[[prior.column]] - prior.mean
+            parts.append((gap / prior.deviation, unit[[prior.column]] / prior.deviation))
+        residuals, derivatives = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return residuals + self.shift, derivatives
+
+    def linked(self, factor: float) -> Objective:
+        """The same with links of so many times their standard deviations."""
+        return replace(self, links=tuple(replace(link, deviations=factor * link.deviations) for link in self.links))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class FittingProblem:
+    """A subject, its measurements, and what is unknown.
+
+    :param names: of the unknowns, element by element; in several experiments ``"theta_0 (2)"`` is that of the second.
+    :param units: of these.
+    :param columns: of each experiment: name -> index among the unknowns.
+    :param start: values of the unknowns at which the search begins.
+    :param limits: least and largest values of the unknowns, shape (2, unknowns).
+    :param noise: standard deviations of the signals of each experiment; None: unknown.
+    :param starts: start value -> the output that it is the start of.
+    :param operators: active coordinate -> operator.
+    :param tolerance: of steps.
+    """
+
+    subject: Any
+    measurements: tuple[Measurements, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: tuple[Mapping[str, int], ...]
+    start: Floats
+    limits: Floats
+    noise: tuple[Floats, ...] | None
+    priors: tuple[Prior, ...]
+    loss: str
+    starts: Mapping[str, str]
+    start_time: float
+    start_values: Mapping[str, Any]
+    operators: Mapping[str, Target]
+    tolerance: float
+
+    def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
+        """Residuals of motions whose steps are chosen for these values."""
+        experiments = (
+            self._experiment(data, columns, unknowns, level, tolerance=tolerance)
+            for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
+        )
+        return Objective(tuple(experiments), self.priors, self.limits, self.loss)
+
+    def _experiment(
+        self,
+        data: Measurements,
+        columns: Mapping[str, int],
+        unknowns: Floats,
+        deviations: Floats,
+        *,
+        start_time: float | None = None,
+        record: Sequence[str] | None = None,
+        tolerance: float | None = None,
+    ) -> MeasuredMotion:
+        """One, with steps for these values.
+
+        :param record: signals, those of the measurements first; None: these.
+        """
+        own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
+        offset = columns.get(TIME_OFFSET)
+        motion = motion_of(
+            self.subject,
+            list(own),
+            data.times if offset is None else data.times + unknowns[offset],
+            start_time=self.start_time if start_time is None else start_time,
+            record=list(record or data.signals),
+            inputs=data.inputs,
+            start_values={**self.start_values, **{name: float(unknowns[column]) for name, column in own.items()}},
+            operators=self.operators,
+            tolerance=tolerance or self.tolerance,
+        )
+        return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
+
+    def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
+        """Residuals of shorter motions, each with start values of its own, and links between them.
+
+        :returns: residuals, and their unknowns: the start values of all but the first behind the others.  A time offset
+            keeps its value.
+        """
+        experiments: list[MeasuredMotion] = []
+        links: list[Link] = []
+        values = unknowns.copy()
+        for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True):
+            if TIME_OFFSET in columns:
+                data = replace(data, times=data.times + unknowns[columns[TIME_OFFSET]])  # noqa: PLW2901
+            own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
+            record = list(dict.fromkeys([*data.signals, *self.starts.values()]))
+            rows = tuple(record.index(output) for output in self.starts.values())
+            whole = self._experiment(data, own, unknowns, level, record=record).forward(unknowns)[0]
+            edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int))
+            states = np.array([_near(data, record[row], edges, whole[row, edges]) for row in rows])
+            size = np.ptp(states, axis=1)
+            for start, state in zip(self.starts, states, strict=True):
+                if start in own and data.times[0] == self.start_time:
+                    values[own[start]] = state[0]
+            for i, (first, last) in enumerate(pairwise(edges)):
+                if i:
+                    own |= {name: len(values) + k for k, name in enumerate(self.starts)}
+                    begun = tuple(own[name] for name in self.starts)
+                    links.append(Link(len(experiments) - 1, rows, begun, np.where(size > 0, size, 1.0)))
+                    values = np.append(values, states[:, i])
+                seen = data.values[:, first : last + 1].copy()
+                if last < edges[-1]:
+                    seen[:, -1] = np.nan  # the next segment has it
+                segment = replace(data, times=data.times[first : last + 1], values=seen)
+                begin = float(segment.times[0]) if i else None
+                experiments.append(self._experiment(segment, own, values, level, start_time=begin, record=record))
+        free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
+        limits = np.hstack([self.limits, free])
+        return Objective(tuple(experiments), self.priors, limits, self.loss, tuple(links)), np.clip(values, *limits)
+
+
+def _near(data: Measurements, output: str, edges: NDArray[np.int_], simulated: Floats) -> Floats:
+    """An output or its rate at some of the times: by parabolas through what was measured nearby, if it was."""
+    name, _ = split(output)
+    base = name.removesuffix("_dot") + output[len(name) :]
+    signal = output if output in data.signals else base
+    if signal not in data.signals:
+        return simulated
+    values = data.values[data.signals.index(signal)]
+    times, values = data.times[np.isfinite(values)], values[np.isfinite(values)]
+    near = np.empty(len(edges))
+    for i, time in enumerate(data.times[edges]):
+        closest = np.argsort(np.abs(times - time))[:_NEARBY]
+        parabola = np.polynomial.Polynomial.fit(times[closest], values[closest], min(2, len(closest) - 1))
+        near[i] = (parabola if signal == output else parabola.deriv())(time)
+    return near

@@ -1,0 +1,101 @@
+"""What makes a fit believed: that least squares came to an end is never enough."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.stats import chi2
+
+from liaisons.check import Verdict, verdict
+from liaisons.identification.estimates import ParameterEstimate
+from liaisons.results import Result
+
+_CHANCE = 1e-3
+"""Of all tests of residuals together, to fail where all is well."""
+_LAGS = 10
+_REFITS = 200
+_BAND = 0.99
+_DEVIATION = 0.01
+"""What is less of a standard deviation or error does not matter."""
+_EXACT = 1e-6
+"""By how much FMUs and fitted motion may differ, relative to the size of a signal."""
+
+
+def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator[Verdict]:
+    """All of them.
+
+    :param replays: the fitted motions as the FMUs perform them.
+    """
+    problem = estimate.problem
+    ended = 0.0 if not estimate.minimum.message else 1.0
+    yield verdict("least squares came to its end", error=ended, tolerance=0.0)
+    count = float(estimate.null_space.directions.shape[1])
+    yield verdict("measurements determine all unknowns", error=count, tolerance=0.0)
+    yield _replayed(estimate, replays)
+    yield from _white(estimate)
+    if problem.noise and problem.loss == "linear":
+        yield _size(estimate)
+    yield from _variances(estimate)
+    yield _finer(estimate)
+
+
+def _replayed(estimate: ParameterEstimate, replays: Sequence[Result]) -> Verdict:
+    """In each signal, relative to its size, or where that is more to its standard deviation."""
+    errors = [0.0]
+    for experiment, fitted, replay in zip(estimate.objective.experiments, estimate.fitted, replays, strict=True):
+        data, levels = experiment.measurements, experiment.deviations
+        for name, signal, level in zip(data.signals, fitted, levels, strict=True):
+            size = max(np.abs(signal).max(), level * _DEVIATION / _EXACT)
+            played = replay[name][np.searchsorted(replay.time, experiment.motion.times)]
+            errors.append(float(np.abs(played - signal).max() / size))
+    text = "replayed through the FMUs, the motion is the fitted one"
+    return verdict(text, error=max(errors), tolerance=_EXACT, reason="relative, or a hundredth of the noise")
+
+
+def _white(estimate: ParameterEstimate) -> Iterator[Verdict]:
+    """The test of Ljung and Box of the residuals of each signal."""
+    parts = list(estimate.standardised())
+    for label, r, rounding in parts:
+        if np.abs(r).max() <= rounding:
+            text = f"residuals of {label} are the rounding of its motion"
+            yield verdict(text, error=float(np.abs(r).max()), tolerance=rounding, reason="the solver's tolerance")
+            continue
+        n = len(r)
+        lags = np.arange(1, min(_LAGS, n // 4) + 1)
+        if not lags.size:
+            continue
+        correlation = np.array([r[k:] @ r[:-k] for k in lags]) / (r @ r)
+        q = n * (n + 2) * float(np.sum(correlation**2 / (n - lags)))
+        bound = float(chi2.isf(_CHANCE / len(parts), len(lags)))
+        text = f"residuals of {label} are white: Ljung and Box's sum over {len(lags)} lags"
+        yield verdict(text, error=q, tolerance=bound, reason=f"chance {_CHANCE:g} in all of them")
+
+
+def _size(estimate: ParameterEstimate) -> Verdict:
+    square, freedom = 2 * estimate.minimum.cost, max(1, estimate.freedom)
+    chance = 2 * min(chi2.cdf(square, freedom), chi2.sf(square, freedom))
+    text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}, probability {chance:.2g}"
+    return verdict(text, error=float(1 - chance), tolerance=1 - _CHANCE)
+
+
+def _variances(estimate: ParameterEstimate) -> Iterator[Verdict]:
+    """Variances of unknowns that are fitted to simulated measurements, as multiples of those of the estimate."""
+    sure = np.flatnonzero(np.isfinite(estimate.standard_errors))
+    if not sure.size:
+        return
+    ratios = np.var(estimate.refits(_REFITS)[:, sure], axis=0, ddof=1) / estimate.standard_errors[sure] ** 2
+    for i, ratio in zip(sure, ratios.tolist(), strict=True):
+        square = (_REFITS - 1) * ratio
+        chance = 2 * min(chi2.cdf(square, _REFITS - 1), chi2.sf(square, _REFITS - 1))
+        name = estimate.problem.names[i]
+        text = f"the variance of {name} in {_REFITS} fits to simulated measurements is {ratio:.2f} times as large"
+        yield verdict(text, error=float(1 - chance), tolerance=1 - (1 - _BAND) / len(sure), reason="99 % band of all")
+
+
+def _finer(estimate: ParameterEstimate) -> Verdict:
+    """Steps of a tenth of the tolerance."""
+    errors = estimate.standard_errors
+    change = np.abs(estimate.with_finer_steps().values - estimate.values) / errors
+    text = "steps of a tenth of the tolerance give the same values"
+    return verdict(text, error=float(np.nanmax(change, initial=0.0)), tolerance=_DEVIATION, reason="standard errors")
