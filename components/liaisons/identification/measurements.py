@@ -117,7 +117,10 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
             raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{words}")
     of_signals = [levels.get(name, levels.get(split(name)[0])) for name in experiment.signals]
     if None in of_signals:
-        raise IdentificationError(f"noise: {experiment.signals[of_signals.index(None)]} is missing")
+        words = "is missing; measured=[...] names what is fitted"
+        raise IdentificationError(
+            f"noise: {experiment.signals[of_signals.index(None)]} is missing; measured=[...] names what is fitted"
+        )
     return np.array(of_signals, dtype=float)
 
 
