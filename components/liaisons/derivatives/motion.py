@@ -123,6 +123,7 @@ class _Cuts:
 
 Parts: TypeAlias = tuple[Floats, Integers]
 """Ends of steps as parts of their intervals, one after another, and how many there are in each interval."""
+_NOT_FIXED: tuple[tuple[bytes, bytes], list[Parts]] = (b"", b""), []
 
 
 @final
@@ -205,7 +206,7 @@ class DifferentiableMotion:
         self._functions, self._variables, self._table, self._breaks = functions, variables, table, breaks
         self._jumps = jumps
         self._tolerance = max(_PART * tolerance, _ROUNDING)
-        self._fixed: tuple[tuple[bytes, bytes], list[Parts]] | None = None
+        self._fixed = _NOT_FIXED
         self._last = b"", list[Parts]()
 
     def __call__(self, values: ArrayLike) -> Floats:
@@ -254,10 +255,10 @@ class DifferentiableMotion:
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
-        return self._with(times=_times(times, self._start), _fixed=None, _last=(b"", []))
+        return self._with(times=_times(times, self._start), _fixed=_NOT_FIXED, _last=(b"", []))
 
     def frozen(self, values: ArrayLike) -> Self:
-        """The same motion with the steps that are taken at some values, whatever it is called with."""
+        """The same motion with the steps that are taken at some values, wherever events come in the same order."""
         k = self._checked(values)
         cuts = self._cuts(k)
         return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)))
@@ -281,12 +282,9 @@ class DifferentiableMotion:
     def _run(self, values: ArrayLike, *, keep: bool = False) -> _Run:
         f, k = self._functions, self._checked(values)
         cuts = self._cuts(k)
-        if self._fixed is None:
+        order, parts = self._fixed
+        if order != cuts.order():
             parts = self._chosen(k, cuts)
-        else:
-            order, parts = self._fixed
-            if order != cuts.order():
-                raise SimulationError(f"{self.name}: the events come in another order at these values")
         y = _array(f.start(k, self._table[0])[0]).ravel()
         records, legs = np.tile(y, (len(self.times), 1)), list[_Leg]()
         instants = self.times.copy()
