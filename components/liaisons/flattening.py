@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from liaisons.arguments import shown
-from liaisons.cosim import System
+from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
 from liaisons.library import Backend, FmiVersion, Platforms, catalogue, model
@@ -24,7 +24,6 @@ from liaisons.project import fmus_directory
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
-    from liaisons.cosim import SystemComponent
     from liaisons.language import Component
     from liaisons.mechanics import Model
 
@@ -86,6 +85,16 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
         {str(connection.target): str(connection.source) for connection in system.connections},
         starts=starts,
     )
+
+
+def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
+    """The model that an FMU of ours was built from, its arrays element by element, and the start values in the file.
+
+    :raises SimulationError: if the catalogue does not have it.
+    """
+    part = SystemComponent.of(Path(path).stem, path, {})
+    derived = _model(part, catalogue())
+    return derived, _starts(part, derived)
 
 
 def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Model:

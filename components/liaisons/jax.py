@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import named
-from liaisons.derivatives import DifferentiableMotion, motion_of
+from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import ProjectError, SimulationError
 from liaisons.library import Target
 
@@ -57,7 +57,7 @@ def motion(
     keywords = {"record": record, "operators": operators, "tolerance": tolerance, "start_values": start_values}
 
     @cache
-    def differentiable(names: tuple[str, ...]) -> tuple[DifferentiableMotion, Callable[[Array], Array]]:
+    def differentiable(names: tuple[str, ...]) -> tuple[Motion, Callable[[Array], Array]]:
         run = motion_of(component, names, times, **keywords)
         return run, _signals(run)
 
@@ -74,7 +74,7 @@ def motion(
     return of
 
 
-def _signals(run: DifferentiableMotion) -> Callable[[Array], Array]:
+def _signals(run: Motion) -> Callable[[Array], Array]:
     """The motion as a function that JAX transforms."""
     import jax
 

@@ -87,8 +87,18 @@ Status F(CompletedIntegratorStep)(void *c, Flag final, Flag *event, Flag *ends) 
     *event = *ends = false;
     return 0;
 }
+static Status save(void *c, void **state) {
+    if (!*state) *state = malloc(sizeof(M));
+    memcpy(*state, c, sizeof(M));
+    return 0;
+}
+static Status restore(void *c, void *state) { memcpy(c, state, sizeof(M)); return 0; }
+static Status release(void **state) { free(*state); *state = NULL; return 0; }
 
 #ifdef FMI3
+Status fmi3GetFMUState(void *c, fmi3FMUState *state) { return save(c, state); }
+Status fmi3SetFMUState(void *c, fmi3FMUState state) { return restore(c, state); }
+Status fmi3FreeFMUState(void *c, fmi3FMUState *state) { (void)c; return release(state); }
 void *fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String path, fmi3Boolean visible,
                                    fmi3Boolean logging, void *environment, fmi3LogMessageCallback log) {
     (void)name; (void)token; (void)path; (void)visible; (void)logging; (void)environment; (void)log;
@@ -112,6 +122,9 @@ Status fmi3UpdateDiscreteStates(void *c, Flag *again, Flag *ends, Flag *nominals
     return 0;
 }
 #else
+Status fmi2GetFMUstate(void *c, fmi2FMUstate *state) { return save(c, state); }
+Status fmi2SetFMUstate(void *c, fmi2FMUstate state) { return restore(c, state); }
+Status fmi2FreeFMUstate(void *c, fmi2FMUstate *state) { (void)c; return release(state); }
 void *fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String path,
                       const fmi2CallbackFunctions *callbacks, Flag visible, Flag logging) {
     (void)name; (void)type; (void)guid; (void)path; (void)callbacks; (void)visible; (void)logging;

@@ -84,12 +84,13 @@ class Exchange:
         provides = str(self.partials is not None).lower()
         if fmi == "3":
             head = 'fmiVersion="3.0" instantiationToken="x"'
-            kind = f'providesDirectionalDerivatives="{provides}"'
+            kind = f'canGetAndSetFMUState="true" providesDirectionalDerivatives="{provides}"'
             structure = "".join(f'<Output valueReference="{k}"/>' for k in outputs)
             structure += "".join(f'<ContinuousStateDerivative valueReference="{n + k}"/>' for k in range(n))
         else:
             head = f'fmiVersion="2.0" guid="x" numberOfEventIndicators="{int(bool(self.indicator))}"'
-            kind = f'completedIntegratorStepNotNeeded="true" providesDirectionalDerivative="{provides}"'
+            kind = f'canGetAndSetFMUstate="true" providesDirectionalDerivative="{provides}" '
+            kind += 'completedIntegratorStepNotNeeded="true"'
             listed = "".join(f'<Unknown index="{k + 1}"/>' for k in outputs)
             rates = "".join(f'<Unknown index="{n + k + 1}"/>' for k in range(n))
             structure = f"<Outputs>{listed}</Outputs><Derivatives>{rates}</Derivatives>"

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from liaisons.derivatives.motion import DifferentiableMotion, motion_of
+from liaisons.derivatives import motion as motions
 
 DIGITS = 40
 DIFFERENCE = mp.mpf("1e-13")  # truncation 1e-26 of a third derivative, rounding 1e-40/1e-13
@@ -42,9 +42,9 @@ class Case(NamedTuple):
     operators: Mapping[str, str] = {}
     inputs: Mapping[str, PPoly] = {}
 
-    def motion_at(self, times: NDArray[np.float64]) -> DifferentiableMotion:
+    def motion_at(self, times: NDArray[np.float64]) -> motions.Motion:
         """What is tested, at steps as fine as they get."""
-        return motion_of(
+        return motions.motion_of(
             self.component,
             [*self.values],
             times,

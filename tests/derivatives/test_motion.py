@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from liaisons import System
-from liaisons.derivatives import DifferentiableMotion, motion_of
+from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import ComponentError, SimulationError
 
 TIMES = np.linspace(0.0, 4.0, 81)
@@ -52,7 +52,7 @@ MOTIONS: dict[str, tuple[Any, dict[str, float], dict[str, Any]]] = {
 
 
 @pytest.fixture(scope="module", params=MOTIONS)
-def motion(request: pytest.FixtureRequest) -> DifferentiableMotion:
+def motion(request: pytest.FixtureRequest) -> Motion:
     subject, values, options = MOTIONS[request.param]
     moving: Any = subject() if callable(subject) else subject
     return motion_of(moving, list(values), TIMES, start_values=values, **options)

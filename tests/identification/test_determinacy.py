@@ -38,7 +38,7 @@ t = np.linspace(0, 3, 20)
         (lambda p: p[3] * t + p[0] * p[1] ** 2 / p[2] * t**2, ("of a, b and c only a*b**2/c is determined by x",)),
         (
             lambda p: p[0] / p[1] * t + p[2] / p[1] * t**2 + p[3],
-            ("of a, b and c only a/c and b/c are determined by x",),
+            ("of a, b and c only a/b and a/c are determined by x",),
         ),
         (lambda p: p[3] * t + p[0] * np.exp((p[1] - 2 * p[2]) * t), ("of b and c only b - 2*c is determined by x",)),
         (

@@ -2,12 +2,13 @@
 
 from liaisons.derivatives.differentiation import Gradient, Sensitivities, gradient, sensitivities
 from liaisons.derivatives.linearization import Linearization, linearize
-from liaisons.derivatives.motion import DifferentiableMotion, motion_of
+from liaisons.derivatives.motion import DifferentiableMotion, Motion, motion_of
 
 __all__ = [
     "DifferentiableMotion",
     "Gradient",
     "Linearization",
+    "Motion",
     "Sensitivities",
     "gradient",
     "linearize",

@@ -122,7 +122,7 @@ def sensitivities(
         s = sensitivities("Pendulum", by=["theta_0", "gravity"], stop_time=9, theta_0=2)
         s["theta"], s.derivative("theta", "gravity")
 
-    :param subject: a component by its name, file or class; a model; a system that :meth:`System.flatten` takes.
+    :param subject: a component by its name, file or class; a model; an FMU of any make; a system.
     :param by: names of values; parameters of operators are ``"length.amplitude"``.
     :param stop_time: end [s]; ``step_size``: distance of the recorded times, of which there are 201 if it is None.
     :param times: recorded times [s], in place of these.

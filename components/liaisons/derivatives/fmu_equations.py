@@ -45,6 +45,7 @@ class FmuEquations:
     :ivar states, inputs, outputs: the variables, element by element.
     :ivar unknowns: rates and outputs; ``knowns``: states and inputs.
     :ivar x, u: states and inputs after initialization, shapes (states,) and (inputs,).
+    :ivar has_events: whether it has event indicators or a time event.
     :raises SimulationError: for an unknown name, a value that does not fit or is refused, an FMU without this kind.
     """
 
@@ -96,6 +97,7 @@ class FmuEquations:
             self.u = inputs_now.copy()
             sizes = np.abs(np.concatenate([self.x, self.u]))
             self.sizes = np.where(sizes > 0, sizes, np.concatenate([nominals, np.ones_like(self.u)]))
+            self.has_events = self._instance.has_events
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -141,18 +143,17 @@ class FmuEquations:
         self._perform([*self._put, *self._get])
         return self._out.copy()
 
-    def jacobian(self, knowns: Sequence[Scalar], directions: Floats) -> Floats:
-        """Directional derivatives where the FMU is now, shape (unknowns, directions).
+    def directional(self, directions: Floats) -> Floats:
+        """Directional derivatives by states and inputs where the FMU is now, shape (unknowns, directions).
 
         :param directions: shape (knowns, directions).
-        :raises RefusedError: if the FMU does not calculate them.
         """
-        place = {(known.reference, known.position): k for k, known in enumerate(knowns)}
+        place = {(known.reference, known.position): k for k, known in enumerate(self.knowns)}
         itself = [place.get((unknown.reference, unknown.position)) for unknown in self.unknowns]
         asked = [i for i, k in enumerate(itself) if k is None]  # FMUs need not know the derivatives of the others
         result = np.array([np.zeros(directions.shape[1]) if k is None else directions[k] for k in itself])
-        seed, values = (c_double * len(knowns))(), (c_double * len(asked))()
-        derive = self._instance.directional([self.unknowns[i] for i in asked], knowns, seed, values)
+        seed, values = (c_double * len(self.knowns))(), (c_double * len(asked))()
+        derive = self._instance.directional([self.unknowns[i] for i in asked], self.knowns, seed, values)
         for k, direction in enumerate(directions.T if asked else ()):
             seed[:] = direction.tolist()
             self._perform([derive])
@@ -169,31 +170,26 @@ class FmuEquations:
             columns.append((4 * small - large) / 3)
         return np.array(columns).reshape(len(self.knowns), len(self.unknowns)).T
 
-    def verify(self, jacobian: Floats) -> None:
-        """Compare derivatives by states and inputs with differences.
+    def jacobian(self) -> Floats:
+        """Directional derivatives by each state and input, which lie between differences to both sides.
 
-        :raises SimulationError: if they contradict; it names both variables.
+        :raises SimulationError: if one does not; it names both variables.
         """
         values = self(self.time, self.x, self.u)
-        for k, (known, size) in enumerate(zip(self.knowns, self.sizes, strict=True)):
+        jacobian = self.directional(np.eye(len(self.knowns)))
+        for k, (known, size, column) in enumerate(zip(self.knowns, self.sizes, jacobian.T, strict=True)):
             with suppress(RefusedError):  # at the edge of its domain
                 sides = [(self._moved(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
-                self.compare(known.name, jacobian[:, k], np.array(sides), np.abs(values) / size)
-
-    def compare(self, known: str, column: Floats, sides: Floats, scale: Floats) -> None:
-        """Compare derivatives by one variable with differences to both sides, between which they are.
-
-        :raises SimulationError: if one is not.
-        """
-        (low, high), largest = np.sort(sides, axis=0), np.abs(sides).max(axis=0)
-        allowed = high - low + _AGREES * largest + _NOISE * (scale + np.abs(column).max())
-        right = (low - allowed <= column) & (column <= high + allowed)
-        if not right.all():
-            i = int(np.argmin(right))
-            raise SimulationError(
-                f"{self.fmu.path.name}: its derivative of {self.unknowns[i].name} by {known} is {column[i]:g}, but "
-                f"{sides[0, i]:g} by a difference; ask its maker, or take differences"
-            )
+                (low, high), largest = np.sort(sides, axis=0), np.abs(sides).max(axis=0)
+                allowed = high - low + _AGREES * largest + _NOISE * (np.abs(values) / size + np.abs(column).max())
+                right = (low - allowed <= column) & (column <= high + allowed)
+                if not right.all():
+                    i = int(np.argmin(right))
+                    raise SimulationError(
+                        f"{self.fmu.path.name}: its derivative of {self.unknowns[i].name} by {known.name} is "
+                        f"{column[i]:g}, but {sides[0][i]:g} by a difference; ask its maker, or take differences"
+                    )
+        return jacobian
 
     def _moved(self, k: int, by: float) -> Floats:
         """Rates and outputs with one state or input changed by so many times its size."""

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Self, final, get_args
+from dataclasses import dataclass
+from typing import Any, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import chosen, finite, listed, named
 from liaisons.derivatives.fmu_equations import Floats, FmuEquations, Method
-from liaisons.errors import SimulationError, suggestion
+from liaisons.errors import SimulationError
 from liaisons.library import Target, fmu_file
 
 
@@ -46,31 +46,6 @@ class Linearization:
     def poles(self) -> Any:
         """Eigenvalues of A [1/s], complex, shape (states,)."""
         return np.sort_complex(np.linalg.eigvals(self.A))
-
-    def without(self, *states: str) -> Self:
-        """The same without states that only count something, such as work.
-
-        :raises SimulationError: for an unknown one, or one that the others, or outputs, depend on.
-        """
-        for name in states:
-            if name not in self.states:
-                raise SimulationError(f"{self.title} has no state {name!r}{suggestion(name, self.states)}")
-        kept = np.array([name not in states for name in self.states], dtype=bool)
-        needed = [name for name, column in zip(self.states, self.A[kept].T, strict=True) if column.any()]
-        if dropped := [name for name in states if name in needed]:
-            raise SimulationError(f"{self.title}: states that stay depend on {dropped[0]!r}; keep it")
-        read = [output for output, row in zip(self.outputs, self.C[:, ~kept], strict=True) if row.any()]
-        stay = np.array([output not in read for output in self.outputs], dtype=bool)
-        return replace(
-            self,
-            A=self.A[kept][:, kept],
-            B=self.B[kept],
-            C=self.C[stay][:, kept],
-            D=self.D[stay],
-            states=tuple(name for name in self.states if name not in states),
-            outputs=tuple(name for name in self.outputs if name not in read),
-            rates=self.rates[kept],
-        )
 
     def to_control(self) -> Any:
         """The ``StateSpace`` of python-control; its names have ``_`` for dots.
@@ -125,11 +100,7 @@ def linearize(
         method = method or (
             "directional derivatives" if equations.fmu.provides_directional_derivatives else "differences"
         )
-        if method == "differences":
-            jacobian = equations.differences()
-        else:
-            jacobian = equations.jacobian(equations.knowns, np.eye(len(equations.knowns)))
-            equations.verify(jacobian)
+        jacobian = equations.differences() if method == "differences" else equations.jacobian()
         variables = [*equations.knowns, *equations.outputs]
         return Linearization(
             path.stem,

@@ -13,6 +13,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast, final
 
 import casadi as ca
@@ -24,6 +25,7 @@ from liaisons.arguments import finite, listed, named, numbers, positive
 from liaisons.array_names import split
 from liaisons.cosim import System
 from liaisons.derivatives.compiled_steps import CompiledSteps
+from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.right_hand_sides import (
     DEGREE,
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Subject: TypeAlias = "Target | Model | System"
+Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
 Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
 
 _MARGIN = 8
@@ -120,6 +123,7 @@ class _Cuts:
 
 Parts: TypeAlias = tuple[Floats, Integers]
 """Ends of steps as parts of their intervals, one after another, and how many there are in each interval."""
+_NOT_FIXED: tuple[tuple[bytes, bytes], list[Parts]] = (b"", b""), []
 
 
 @final
@@ -202,7 +206,7 @@ class DifferentiableMotion:
         self._functions, self._variables, self._table, self._breaks = functions, variables, table, breaks
         self._jumps = jumps
         self._tolerance = max(_PART * tolerance, _ROUNDING)
-        self._fixed: tuple[tuple[bytes, bytes], list[Parts]] | None = None
+        self._fixed = _NOT_FIXED
         self._last = b"", list[Parts]()
 
     def __call__(self, values: ArrayLike) -> Floats:
@@ -251,10 +255,10 @@ class DifferentiableMotion:
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
-        return self._with(times=_times(times, self._start), _fixed=None, _last=(b"", []))
+        return self._with(times=_times(times, self._start), _fixed=_NOT_FIXED, _last=(b"", []))
 
     def frozen(self, values: ArrayLike) -> Self:
-        """The same motion with the steps that are taken at some values, whatever it is called with."""
+        """The same motion with the steps that are taken at some values, wherever events come in the same order."""
         k = self._checked(values)
         cuts = self._cuts(k)
         return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)))
@@ -278,12 +282,9 @@ class DifferentiableMotion:
     def _run(self, values: ArrayLike, *, keep: bool = False) -> _Run:
         f, k = self._functions, self._checked(values)
         cuts = self._cuts(k)
-        if self._fixed is None:
+        order, parts = self._fixed
+        if order != cuts.order():
             parts = self._chosen(k, cuts)
-        else:
-            order, parts = self._fixed
-            if order != cuts.order():
-                raise SimulationError(f"{self.name}: the events come in another order at these values")
         y = _array(f.start(k, self._table[0])[0]).ravel()
         records, legs = np.tile(y, (len(self.times), 1)), list[_Leg]()
         instants = self.times.copy()
@@ -477,11 +478,11 @@ def motion_of(
     inputs: Mapping[str, PPoly] | None = None,
     start_values: Mapping[str, ArrayLike] | None = None,
     tolerance: float = 1e-10,
-) -> DifferentiableMotion:
+) -> Motion:
     """A motion as a function of some of its values.
 
-    :param subject: a component by its name, file or class; a model; a system that :meth:`System.flatten` takes, with
-        names such as ``"swing.theta"``.
+    :param subject: a component by its name, file or class; a model; an FMU; a system, with names such as
+        ``"swing.theta"``.
     :param by: values that it is a function of: start values, parameters, inputs at rest, and parameters of operators,
         ``"length.amplitude"``; an array under its own name or element by element.
     :param times: recorded [s], ascending.
@@ -495,7 +496,16 @@ def motion_of(
     :raises ComponentError: for an unknown name, with the nearest one.
     :raises SimulationError: for a bad number, or a system that cannot be flattened.
     """
-    model = _model(subject)
+    try:
+        model, own_values = _model(subject)
+    except (SimulationError, ComponentError):  # of FMUs whose equations are not at hand
+        if not _is_file(subject) and not isinstance(subject, System):
+            raise
+        if operators:
+            raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
+        foreign = subject if isinstance(subject, System) else Path(cast("str", subject))
+        options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
+        return fmu_motion(foreign, by, _times(times, start_time), tolerance=tolerance, **options)
     moving = {
         name: operator_model(model, name, component(operator))
         for name, operator in named("operators", operators or {}).items()
@@ -508,7 +518,7 @@ def motion_of(
     hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
     values: dict[str, float] = {}
-    for name, value in named("start_values", start_values or {}).items():
+    for name, value in {**own_values, **named("start_values", start_values or {})}.items():
         elements = _elements(model, name, variables)
         array = numbers(name, value)
         if array.shape not in ((), (len(elements),)):
@@ -557,10 +567,18 @@ def motion_of(
     )
 
 
-def _model(subject: Subject) -> Model:
+def _is_file(subject: object) -> bool:
+    return isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu"
+
+
+def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
+    """The model, and start values of a file that differ from the declared ones."""
     if isinstance(subject, System):
-        return flattening.composed(subject).flat()
-    return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject)))
+        return flattening.composed(subject).flat(), {}
+    if not _is_file(subject):
+        return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject))), {}
+    model, starts = flattening.model_of(cast("str", subject))
+    return model, {v.name: starts[v.name] for v in settable(model, {}).values() if starts[v.name] != v.start}
 
 
 def _group(name: str, known: Iterable[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -42,7 +43,8 @@ class NullSpace:
         lengths = np.linalg.norm(relative, axis=0)
         lengths[lengths <= _UNSEEN * max(lengths.max(initial=0.0), np.finfo(float).tiny)] = 0
         unit = np.divide(relative, lengths, out=np.zeros_like(relative), where=lengths > 0)
-        directions = null_space(unit, rcond=_DEPENDENT) / np.where(lengths > 0, lengths, 1)[:, None]
+        directions = null_space(np.linalg.qr(unit, mode="r"), rcond=_DEPENDENT)
+        directions /= np.where(lengths > 0, lengths, 1)[:, None]
         return cls(values, np.linalg.qr(directions)[0])
 
     @property
@@ -53,12 +55,7 @@ class NullSpace:
     @property
     def dependent(self) -> list[int]:
         """Unknowns, the last ones, that have to be held for all others to be determined."""
-        held: list[int] = []
-        for i in reversed(range(len(self.values))):
-            rows = self.directions[[*held, i]]
-            if np.linalg.matrix_rank(rows, tol=_INVOLVED) == len(rows):
-                held.append(i)
-        return sorted(held)
+        return _independent(self.directions)
 
     def projection(self) -> Floats:
         """Onto the directions."""
@@ -89,7 +86,7 @@ def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured:
         own = [names[i] for i in members]
         combinations = _combinations(here, near, members, own)
         if combinations:
-            verb = "is" if len(combinations) == 1 else "are"
+            verb = "are" if "combinations" in combinations[0] or len(combinations) > 1 else "is"
             yield f"of {_joined(own)} only {_joined(combinations)} {verb} determined by {measured}"
         else:
             unseen += own
@@ -99,10 +96,10 @@ def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured:
 
 def _combinations(here: NullSpace, near: NullSpace, members: list[int], names: list[str]) -> list[str]:
     """Combinations of some unknowns that are determined: products, else sums, else how many there are."""
-    for written, weights in ((_product, [1.0, 1.0]), (_sum, [1 / _scales(here.values), 1 / _scales(near.values)])):
+    for written in (_product, _sum):
         rows = [
-            _rows(space.directions[members] / np.broadcast_to(weight, len(space.values))[members, None])
-            for space, weight in zip((here, near), weights, strict=True)
+            _rows(space.directions[members] * (_scales(space.values)[members, None] if written is _sum else 1))
+            for space in (here, near)
         ]
         if None not in rows and rows[0] == rows[1] and (written is _sum or (here.values[members] != 0).all()):
             return [written(row, names) for row in rows[0] or []]
@@ -112,23 +109,27 @@ def _combinations(here: NullSpace, near: NullSpace, members: list[int], names: l
 
 def _rows(directions: Floats) -> list[tuple[int, ...]] | None:
     """Whole numbers whose sums, weighted by what is determined, stay constant; None if these are none."""
-    basis = null_space(directions.T, rcond=_INVOLVED).T
+    basis = null_space(directions.T, rcond=_INVOLVED)
     rows = []
-    for i in range(len(basis)):  # reduced row echelon form
-        pivot = next(j for j in range(basis.shape[1]) if np.abs(basis[i:, j]).max() > _INVOLVED)
-        k = i + int(np.argmax(np.abs(basis[i:, pivot])))
-        basis[[i, k]] = basis[[k, i]]
-        basis[i] /= basis[i, pivot]
-        others = np.arange(len(basis)) != i
-        basis[others] -= np.outer(basis[others, pivot], basis[i])
-    for row in basis:
-        fractions = [Fraction(x).limit_denominator(_LARGEST) for x in row.tolist()]
-        common = np.lcm.reduce([fraction.denominator for fraction in fractions])
-        whole = tuple(int(fraction * int(common)) for fraction in fractions)
-        if np.abs(row * common - whole).max() > _INVOLVED or max(map(abs, whole)) > _LARGEST:
+    for row in (basis @ np.linalg.inv(basis[_independent(basis)])).T.tolist():
+        fractions = [Fraction(x).limit_denominator(_LARGEST) for x in row]
+        common = math.lcm(*(fraction.denominator for fraction in fractions))
+        whole = [int(fraction * common) for fraction in fractions]
+        if max(abs(x * common - n) for x, n in zip(row, whole, strict=True)) > _INVOLVED or max(whole) > _LARGEST:
             return None
-        rows.append(whole)
+        first = next(filter(None, whole))
+        sign = np.sign(sum(map(np.sign, whole)) or first)
+        rows.append(tuple(int(sign) * n for n in whole))
     return rows
+
+
+def _independent(rows: Floats) -> list[int]:
+    """Indices of rows, the last ones, of which all others are linear combinations."""
+    chosen: list[int] = []
+    for i in reversed(range(len(rows))):
+        if np.linalg.matrix_rank(rows[[*chosen, i]], tol=_INVOLVED) > len(chosen):
+            chosen.append(i)
+    return sorted(chosen)
 
 
 def _product(exponents: tuple[int, ...], names: list[str]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
+from liaisons.errors import LiaisonsError
 from liaisons.identification.determinacy import NullSpace, sentences
 from liaisons.identification.minimising import Minimum, influence, minimise
 from liaisons.identification.problems import FittingProblem, Floats, Objective
@@ -57,9 +58,13 @@ class ParameterEstimate:
         """What is not determined, in words."""
         if not self.null_space.directions.size:
             return ()
-        shifts = 1 + _APART * np.random.default_rng(0).uniform(0.5, 1, len(self.values))
-        values = np.where(self.values == 0, _APART * shifts, self.values * shifts)
-        near = NullSpace.of(self.objective(np.clip(values, *self.objective.limits))[1], values)
+        random = np.random.default_rng(0).uniform(_APART / 2, _APART, len(self.values))
+        shifts = np.where(self.null_space.undetermined, random * np.where(self.values == 0, 1, self.values), 0)
+        values = np.clip(self.values + shifts, *self.objective.limits)
+        try:
+            near = NullSpace.of(self.objective(values)[1], values)
+        except LiaisonsError:  # start values that contradict each other
+            near = self.null_space
         signals = dict.fromkeys(name for data in self.problem.measurements for name in data.signals)
         return sentences(self.null_space, near, self.problem.names, list(signals))
 

@@ -139,6 +139,13 @@ def _refuse(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
         raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
 
 
+def _number(cell: object, row: str) -> float:
+    try:
+        return float(str(cell) or "nan")
+    except ValueError as error:
+        raise ValueError(f"{row}: {error}") from None
+
+
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
     """Whether an element is chosen, itself or with its array."""
     return not {name, split(name)[0]}.isdisjoint(chosen)
@@ -158,10 +165,7 @@ def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequ
             if name in values or name not in units:
                 words = "is there twice" if name in values else f"is no variable{suggestion(name, units)}"
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
-            numbers = np.empty(len(rows))
-            for i, cell in enumerate(map(str, cells)):
-                with _within(rows[i]):
-                    numbers[i] = float(cell or "nan")
+            numbers = np.array([_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
             _refuse(np.isinf(numbers), rows, "finite numbers only")
             values[name] = numbers * (in_si(unit, units[name]) if unit else 1.0)
     return values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, final
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.array_names import split
-from liaisons.derivatives.motion import DifferentiableMotion, motion_of
+from liaisons.derivatives.motion import Motion, motion_of
 from liaisons.identification.measurements import Measurements
 from liaisons.library import Target
 
@@ -34,7 +34,7 @@ class MeasuredMotion:
     """
 
     measurements: Measurements
-    motion: DifferentiableMotion
+    motion: Motion
     columns: tuple[int, ...]
     offset: int | None
     deviations: Floats
@@ -89,9 +89,18 @@ class Objective:
     loss: str
     links: tuple[Link, ...] = ()
     shift: float | Floats = 0.0
+    _latest: dict[bytes, tuple[Floats, Floats]] = field(default_factory=dict, init=False, repr=False)
 
     def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Residuals, shape (residuals,), and their derivatives, shape (residuals, unknowns)."""
+        key = unknowns.tobytes()
+        if key not in self._latest:
+            self._latest.clear()
+            self._latest[key] = self._evaluated(unknowns)
+        residuals, derivatives = self._latest[key]
+        return residuals.copy(), derivatives.copy()
+
+    def _evaluated(self, unknowns: Floats) -> tuple[Floats, Floats]:
         unit, parts, motions = np.eye(len(unknowns)), [], []
         for experiment in self.experiments:
             signals, rates = experiment.forward(unknowns)
@@ -183,7 +192,7 @@ class FittingProblem:
             operators=self.operators,
             tolerance=tolerance or self.tolerance,
         )
-        return MeasuredMotion(data, motion, tuple(own.values()), offset, deviations)
+        return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
 
     def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
         """Residuals of shorter motions, each with start values of its own, and links between them.

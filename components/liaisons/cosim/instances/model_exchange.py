@@ -343,9 +343,9 @@ class ModelExchange(Loaded, ABC):
         return self._begun().states.copy(), self._sizes_of_states()
 
     @property
-    def next_event(self) -> float:
-        """Time of the next time event [s]; infinite if none is announced."""
-        return self._next_event
+    def has_events(self) -> bool:
+        """Whether it has event indicators or a next time event."""
+        return bool(self._indicators.size) or math.isfinite(self._next_event)
 
     def go_to(self, time: float, states: NDArray[np.float64]) -> None:
         """Go to a time [s] and continuous states, without an event.

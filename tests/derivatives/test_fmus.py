@@ -1,0 +1,219 @@
+"""Derivatives of motions of FMUs that are not ours, and of systems, against closed forms and equations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from exchange import BALL, DAHLQUIST, VAN_DER_POL, Exchange, Made
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from liaisons import System, gradient, sensitivities
+from liaisons.derivatives import DifferentiableMotion, motion_of
+from liaisons.derivatives.fmus import FmuMotion
+from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.fmu import build
+from liaisons.library import catalogue
+from liaisons.mechanics import assemble
+from liaisons.models import Pendulum
+
+TIMES = np.linspace(0.25, 4.0, 16)
+
+
+def _without(exchange: Exchange) -> Exchange:
+    return replace(exchange, partials=None)
+
+
+@pytest.mark.parametrize(("exact", "tolerance"), [(True, 1e-11), (False, 1e-8)])
+def test_decay_has_the_derivatives_of_the_exponential(made: Made, exact: bool, tolerance: float) -> None:
+    """Differences of runs with errors of 1e-10 or less have those of 1e-10 / 1e-3."""
+    motion = motion_of(str(made(DAHLQUIST if exact else _without(DAHLQUIST))), ["k", "x"], TIMES, start_values={"x": 3})
+    assert isinstance(motion, FmuMotion)
+    assert motion.method == ("directional derivatives" if exact else "differences")
+    assert (motion.names, motion.signals, motion.values.tolist()) == (("k", "x"), ("x",), [2.0, 3.0])
+    k, x = 1.5, 2.0
+    signals, derivatives = motion.forward([k, x])
+    decay = np.exp(-k * TIMES)
+    assert_allclose(signals[0], x * decay, atol=1e-9)
+    assert_allclose(derivatives[0], np.transpose([-TIMES * x * decay, decay]), atol=tolerance)
+    assert_allclose(motion([k, x]), signals, rtol=1e-12)
+    weights = np.cos(TIMES)[None]
+    assert_allclose(motion.adjoint([k, x], weights)[1], np.einsum("st,stp->p", weights, derivatives), rtol=1e-12)
+    squares = motion.adjoint([k, x], lambda z: 2 * z)[1]
+    assert_allclose(squares, np.einsum("st,stp->p", 2 * signals, derivatives), rtol=1e-12)
+    assert_allclose(motion.rates([k, x])[0], -k * x * decay, atol=1e-5)  # quintics over a quarter of a second / 8
+
+
+@pytest.mark.parametrize(("exact", "tolerance"), [(True, 1e-8), (False, 1e-6)])
+def test_van_der_pol_has_the_derivatives_of_its_variational_equations(
+    made: Made, exact: bool, tolerance: float
+) -> None:
+    """By mu, too, which FMI has among the known variables in initialization only, and some FMUs give as 0."""
+    wrong_by_mu = replace(VAN_DER_POL, knowns=("mu",))
+    path = made(wrong_by_mu if exact else _without(VAN_DER_POL))
+    motion = motion_of(path, ["mu", "x0", "x1"], TIMES)
+    mu = 1.5
+
+    def rates(_: float, z: Any) -> Any:
+        x, y, *s = z
+        J = np.array([[0, 1], [-2 * x * y * mu - 1, mu * (1 - x * x)]])
+        by_mu = np.outer([0, (1 - x * x) * y], [1, 0, 0])
+        return [y, mu * (1 - x * x) * y - x, *(J @ np.reshape(s, (2, 3)) + by_mu).ravel()]
+
+    start = [2.0, 0.5, 0, 1, 0, 0, 0, 1]
+    exactly = solve_ivp(rates, (0, 4), start, t_eval=TIMES, method="DOP853", rtol=1e-13, atol=1e-13).y
+    signals, derivatives = motion.forward(motion.values)
+    assert_allclose(signals, exactly[:2], atol=1e-9)
+    expected = exactly[2:].reshape(2, 3, -1).swapaxes(1, 2)
+    assert_allclose(derivatives, expected, atol=tolerance * np.abs(expected).max())
+    if not exact:
+        assert isinstance(motion, FmuMotion)
+        errors = np.abs(derivatives - expected).max(axis=1)
+        assert (errors <= motion.errors(motion.values) + 1e-8).all()
+
+
+def test_sensitivities_of_fmus(made: Made) -> None:
+    path = made(DAHLQUIST)
+    s = sensitivities(path, by=["k", "x"], stop_time=2.0, step_size=0.5, k=1.0)
+    assert s.method == "directional derivatives"
+    assert_allclose(s.derivative("x", "k"), -s.time * np.exp(-s.time), atol=1e-11)
+    total = gradient(path, lambda m: ca.sum1(m["x"]), by="k", stop_time=2.0, step_size=0.5, k=1.0)
+    assert total["k"] == pytest.approx(-np.sum(s.time * np.exp(-s.time)), rel=1e-9)
+
+
+def test_derivatives_of_the_states_that_are_wrong_are_named(made: Made) -> None:
+    wrong = replace(VAN_DER_POL, partials={("x0'", "x1"): "1"})
+    with pytest.raises(SimulationError, match=r"its derivative of der\(x1\) by x0 is 0, but -4"):
+        motion_of(made(wrong), "mu", TIMES)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_measured_inputs_drive(made: Made, exact: bool) -> None:
+    """x' = -k x + u: of a spline through a sine, whose error is its own."""
+    followed = Exchange(
+        {"x": 0.0}, {"x": "-k * x + u"}, {"k": 2.0}, {"u": 0.0}, {"y": "x + u"},
+        {("x'", "x"): "-k", ("x'", "u"): "1", ("y", "x"): "1", ("y", "u"): "1"},
+    )  # fmt: skip
+    path = made(followed if exact else _without(followed))
+    knots = np.linspace(0, 4, 400)
+    motion = motion_of(path, "k", TIMES, record=["x", "y"], inputs={"u": CubicSpline(knots, np.sin(3 * knots))})
+
+    def expected(k: float) -> Any:
+        """Response at rest to sin(3 t)."""
+        return (k * np.sin(3 * TIMES) - 3 * np.cos(3 * TIMES) + 3 * np.exp(-k * TIMES)) / (k**2 + 9)
+
+    signals, derivatives = motion.forward([2.0])
+    slope = (expected(2.0 + 1e-5) - expected(2.0 - 1e-5)) / 2e-5
+    assert_allclose(signals, [expected(2.0), expected(2.0) + np.sin(3 * TIMES)], atol=1e-7 if exact else 1e-5)
+    assert_allclose(derivatives[..., 0], [slope, slope], atol=1e-7 if exact else 1e-5)
+
+
+def test_constant_inputs_are_values(made: Made) -> None:
+    pushed = Exchange({"x": 0.0}, {"x": "u"}, {}, {"u": 2.0}, {"y": "x + u"}, {("x'", "u"): "1", ("y", "u"): "1"})
+    pushed = replace(pushed, partials={**(pushed.partials or {}), ("y", "x"): "1"})
+    signals, derivatives = motion_of(made(pushed), ["u"], TIMES, record="y").forward([2.0])
+    assert_allclose(signals[0], 2 * TIMES + 2, rtol=1e-12)
+    assert_allclose(derivatives[0, :, 0], TIMES + 1, rtol=1e-11)
+
+
+def test_a_bounce_has_its_jump(made: Made) -> None:
+    """h = v (t - T) - g/2 (t - T)^2 after the first bounce, T = sqrt(2 h_0 / g), v = e g T."""
+    motion = motion_of(made(BALL), ["e", "g", "h"], [0.2, 0.6], record="h")
+    assert motion.method == "differences"
+    _, derivatives = motion.forward(motion.values)
+
+    def height(t: float, e: float, g: float, h: float) -> float:
+        T = np.sqrt(2 * h / g)
+        return h - g / 2 * t**2 if t < T else e * g * T * (t - T) - g / 2 * (t - T) ** 2
+
+    for i, t in enumerate((0.2, 0.6)):
+        for k, move in enumerate(np.eye(3) * 1e-5):
+            at = np.array([0.7, 9.81, 1.0])
+            slope = (height(t, *(at + move)) - height(t, *(at - move))) / 2e-5
+            assert derivatives[0, i, k] == pytest.approx(slope, abs=1e-7)
+
+
+def test_files_of_the_catalogue_have_the_derivatives_of_their_equations(fmu) -> None:
+    times = np.linspace(0.1, 2, 5)
+    of_file = motion_of(fmu(catalogue()["Pendulum"]), ["theta_0", "length"], times)
+    of_class = motion_of("Pendulum", ["theta_0", "length"], times)
+    assert isinstance(of_file, DifferentiableMotion)
+    for got, expected in zip(of_file.forward([1.0, 2.0]), of_class.forward([1.0, 2.0]), strict=True):
+        np.testing.assert_array_equal(got, expected)
+
+
+def test_a_system_with_a_foreign_fmu(made: Made, fmu) -> None:
+    """A pendulum that is pushed: against its equation; errors are those of the coupling, at steps of 0.02 s."""
+    times = np.linspace(0.02, 1.0, 50)
+    system = System("pushed")
+    push = system.add("push", made(_without(Exchange({"f": 0.5}, {"f": "-k * f"}, {"k": 2.0}))))
+    swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=1.0)
+    system.connect(push["f"], swing["theta_force"])
+    motion = motion_of(system, ["push.k", "swing.theta_0"], times, record="swing.theta")
+    assert motion.method == "differences"
+    assert motion.names == ("push.k", "swing.theta_0")
+    assert motion.units == {"push.k": "", "swing.theta_0": "rad", "swing.theta": "rad"}
+
+    def exact(values: Any) -> Any:
+        def rates(_: float, z: Any) -> Any:
+            theta, speed, f = z
+            return [speed, -9.81 * np.sin(theta) + f, -values[0] * f]
+
+        options: Any = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
+        return solve_ivp(rates, (0, 1), [values[1], 0.0, 0.5], t_eval=times, **options).y[0]
+
+    signals, derivatives = motion.forward(motion.values)
+    assert_allclose(signals[0], exact(motion.values), atol=1e-5)
+    for k, move in enumerate(np.eye(2) * 1e-4):
+        slope = (exact(motion.values + move) - exact(motion.values - move)) / 2e-4
+        assert_allclose(derivatives[0, :, k], slope, atol=1e-5)
+
+
+def test_a_system_in_implicit_coupling(fmu, tmp_path) -> None:
+    """Two pendulums, one of a class that is not in the catalogue: against the flattened system of two that are."""
+
+    class Hanging(Pendulum):
+        __doc__ = Pendulum.__doc__
+
+    times, motions = np.linspace(0.02, 1.0, 50), []
+    for lower in (build(assemble(Hanging), tmp_path), fmu(Pendulum)):
+        system = System("two")
+        upper = system.add("upper", fmu(Pendulum), theta_0=1.0)
+        system.connect(upper["bob"], system.add("lower", lower, theta_0=0.5)["pivot"])
+        by = ["upper.theta_0", "lower.mass", "lower.friction"]
+        motions.append(motion_of(system, by, times, record=["upper.theta", "lower.theta"]))
+    coupled, whole = motions
+    assert isinstance(coupled, FmuMotion)
+    assert isinstance(whole, DifferentiableMotion)
+    assert coupled.values.tolist() == whole.values.tolist() == [1.0, 1.0, 0.0]
+    for values in ([1.0, 2.0, 0.5], coupled.values):  # friction = 0 is the edge of a domain
+        for got, expected in zip(coupled.forward(values), whole.forward(values), strict=True):
+            assert_allclose(got, expected, atol=1e-4 * np.abs(expected).max())  # coupling: fourth order in 0.02 s
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"by": "kk"}, "no variable 'kk'; did you mean 'k'"),
+        ({"by": "der(x)"}, "cannot be set"),
+        ({"record": "y"}, "no variable 'y'"),
+        ({"inputs": {"u": CubicSpline([0, 1], [0, 1])}}, "no variable 'u'"),
+        ({"start_values": {"k": "fast"}}, "expected a number"),
+        ({"operators": {"x": "Sinusoid"}}, "add an operator that moves an FMU to a System"),
+        ({"times": [1.0, 0.5]}, "ascending"),
+    ],
+)
+def test_refusals_name_what_is_wrong(made: Made, options: Any, message: str) -> None:
+    with pytest.raises(LiaisonsError, match=message.replace("(", r"\(").replace(")", r"\)")):
+        motion_of(made(DAHLQUIST), **({"by": "k", "times": TIMES} | options)).forward([1.0])
+
+
+def test_what_is_stiff_says_so(made: Made) -> None:
+    motion = motion_of(made(DAHLQUIST), "k", [1e3, 2e3], start_values={"k": 1.0})
+    with pytest.raises(SimulationError, match="it may be stiff"):
+        motion([1e6])
