@@ -169,7 +169,7 @@ def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequ
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
             numbers = np.array([_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
             _refuse(np.isinf(numbers), rows, "finite numbers only")
-            values[name] = numbers * (in_si(unit, units[name]) if unit else 1.0)
+            values[name] = numbers * (in_si(unit, units[name]) if unit and units[name] else 1.0)
     return values
 
 
