@@ -117,7 +117,10 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
             raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{words}")
     of_signals = [levels.get(name, levels.get(split(name)[0])) for name in experiment.signals]
     if None in of_signals:
-        raise IdentificationError(f"noise: {experiment.signals[of_signals.index(None)]} is missing")
+        words = "is missing; measured=[...] names what is fitted"
+        raise IdentificationError(
+            f"noise: {experiment.signals[of_signals.index(None)]} is missing; measured=[...] names what is fitted"
+        )
     return np.array(of_signals, dtype=float)
 
 
@@ -134,6 +137,13 @@ def _refuse(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
     """Raise an error that names the first row with something wrong."""
     if wrong.any():
         raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
+
+
+def _number(cell: object, row: str) -> float:
+    try:
+        return float(str(cell) or "nan")
+    except ValueError as error:
+        raise ValueError(f"{row}: {error}") from None
 
 
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
@@ -155,10 +165,7 @@ def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequ
             if name in values or name not in units:
                 words = "is there twice" if name in values else f"is no variable{suggestion(name, units)}"
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
-            numbers = np.empty(len(rows))
-            for i, cell in enumerate(map(str, cells)):
-                with _within(rows[i]):
-                    numbers[i] = float(cell or "nan")
+            numbers = np.array([_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
             _refuse(np.isinf(numbers), rows, "finite numbers only")
             values[name] = numbers * (in_si(unit, units[name]) if unit else 1.0)
     return values
