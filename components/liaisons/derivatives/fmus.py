@@ -95,6 +95,10 @@ class FmuMotion:
         """The same with other times."""
         return replace(self, times=numbers("times", times))
 
+    def frozen(self, values: ArrayLike) -> Self:  # noqa: ARG002
+        """The same: FMUs choose their steps in each run."""
+        return self
+
 
 def fmu_motion(
     subject: Path | System,
