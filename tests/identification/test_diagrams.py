@@ -12,7 +12,8 @@ from scipy.stats import chi2
 from liaisons import Result
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit, identify
-from liaisons.models import Pendulum
+from liaisons.mechanics import assemble
+from liaisons.models import Pendulum, PendulumChain
 
 SIGMA = 0.02
 
@@ -47,6 +48,15 @@ def test_points_and_residuals_are_drawn_over_curve_and_band(fit) -> None:
         half = [np.ptp(corners[corners[:, 0] == x][:, 1]) / 2 for x in curve.get_xdata()[1:-1]]
         assert np.min(half) > 1.96 * SIGMA
         assert np.max(half) < 1.5 * 1.96 * SIGMA  # noise, and a little of the unknowns
+    assert above.get_ylabel() == "theta [rad]"
+
+
+def test_an_array_has_one_diagram() -> None:
+    times = np.linspace(0, 1, 20)
+    data = {"time": times, "theta[1]": 0.1 * np.cos(times), "theta[2]": 0.1 * np.cos(times)}
+    fit = identify(assemble(PendulumChain, 2), data, unknown=["gravity"])
+    above, _ = fit.plot().axes
+    assert above.get_legend_handles_labels()[1] == ["theta[1], data", "theta[2], data"]
     assert above.get_ylabel() == "theta [rad]"
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal, final
 import casadi as ca
 import numpy as np
 
-from liaisons.derivatives.steps import METHOD, Floats, Segment, Steps
+from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.ensembles.steps import declarations, library
 from liaisons.expressions import c_parts, literal
@@ -31,23 +31,12 @@ _HEAD = """\
 {declarations}
 enum {{ N = {states}, K = {lanes}, R = {shared}, W = {numbers}, S = {stages}, D = {directions}, ORDER = {order} }};
 typedef double Row[D];
-static const double A[S + 1][S] = {{{matrix}}}, C[S + 1] = {{{nodes}}};
+static const double C[S + 1] = {{{nodes}}};
 {functions}
 
 static double clipped(double t, const double *limits)
 {{
     return t < limits[0] ? limits[0] : t > limits[1] ? limits[1] : t;
-}}
-
-static void combine(int stage, double h, const double *y, const double (*f)[N], double *slope, double *at)
-{{
-    for (int j = 0; j < N; ++j)
-        slope[j] = 0.0;
-    for (int q = 0; q < stage; ++q)
-        for (int j = 0; j < N; ++j)
-            slope[j] += A[stage][q] * f[q][j];
-    for (int j = 0; j < N; ++j)
-        at[j] = y[j] + h * slope[j];
 }}
 
 """
@@ -57,7 +46,9 @@ static void step(double t, double h, const double *limits, const double *k, cons
     double f[S][N], slope[N];
     for (int stage = 0; stage <= S; ++stage, kept += N) {
         const double time = clipped(t + C[stage] * h, limits);
-        combine(stage, h, y, (const double (*)[N])f, slope, kept);
+        combine(stage, (const double (*)[N])f, slope);
+        for (int j = 0; j < N; ++j)
+            kept[j] = y[j] + h * slope[j];
         if (stage < S)
             rates(&time, k, s, kept, f[stage]);
         else
@@ -73,7 +64,7 @@ long choose(long intervals, const double *cuts, const long *rows, const double *
     for (long m = 0; m < intervals; counts[m++] = count) {
         const double *s = table + rows[m] * R;
         double t = cuts[m], end = cuts[m + 1];
-        while (t < end) {
+        do {
             const int last = *size >= 0.999999 * (end - t);
             const double h = last ? end - t : fmin(*size, 0.5 * (end - t));
             double whole[N], halves[N], error = 0.0;
@@ -98,7 +89,7 @@ long choose(long intervals, const double *cuts, const long *rows, const double *
             *size = fmax(last ? *size : 0.0, h * fmin(factor, 4.0));
             t = ends[count++] = last ? end : t + h;
             memcpy(y, whole, sizeof whole);
-        }
+        } while (t < end);
     }
     return count;
 }
@@ -118,14 +109,13 @@ void tangents(long steps, const double *t, const double *h, const long *rows, co
               const double *table, const double *kept, long blocks, const Row *dk, const Row *dt, const Row *dh,
               long moving, Row *dy, const long *record, Row *records, Row *df)
 {
-    double f[S][N], slope[N], at[N], w[W], none[N];
+    double f[S][N], slope[N], at[N], w[W];
     Row along[N], time_along;
-    memset(none, 0, sizeof none);
     for (long n = 0; n < steps; ++n) {
         const double *s = table + rows[n] * R;
         for (int stage = 0; stage <= S; ++stage) {
             const double time = clipped(t[n] + C[stage] * h[n], limits), *y = kept + (n * (S + 1) + stage) * N;
-            combine(stage, 0.0, none, (const double (*)[N])f, slope, at);
+            combine(stage, (const double (*)[N])f, slope);
             if (stage < S)
                 rates_early(&time, k, s, y, f[stage], w);
             else
@@ -133,14 +123,11 @@ void tangents(long steps, const double *t, const double *h, const long *rows, co
             for (long b = 0; b < blocks; ++b) {
                 const Row *rows_f = df + b * S * N, *t_b = dt + n * moving + b, *h_b = dh + n * moving + b;
                 Row *dy_b = dy + b * N;
-                for (int j = 0; j < N; ++j) {
-                    Row sum = {0};
-                    for (int q = 0; q < stage; ++q)
-                        for (int i = 0; i < D; ++i)
-                            sum[i] += A[stage][q] * rows_f[q * N + j][i];
+                combine_rows(stage, rows_f, along);
+                for (int j = 0; j < N; ++j)
+#pragma omp simd
                     for (int i = 0; i < D; ++i)
-                        along[j][i] = dy_b[j][i] + h[n] * sum[i] + (*h_b)[i] * slope[j];
-                }
+                        along[j][i] = dy_b[j][i] + h[n] * along[j][i] + (*h_b)[i] * slope[j];
                 for (int i = 0; i < D; ++i)
                     time_along[i] = (*t_b)[i] + C[stage] * (*h_b)[i];
                 if (stage < S)
@@ -174,11 +161,7 @@ void adjoint(long steps, const double *t, const double *h, const long *rows, con
         for (int i = 0; i < K; ++i)
             of_k[i] += part_k[i];
         for (int stage = S - 1; stage >= 0; --stage) {
-            for (int j = 0; j < N; ++j)
-                g[j] = A[S][stage] * lambda[j];
-            for (int q = stage + 1; q < S; ++q)
-                for (int j = 0; j < N; ++j)
-                    g[j] += A[q][stage] * of_y[q][j];
+            combine_back(stage, (const double (*)[N])of_y, lambda, g);
             for (int j = 0; j < N; ++j)
                 scaled[j] = h[n] * g[j];
             time = clipped(t[n] + C[stage] * h[n], limits);
@@ -216,7 +199,7 @@ class CompiledSteps:
 
     def choose(
         self, segment: Segment, k: Floats, y: Floats, size: Floats, *, tolerance: float, sizes: Floats
-    ) -> tuple[Floats, list[int]]:
+    ) -> tuple[Floats, Integers]:
         """Ends of steps that keep to a tolerance, and how many there are up to the end of each interval.
 
         :param y: at the start; then where they end.
@@ -231,7 +214,7 @@ class CompiledSteps:
             done = self._call("run", "choose", *where, float(tolerance), sizes, first, at, kept, most, ends, counts)
             if done <= most:
                 y[:], size[:] = at, first
-                return ends[: done if done >= 0 else -1 - done], counts.tolist() if done >= 0 else []
+                return ends[: done if done >= 0 else -1 - done], counts if done >= 0 else counts[:0]
             most *= 4
 
     def advance(self, steps: Steps, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:
@@ -326,6 +309,7 @@ def source(equations: RightHandSide, purpose: Purpose) -> str:
             of_t, of_k, of_y = ca.vertsplit(ca.densify(ca.jtimes(value, variables, a, True)), ends)
             backwards = [(value, "f"), (of_y, "of_y"), (of_k, "of_k"), (of_t, "of_t")]
             lines += _function(f"{name}_adjoint", [*point, (a, "a")], backwards)
+    lines += _combinations(purpose)
     head = _HEAD.format(
         declarations="\n".join(declarations()),
         functions="\n".join(lines),
@@ -336,10 +320,41 @@ def source(equations: RightHandSide, purpose: Purpose) -> str:
         stages=METHOD.stages,
         directions=DIRECTIONS,
         order=METHOD.order + 1,
-        matrix=", ".join(f"{{{', '.join(map(literal, row or (0.0,)))}}}" for row in (*METHOD.matrix, METHOD.weights)),
         nodes=", ".join(map(literal, (*METHOD.nodes, 1.0))),
     )
     return head + {"run": _RUN, "tangents": _TANGENTS, "adjoint": _ADJOINT}[purpose]
+
+
+def _combinations(purpose: Purpose) -> Iterator[str]:
+    """Sums of the rates of stages, for each stage and for the step."""
+    rows = *METHOD.matrix, METHOD.weights
+    columns = [[0.0] * (q + 1) + [row[q] for row in METHOD.matrix[q + 1 :]] for q in range(METHOD.stages)]
+    back = [
+        [(weight, "lambda[j]")] + [(a, f"of_y[{q}][j]") for q, a in enumerate(column)]
+        for weight, column in zip(METHOD.weights, columns, strict=True)
+    ]
+    kinds = {
+        "combine(int stage, const double (*f)[N], double *sum)": (
+            "sum[j]",
+            [[(a, f"f[{q}][j]") for q, a in enumerate(row)] for row in rows],
+        ),
+        "combine_rows(int stage, const Row *restrict f, Row *restrict sum)": (
+            "sum[j][i]",
+            [[(a, f"f[{q} * N + j][i]") for q, a in enumerate(row)] for row in rows],
+        ),
+        "combine_back(int stage, const double (*of_y)[N], const double *lambda, double *sum)": ("sum[j]", back),
+    }
+    used = {"run": (0,), "tangents": (0, 1), "adjoint": (2,)}[purpose]
+    for number, (head, (target, sums)) in enumerate(kinds.items()):
+        if number in used:
+            yield f"static void {head}\n{{\n    switch (stage) {{"
+            for stage, terms in enumerate(sums):
+                total = " + ".join(f"{literal(a)} * {term}" for a, term in terms if a) or "0.0"
+                yield f"    case {stage}:\n        for (int j = 0; j < N; ++j)"
+                if "[i]" in target:
+                    yield "#pragma omp simd\n            for (int i = 0; i < D; ++i)"
+                yield f"                {target} = {total};\n        return;"
+            yield "    }\n}"
 
 
 def _function(name: str, inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]]) -> Iterator[str]:

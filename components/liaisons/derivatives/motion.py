@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast, final
@@ -23,9 +23,11 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons import flattening
 from liaisons.arguments import finite, listed, named, numbers, positive
 from liaisons.array_names import split
+from liaisons.compiler import system_compiler, zig_compiler
 from liaisons.cosim import System
 from liaisons.derivatives.compiled_steps import CompiledSteps
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
+from liaisons.derivatives.interpreted_steps import InterpretedSteps
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.right_hand_sides import (
     DEGREE,
@@ -37,6 +39,7 @@ from liaisons.ensembles.right_hand_sides import (
     settable,
 )
 from liaisons.errors import ComponentError, SimulationError, suggestion
+from liaisons.expressions import Program, program
 from liaisons.expressions.algebra import stack
 from liaisons.language import Variable
 from liaisons.library import Target, component
@@ -61,35 +64,83 @@ _EQUAL = 1e-9
 
 @final
 class _Functions:
-    """Steps of a motion, and what happens at their ends."""
+    """Steps of a motion, and what happens at their ends; made when they are needed."""
 
     def __init__(self, equations: RightHandSide) -> None:
-        t, k, s, y = point = equations.symbols
-        z, start, landed, before = equations.outputs, equations.start, equations.landed, equations.before
-        of_z, of_y = ca.SX.sym("a", z.numel()), ca.SX.sym("a", y.numel())
+        self._equations = equations
+        self._t, self._k, self._s, self._y = equations.symbols
+        native = system_compiler() or zig_compiler()
+        self.steps = CompiledSteps(equations) if native else InterpretedSteps(equations)
+        self.condition_texts = equations.condition_texts
+        self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
 
-        def function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
-            return ca.Function("function", list(inputs), ca.cse([ca.densify(output) for output in outputs]))
+    @cached_property
+    def start(self) -> ca.Function:
+        """(k, s) -> first state, and nominal values."""
+        return _function([self._k, self._s], self._equations.start, self._equations.sizes)
 
-        self.steps, self.condition_texts = CompiledSteps(equations), equations.condition_texts
-        self.start = function([k, s], start, equations.sizes)
-        self.start_tangents = function([k, s], ca.jacobian(start, k))
-        self.start_adjoint = function([k, s, of_y], ca.jtimes(start, k, of_y, True))
-        self.outputs, self.conditions = function(point, z), function(point, equations.conditions)
-        self.output_tangents = function(point, ca.jacobian(z, k), ca.jacobian(z, y))
-        self.output_adjoint = function([*point, of_z], *(ca.jtimes(z, x, of_z, True) for x in (k, y)))
-        self.output_rates = function(point, ca.jtimes(z, ca.vertcat(t, y), ca.vertcat(1, equations.rates)))
-        self.events = function([t, k, s], equations.events, ca.jacobian(equations.events, k))
-        self.prescribed = function([t, k, s], stack(equations.prescribed.values()))
-        self.prescribed_names = tuple(equations.prescribed)
-        self.landed = None
-        if landed is not None:
-            of_time = ca.jacobian(landed, t) + ca.jacobian(landed, before[0])
-            self.landed = function([*point, *before], landed, ca.jacobian(landed, k), ca.jacobian(landed, y), of_time)
+    @cached_property
+    def start_tangents(self) -> ca.Function:
+        """(k, s) -> derivatives of the first state."""
+        return _function([self._k, self._s], ca.jacobian(self._equations.start, self._k))
+
+    @cached_property
+    def start_adjoint(self) -> ca.Function:
+        """(k, s, factors) -> derivatives of their sum with the first state."""
+        factors = ca.SX.sym("factors", self.states)
+        return _function([self._k, self._s, factors], ca.jtimes(self._equations.start, self._k, factors, True))
+
+    @cached_property
+    def events(self) -> ca.Function:
+        """(t, k, s) -> instants, and their derivatives."""
+        instants = self._equations.events
+        return _function([self._t, self._k, self._s], instants, ca.jacobian(instants, self._k))
+
+    @cached_property
+    def prescribed(self) -> ca.Function:
+        """(t, k, s) -> active coordinates that move."""
+        return _function([self._t, self._k, self._s], stack(self._equations.prescribed.values()))
+
+    @cached_property
+    def landed(self) -> ca.Function | None:
+        """(t, k, s, y, t before, s before) -> state after an event, and its derivatives by k, y and its instant."""
+        landed, (t, s) = self._equations.landed, self._equations.before
+        if landed is None:
+            return None
+        of_time = ca.jacobian(landed, self._t) + ca.jacobian(landed, t)
+        by = (ca.jacobian(landed, x) for x in (self._k, self._y))
+        return _function([*self._equations.symbols, t, s], landed, *by, of_time)
+
+    @cached_property
+    def outputs(self) -> Program:
+        """Signals."""
+        return program(self._equations.symbols, [self._equations.outputs])
+
+    @cached_property
+    def conditions(self) -> Program:
+        """What must stay > 0."""
+        return program(self._equations.symbols, [self._equations.conditions])
+
+    @cached_property
+    def output_rates(self) -> Program:
+        """Time derivatives of the signals."""
+        along = ca.jtimes(self._equations.outputs, ca.vertcat(self._t, self._y), ca.vertcat(1, self._equations.rates))
+        return program(self._equations.symbols, [along])
+
+    @cached_property
+    def output_slopes(self) -> tuple[list[tuple[int, int]], Program]:
+        """Derivatives of signals by values, then states: (signal, which of these) and their program."""
+        slopes = ca.jacobian(self._equations.outputs, ca.vertcat(self._k, self._y))
+        where = list(zip(*slopes.sparsity().get_triplet(), strict=True))
+        return where, program(self._equations.symbols, [slopes.nz[:]])
+
+
+def _function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
+    return ca.Function("function", list(inputs), ca.cse([ca.densify(output) for output in outputs]))
 
 
 @lru_cache(maxsize=32)
-def _functions(
+def functions_of(
     model: Model,
     *,
     moving: tuple[tuple[str, Model], ...],
@@ -98,6 +149,7 @@ def _functions(
     record: tuple[str, ...],
     driven: tuple[str, ...],
 ) -> _Functions:
+    """What a motion needs; the last ones are kept."""
     return _Functions(right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven))
 
 
@@ -124,6 +176,16 @@ class _Cuts:
 Parts: TypeAlias = tuple[Floats, Integers]
 """Ends of steps as parts of their intervals, one after another, and how many there are in each interval."""
 _NOT_FIXED: tuple[tuple[bytes, bytes], list[Parts]] = (b"", b""), []
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Some steps between two events, the recorded times among their ends, and instant and slope of an event before."""
+
+    steps: Steps
+    recorded: Integers
+    event: tuple[float, Floats] | None
 
 
 @final
@@ -207,7 +269,7 @@ class DifferentiableMotion:
         self._jumps = jumps
         self._tolerance = max(_PART * tolerance, _ROUNDING)
         self._fixed = _NOT_FIXED
-        self._last = b"", list[Parts]()
+        self._last = b"", list[_Piece]()
 
     def __call__(self, values: ArrayLike) -> Floats:
         """Signals, (signals, times)."""
@@ -226,9 +288,13 @@ class DifferentiableMotion:
             if leg.landing is not None:
                 of_y = leg.landing.of_k + leg.landing.of_y @ of_y
             records[leg.recorded], of_y = f.steps.tangents(leg.steps, run.k, self._kept(run, leg), of_k, of_y)
-        shape = len(self.signals), len(self.times), -1
-        direct, through = (_array(x).reshape(shape) for x in f.output_tangents(*run.points))
-        return self._seen(run, f.outputs), direct + np.einsum("ztj,tjp->ztp", through, records)
+        derivatives = np.zeros((len(self.signals), len(self.times), len(run.k)))
+        for signal, number, slopes in self._slopes(run):
+            if number < len(run.k):
+                derivatives[signal, :, number] += slopes
+            else:
+                derivatives[signal] += slopes[:, None] * records[:, number - len(run.k)]
+        return self._seen(run, f.outputs), derivatives
 
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
         """Signals, and the derivatives of the sum of weights * signals by the values, (values,).
@@ -240,8 +306,11 @@ class DifferentiableMotion:
         factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
         if factors.shape != signals.shape:
             raise SimulationError(f"weights have shape {factors.shape}; give {signals.shape}: (signals, times)")
-        direct, by_state = map(_array, f.output_adjoint(*run.points, factors))
-        total, of_y = direct.sum(axis=1), np.zeros(len(by_state))
+        sums = np.zeros((len(run.k) + f.states, len(self.times)))
+        for signal, number, slopes in self._slopes(run):
+            sums[number] += factors[signal] * slopes
+        direct, by_state = np.split(sums, [len(run.k)])
+        total, of_y = direct.sum(axis=1), np.zeros(f.states)
         for leg in reversed(run.legs):
             steps, weights_there = leg.steps, np.ascontiguousarray(by_state[:, leg.recorded].T)
             of_k, of_t, of_h = f.steps.adjoint(steps, run.k, self._kept(run, leg), weights_there, of_y)
@@ -261,7 +330,7 @@ class DifferentiableMotion:
         """The same motion with the steps that are taken at some values, wherever events come in the same order."""
         k = self._checked(values)
         cuts = self._cuts(k)
-        return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)))
+        return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)), _last=(b"", []))
 
     def _with(self, **changes: Any) -> Self:
         other = copy(self)
@@ -281,30 +350,21 @@ class DifferentiableMotion:
 
     def _run(self, values: ArrayLike, *, keep: bool = False) -> _Run:
         f, k = self._functions, self._checked(values)
-        cuts = self._cuts(k)
-        order, parts = self._fixed
-        if order != cuts.order():
-            parts = self._chosen(k, cuts)
+        pieces = self._pieces(k)
         y = _array(f.start(k, self._table[0])[0]).ravel()
-        records, legs = np.tile(y, (len(self.times), 1)), list[_Leg]()
-        instants = self.times.copy()
         self._holds(k, np.array([self._start]), self._table[:1], y[None])
-        most = max(1, _CHUNK // ((METHOD.stages + 1) * len(y)))
-        keeps = keep and sum(len(ends) for ends, _ in parts) * (METHOD.stages + 1) * len(y) <= _ROOM
-        for (segment, inside), own in zip(self._segments(cuts), parts, strict=True):
-            landing = None
-            if inside.start:
-                y, landing = self._landed(k, cuts, inside.start, y)
-            whole, recorded = _steps(cuts, inside, own, segment)
-            for begin in range(0, len(whole.t), most):
-                steps, which = _some(whole, recorded, begin, begin + most)
-                states, kept = f.steps.advance(steps, k, y, keep=keeps)
-                self._holds(k, steps.t + steps.h, steps.table[steps.rows], states)
-                legs.append(_Leg(steps, y, kept if keeps else None, which, landing))
-                y, landing = states[-1], None
-                records[which] = states[steps.record >= 0]
-                instants[which] = np.maximum(instants[which], segment.limits[0])
-        points = [instants[None], k, self._table[self._row(self.times)].T, records.T]
+        records, legs, instants = np.tile(y, (len(self.times), 1)), list[_Leg](), self.times.copy()
+        keeps = keep and sum(len(piece.steps.t) for piece in pieces) * (METHOD.stages + 1) * len(y) <= _ROOM
+        for piece in pieces:
+            steps, which, landing = piece.steps, piece.recorded, None
+            if piece.event is not None:
+                y, landing = self._landed(k, *piece.event, y)
+            states, kept = f.steps.advance(steps, k, y, keep=keeps)
+            self._holds(k, steps.t + steps.h, steps.table[steps.rows], states)
+            legs.append(_Leg(steps, y, kept if keeps else None, which, landing))
+            records[which], y = states[steps.record >= 0], states[-1]
+            instants[which] = np.maximum(instants[which], steps.limits[0])
+        points = [instants[None], k[:, None], self._table[self._row(self.times)].T, records.T]
         return _Run(k, legs, records, points)
 
     def _kept(self, run: _Run, leg: _Leg) -> Floats:
@@ -312,14 +372,21 @@ class DifferentiableMotion:
             return leg.kept
         return self._functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
 
-    def _seen(self, run: _Run, function: ca.Function) -> Floats:
-        return _array(function(*run.points))
+    def _seen(self, run: _Run, seen: Program) -> Floats:
+        return seen.evaluate(run.points)[0]
+
+    def _slopes(self, run: _Run) -> Iterator[tuple[int, int, Floats]]:
+        """Signal, number of a value or, behind these, of a state, and derivatives at the recorded times."""
+        where, slopes = self._functions.output_slopes
+        for (signal, number), row in zip(where, self._seen(run, slopes), strict=True):
+            yield signal, number, row
 
     def _holds(self, k: Floats, t: Floats, s: Floats, states: Floats) -> None:
         """Check that states may be used."""
         lost = ~np.isfinite(states).all(axis=1)
         texts = self._functions.condition_texts
-        broken = _array(self._functions.conditions(t[None], k, s.T, states.T)) <= 0 if texts else np.zeros((0, len(t)))
+        (conditions,) = self._functions.conditions.evaluate([t[None], k[:, None], s.T, states.T])
+        broken = conditions <= 0
         failed = np.flatnonzero(lost | broken.any(axis=0))
         if failed.size:
             reasons = [text for text, row in zip(texts, broken, strict=True) if row[failed[0]]]
@@ -373,35 +440,47 @@ class DifferentiableMotion:
         """Rows of shared values that hold from some instants on."""
         return np.maximum(np.searchsorted(self._breaks, t, side="right") - 1, 0)
 
+    def _pieces(self, k: Floats) -> list[_Piece]:
+        """Steps for some values: those that are fixed, or chosen for them."""
+        key, (order, parts) = k.tobytes(), self._fixed
+        if self._last[0] == key or (self._last[0] and parts and not self._functions.events.numel_out(0)):
+            return self._last[1]
+        cuts, pieces = self._cuts(k), list[_Piece]()
+        if order != cuts.order():
+            parts = self._chosen(k, cuts)
+        most = max(1, _CHUNK // (METHOD.stages + 1) // self._functions.states)
+        for (segment, inside), part in zip(self._segments(cuts), parts, strict=True):
+            event = (float(cuts.times[inside.start]), cuts.slopes[inside.start]) if inside.start else None
+            whole, recorded = _steps(cuts, inside, part, segment)
+            for begin in range(0, len(whole.t), most):
+                pieces.append(_Piece(*_some(whole, recorded, begin, begin + most), None if begin else event))
+        self._last = key, pieces
+        return pieces
+
     def _chosen(self, k: Floats, cuts: _Cuts) -> list[Parts]:
         """Ends of steps, segment by segment."""
-        f, key = self._functions, k.tobytes()
-        if self._last[0] == key:
-            return self._last[1]
+        f = self._functions
         y, sizes = (_array(x).ravel() for x in f.start(k, self._table[0]))
         size, parts = np.array([cuts.times[-1] - self._start]), list[Parts]()
         for segment, inside in self._segments(cuts):
             if inside.start:
-                y, _ = self._landed(k, cuts, inside.start, y)
+                y, _ = self._landed(k, float(cuts.times[inside.start]), cuts.slopes[inside.start], y)
             ends, totals = f.steps.choose(segment, k, y, size, tolerance=self._tolerance, sizes=np.abs(sizes))
-            if not totals:
+            if not totals.size:
                 t = ends[-1:] if ends.size else segment.cuts[:1]
                 self._holds(k, t, self._table[self._row(t)], y[None])
-                near = _array(f.conditions(t, k, self._table[self._row(t)].T, y)).ravel()
+                near = f.conditions.evaluate([t, k, self._table[self._row(t)].T[:, 0], y])[0]
                 reason = f.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
                 raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
             counts = np.diff(totals, prepend=0)
             which = np.repeat(np.arange(len(counts)), counts)
-            fractions = (ends - segment.cuts[which]) / np.diff(segment.cuts)[which]
-            # An interval without extent is one step.
-            fractions = np.insert(fractions, np.array(totals)[counts == 0], 1.0)
-            parts.append((fractions, np.maximum(counts, 1)))
-        self._last = key, parts
+            spans = np.diff(segment.cuts)[which]
+            parts.append((np.where(spans > 0, (ends - segment.cuts[which]) / np.where(spans > 0, spans, 1), 1), counts))
         return parts
 
-    def _landed(self, k: Floats, cuts: _Cuts, number: int, y: Floats) -> tuple[Floats, _Landing | None]:
+    def _landed(self, k: Floats, time: float, slope: Floats, y: Floats) -> tuple[Floats, _Landing | None]:
         """State after the event at which a segment begins, and its derivatives."""
-        f, time = self._functions, float(cuts.times[number])
+        f = self._functions
         sides = time - _rounding(time), time + _rounding(time)
         before, after = (self._table[row] for row in self._row(np.array(sides)))
         then, now = (_array(f.prescribed(*at)) for at in ((sides[0], k, before), (sides[1], k, after)))
@@ -411,7 +490,7 @@ class DifferentiableMotion:
         if f.landed is None:
             return y, None
         landed, of_k, of_y, of_time = map(_array, f.landed(sides[1], k, after, y, sides[0], before))
-        return landed.ravel(), _Landing(of_k + of_time * cuts.slopes[number], of_y)
+        return landed.ravel(), _Landing(of_k + of_time * slope, of_y)
 
 
 def _array(matrix: ca.DM) -> Floats:
@@ -534,7 +613,7 @@ def motion_of(
     outputs = {variable.name: variable for variable in model.outputs}
     states = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
     signals = states if record is None else [x for name in listed("record", record) for x in _group(name, outputs)]
-    functions = _functions(
+    functions = functions_of(
         model,
         moving=tuple(moving.items()),
         names=tuple(names),

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import chi2, f, norm
 
 from liaisons.arguments import as_path, listed
+from liaisons.array_names import split
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.problems import Floats, MeasuredMotion
@@ -38,12 +39,12 @@ class Fitted(Protocol):
 def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
     """Draw measured points over the fitted motion, the band that holds 95 % of them, and residuals below.
 
-    :param names: measured signals, one by one or in a list; if nothing is named, all of them.
+    :param names: measured signals or arrays of them, one by one or in a list; if nothing is named, all.
     :param path: where to save the figure, its kind by the suffix.
     :raises IdentificationError: for a signal that was not measured.
     """
     tables = _tables(fit.estimate)
-    units = {name: table.units[name] for _, table in tables for name in table if f"fitted {name}" in table}
+    units = {split(name)[0]: e.motion.units[name] for e, _ in tables for name in e.measurements.signals}
     chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [*units]
     for name in chosen:
         if name not in units:
@@ -52,14 +53,15 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
     figure.set_size_inches(10.0, 1.0 + 4.0 * len(chosen))
     diagrams = figure.subplots(2 * len(chosen), 1, sharex=True, height_ratios=[3, 1] * len(chosen))
     for name, above, below in zip(chosen, diagrams[::2], diagrams[1::2], strict=True):
-        for i, (experiment, table) in enumerate(tables):
-            if name in table:
-                color, times = f"C{i}", table.time
-                dense, curve, low, high = _curve(fit.estimate, experiment, name)
-                above.fill_between(dense, low, high, color=color, alpha=0.2)
-                above.plot(dense, curve, color=color)
-                above.plot(times, table[name], ".", color=color, label=experiment.measurements.title)
-                below.plot(times, table[f"residual of {name}"], ".", color=color)
+        own = [(e, table, row) for e, table in tables for row in e.measurements.signals if split(row)[0] == name]
+        for i, (experiment, table, row) in enumerate(own):
+            color, times = f"C{i}", table.time
+            dense, curve, low, high = _curve(fit.estimate, experiment, row)
+            above.fill_between(dense, low, high, color=color, alpha=0.2)
+            above.plot(dense, curve, color=color)
+            label = f"{row}, {Path(experiment.measurements.title).name}"
+            above.plot(times, table[row], ".", color=color, label=label)
+            below.plot(times, table[f"residual of {row}"], ".", color=color)
         below.axhline(0.0, color="black", linewidth=0.8)
         above.set_ylabel(f"{name} [{units[name]}]")
         above.legend(frameon=False, fontsize="small")

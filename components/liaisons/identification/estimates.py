@@ -75,11 +75,14 @@ class ParameterEstimate:
         covariance = np.full((len(self.values),) * 2, np.nan)
         residuals, derivatives = self.linearization
         slope, curvature = influence(self.objective.loss, residuals)
-        J = derivatives[:, own]
-        scale = np.linalg.norm(J, axis=0)
-        inverse = np.linalg.inv(np.einsum("ri,r,rj->ij", J / scale, curvature, J / scale)) / np.outer(scale, scale)
+        scale = np.linalg.norm(derivatives[:, own], axis=0)
+        Q, R = np.linalg.qr(derivatives[:, own] / scale)  # JᵀJ would lose half of the digits
+        root = np.linalg.inv(R) / scale[:, None]
         if self.objective.loss != "linear":
-            inverse = inverse @ np.einsum("ri,r,rj->ij", J, slope**2, J) @ inverse
+            root = (
+                root @ np.linalg.inv(np.einsum("ri,r,rj->ij", Q, curvature, Q)) @ np.linalg.qr(Q * slope[:, None])[1].T
+            )
+        inverse = root @ root.T
         covariance[np.ix_(own, own)] = inverse
         unsure = self.null_space.undetermined
         covariance[unsure], covariance[:, unsure] = np.nan, np.nan

@@ -91,6 +91,9 @@ def identify(
     model = _model(subject)
     experiments = measurements(data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing)
     for experiment in experiments:
+        if experiment.inputs and experiment.times[0] > start_time:
+            words = f"drives from {experiment.times[0]:g} s on, after start_time = {start_time:g}; give start_time"
+            raise IdentificationError(f"{experiment.title}: {next(iter(experiment.inputs))} {words}")
         if experiment.times[0] < start_time:
             raise IdentificationError(
                 f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"

@@ -79,6 +79,11 @@ def measurements(
     flat, ignored = model.flat(), listed("ignore", ignore, IdentificationError)
     outputs = [variable.name for variable in flat.outputs]
     chosen = outputs if measured is None else listed("measured", measured, IdentificationError)
+    for name in chosen:
+        if name not in {*outputs, *(split(output)[0] for output in outputs)}:
+            raise IdentificationError(f"measured: {model.name} has no output {name!r}{suggestion(name, outputs)}")
+    if isinstance(data, (list, tuple)) and not data:
+        raise IdentificationError("data: an empty list; give one table at least")
     experiments = []
     for one in data if isinstance(data, (list, tuple)) else [data]:
         title, columns, rows = _table(one)
@@ -110,15 +115,15 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
     :raises IdentificationError: for a number that is not > 0, a name that is no signal, or a signal without noise.
     """
     levels = noise if isinstance(noise, Mapping) else dict.fromkeys(experiment.signals, noise)
+    names = {name for signal in experiment.signals for name in (signal, split(signal)[0])}
     for name, level in levels.items():
         positive(f"noise: {name}", level, IdentificationError)
-        if not any(_is_among(signal, [name]) for signal in experiment.signals):
-            words = suggestion(name, experiment.signals)
-            raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{words}")
-    of_signals = [levels.get(name, levels.get(split(name)[0])) for name in experiment.signals]
-    if None in of_signals:
-        raise IdentificationError(f"noise: {experiment.signals[of_signals.index(None)]} is missing")
-    return np.array(of_signals, dtype=float)
+        if name not in names:
+            raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{suggestion(name, names)}")
+    for name in experiment.signals:
+        if not _is_among(name, levels):
+            raise IdentificationError(f"noise: {name} is missing; measured=[...] names what is fitted")
+    return np.array([levels.get(name, levels.get(split(name)[0])) for name in experiment.signals], dtype=float)
 
 
 @contextmanager
@@ -134,6 +139,13 @@ def _refuse(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
     """Raise an error that names the first row with something wrong."""
     if wrong.any():
         raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
+
+
+def _number(cell: object, row: str) -> float:
+    try:
+        return float(str(cell) or "nan")
+    except ValueError as error:
+        raise ValueError(f"{row}: {error}") from None
 
 
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
@@ -155,12 +167,9 @@ def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequ
             if name in values or name not in units:
                 words = "is there twice" if name in values else f"is no variable{suggestion(name, units)}"
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
-            numbers = np.empty(len(rows))
-            for i, cell in enumerate(map(str, cells)):
-                with _within(rows[i]):
-                    numbers[i] = float(cell or "nan")
+            numbers = np.array([_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
             _refuse(np.isinf(numbers), rows, "finite numbers only")
-            values[name] = numbers * (in_si(unit, units[name]) if unit else 1.0)
+            values[name] = numbers * (in_si(unit, units[name]) if unit and units[name] else 1.0)
     return values
 
 

@@ -1,0 +1,66 @@
+"""How far a swing's length was moved need not be written down: θ(t) alone tells it, and the frequency of the moving.
+
+M 8.1: a Sinusoid moves the length of a Pendulum, and no length is measured.  Its amplitude and angular frequency are
+parameters of the operator, unknown like θ_0.  The fit has to end where least squares over the integrated equation
+l θ'' + 2 l' θ' + g sin θ = 0 ends, with its standard errors.  At twice the frequency of the swing the amplitude shows
+as growth: 60 mm are told to a fraction of a millimetre by an angle alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from liaisons import identify, operator, simulate
+from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, dots, panels, scenario, within
+
+NOISE = 0.01  # [rad]
+TRUTH = {"length.amplitude": 0.06, "length.angular_frequency": 6.2, "theta_0": 0.4}
+TIMES = np.linspace(0, 10, 201)
+
+
+def pumped(values: NDArray) -> NDArray:
+    amplitude, omega, theta_0 = values
+    return Pendulum.pumped(TIMES, amplitude=amplitude, angular_frequency=omega, theta_0=theta_0)["theta"]
+
+
+@scenario
+def main(claim: Claims) -> None:
+    truth = np.array([*TRUTH.values()])
+    measured = pumped(truth) + NOISE * np.random.default_rng(1996).normal(size=TIMES.size)
+    fit = identify(
+        "Pendulum",
+        {"time": TIMES, "theta": measured},
+        unknown=[*TRUTH],
+        noise={"theta": NOISE},
+        operators={"length": "Sinusoid"},
+        start_values={"length.amplitude": 0.02, "length.angular_frequency": 6.0, "length.offset": 1.0, "theta_0": 0.3},
+    )
+    values, sigmas = np.array([fit.values[name] for name in TRUTH]), np.sqrt(np.diag(fit.covariance))
+    best = least_squares(lambda p: (pumped(p) - measured) / NOISE, truth, jac="3-point", x_scale=truth)
+    errors = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
+    same = within(1e-3, because="standard errors; both stop where the sum of squares is flat to 1e-8")
+    claim("all three are those of least squares over the integrated equation", values / errors, best.x / errors, same)
+    differences = within(1e-5, because="relative; derivatives of the reference by differences")
+    claim("so are their standard errors", sigmas / errors, 1.0, differences)
+    nearer = within(3.1, because="standard errors: 1 of 200 measurements of three values would be farther away")
+    claim("all three are the true ones within what is promised", (values - truth) / errors, 0.0, nearer)
+    claim.verdicts += fit.verify()
+
+    moved = {"offset": 1.0} | {
+        name.removeprefix("length."): value for name, value in fit.values.items() if name != "theta_0"
+    }
+    length = operator("Sinusoid", start_values=moved)
+    run = simulate("Pendulum", stop_time=10.0, tolerance=1e-10, length=length, theta_0=fit.values["theta_0"])
+    still = simulate("Pendulum", stop_time=10.0, tolerance=1e-10, theta_0=fit.values["theta_0"])
+
+    swing, rope = panels(("measured, fitted", "t [s]", "θ [rad]"), ("not measured", "t [s]", "l [m]"))
+    dots(swing, TIMES, measured, every=1, label="measured", color="0.6")
+    swing.plot(run.time, run["theta"], label="FMU with the fitted operator")
+    swing.plot(still.time, still["theta"], "--", linewidth=0.8, label="fixed length")
+    rope.plot(run.time, run["length"], label="as it was fitted")
+    true = 1 + TRUTH["length.amplitude"] * np.sin(TRUTH["length.angular_frequency"] * TIMES)
+    dots(rope, TIMES, true, every=2, label="true")
+    rope.set(xlim=(0, 5))
