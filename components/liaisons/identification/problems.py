@@ -162,6 +162,11 @@ class FittingProblem:
     operators: Mapping[str, Target]
     tolerance: float
 
+    @property
+    def count(self) -> int:
+        """Of measured values."""
+        return sum(int(np.isfinite(data.values).sum()) for data in self.measurements)
+
     def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
         """Residuals of motions whose steps are chosen for these values."""
         experiments = (

@@ -38,7 +38,8 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
     levels = problem.noise or _assumed(problem)
     best: Minimum | None = None
     failure: LiaisonsError | None = None
-    for count in (1, *_SEGMENTS) if segments is None else (segments,):
+    affordable = (count for count in _SEGMENTS if count * len(problem.starts) <= problem.count)
+    for count in (1, *affordable) if segments is None else (segments,):
         try:
             start = problem.start if count == 1 else _linked(problem, levels, count)
             objective = problem.objective(start, levels)
