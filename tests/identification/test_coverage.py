@@ -38,6 +38,6 @@ def test_coverage(mechanism: str) -> None:
         objective = replace(exact.objective, shift=-added / noise)
         estimate = replace(exact, objective=objective, minimum=minimise(objective, exact.values))
         error = estimate.values - list(truth.values())
-        return error @ np.linalg.solve(estimate.covariance, error) <= chi2.ppf(0.95, len(truth))
+        return bool(error @ np.linalg.solve(estimate.covariance, error) <= chi2.ppf(0.95, len(truth)))
 
     assert 0.93 <= np.mean([holds_truth(seed) for seed in range(SEEDS)]) <= 0.97
