@@ -41,7 +41,7 @@ def test_decay_has_the_derivatives_of_the_exponential(made: Made, exact: bool, t
     decay = np.exp(-k * TIMES)
     assert_allclose(signals[0], x * decay, atol=1e-9)
     assert_allclose(derivatives[0], np.transpose([-TIMES * x * decay, decay]), atol=tolerance)
-    assert_allclose(motion([k, x]), signals, rtol=1e-12)
+    assert_allclose(motion([k, x]), signals, rtol=1e-10)  # each keeps to the tolerance, by its own steps
     weights = np.cos(TIMES)[None]
     assert_allclose(motion.adjoint([k, x], weights)[1], np.einsum("st,stp->p", weights, derivatives), rtol=1e-12)
     squares = motion.adjoint([k, x], lambda z: 2 * z)[1]
@@ -213,7 +213,8 @@ def test_refusals_name_what_is_wrong(made: Made, options: Any, message: str) -> 
         motion_of(made(DAHLQUIST), **({"by": "k", "times": TIMES} | options)).forward([1.0])
 
 
-def test_what_is_stiff_says_so(made: Made) -> None:
+def test_what_is_stiff_says_so(made: Made, monkeypatch) -> None:
+    monkeypatch.setattr("liaisons.derivatives.fmus._MOST_CALLS", 10_000)
     motion = motion_of(made(DAHLQUIST), "k", [1e3, 2e3], start_values={"k": 1.0})
     with pytest.raises(SimulationError, match="it may be stiff"):
         motion([1e6])

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from exchange import BALL, DAHLQUIST, TANKS, VAN_DER_POL, Made
+from making import copied
 from numpy.testing import assert_allclose
 
 from liaisons import linearize
@@ -168,6 +169,11 @@ def test_control_has_the_same_numbers(fmu) -> None:
 def test_refusals_name_what_is_wrong(options: Any, message: str, fmu) -> None:
     with pytest.raises(LiaisonsError, match=message.replace("(", r"\(")):
         linearize(fmu(catalogue()["Pendulum"]), **options)
+
+
+def test_states_without_names_are_refused(made: Made, tmp_path: Path) -> None:
+    with pytest.raises(SimulationError, match="names 0 of its 1 states"):
+        linearize(copied(made(DAHLQUIST), tmp_path, rb' derivative="."'))
 
 
 def test_what_is_made_for_co_simulation_alone_is_refused(fmu) -> None:

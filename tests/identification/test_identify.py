@@ -307,6 +307,17 @@ def test_refusals(options: dict[str, Any], message: str) -> None:
     assert message in str(error.value)
 
 
+def test_values_of_arrays() -> None:
+    times = np.linspace(0, 2, 21)
+    names = [f"theta[{i}]" for i in range(1, 11)]
+    result = simulate("PendulumChain", times=times, theta_0=np.linspace(0.1, 0.3, 10), length=0.2)
+    data = {"time": times, **{name: result[name] for name in names}}
+    fit = identify("PendulumChain", data, ["theta_0"], noise=1e-3, length=0.2)
+    assert list(fit.values.values()) == pytest.approx(np.linspace(0.1, 0.3, 10), rel=1e-6)
+    with pytest.raises(IdentificationError, match="theta_0 has 2 numbers; give 1 or 10"):
+        identify("PendulumChain", data, ["length"], theta_0=[0.1, 0.2])
+
+
 def test_more_unknowns_than_numbers() -> None:
     with pytest.raises(IdentificationError, match="4 values from 3 numbers"):
         identify("Pendulum", pendulum(times=TIMES[:3]), unknown=["length", "friction", "theta_0", "theta_dot_0"])

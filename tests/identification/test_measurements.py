@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from liaisons import simulate
+from liaisons import System, identify, simulate
 from liaisons.errors import IdentificationError
+from liaisons.flattening import composed
 from liaisons.identification.measurements import Measurements, measurements, noise_levels
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
@@ -177,9 +178,37 @@ def test_bad_files_are_refused_in_one_line_with_column_and_row(reads, text, word
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("data", [3.0, {}, {"time": [0, 1], "theta": [1]}, "absent.csv", ["absent.csv"], [1, 2], None])
+def test_a_system_is_driven_and_measured_by_the_names_of_its_parts() -> None:
+    system = System("pumped swing")
+    swing = system.add("swing", "Pendulum", theta_0=0.2)
+    operator = system.add("operator", "Sinusoid", offset=1.0, amplitude=0.1, angular_frequency=6.0)
+    system.connect(operator["y"], swing["length"])
+    slide = {"swing.pivot_x": lambda t: (0.1 * t**2, 0.2 * t, 0.2)}
+    result = system.simulate(stop_time=1.0, step_size=0.1, inputs=slide)
+    (read,) = measurements(result, composed(system), measured="swing.theta")
+    assert (read.signals, set(read.inputs)) == (("swing.theta",), {"swing.pivot_x"})
+    np.testing.assert_array_equal(read.values[0], result["swing.theta"])
+
+
+def test_names_of_what_was_measured_are_outputs(reads) -> None:
+    with pytest.raises(IdentificationError, match="measured: Pendulum has no output 'thetta'; did you mean 'theta'"):
+        reads("time,theta\n0,1\n1,2\n", measured="thetta")
+
+
+def test_a_drive_begins_when_the_motion_starts() -> None:
+    times = np.linspace(1, 2, 10)
+    data = {"time": times, "theta": times, "pivot_x": times**2}
+    with pytest.raises(IdentificationError, match="data: pivot_x drives from 1 s on, after start_time = 0; give start"):
+        identify("Pendulum", data, unknown=["gravity"])
+
+
+@pytest.mark.parametrize(
+    "data", [[], 3.0, {}, {"time": [0, 1], "theta": [1]}, "absent.csv", ["absent.csv"], [1, 2], None]
+)
 def test_what_is_no_data_is_refused(data) -> None:
-    with pytest.raises(IdentificationError, match=r"^(data = |absent\.csv: cannot be read: No such file)"):
+    with pytest.raises(
+        IdentificationError, match=r"^(data = |data: an empty list|absent\.csv: cannot be read: No such file)"
+    ):
         measurements(data, MODEL)
 
 

@@ -92,6 +92,8 @@ class FmuEquations:
             read_inputs, inputs_now = self._transfer("getter", self.inputs)
             self._perform(read_inputs)
             self.x, nominals = self._instance.continuous_states
+            if not len(rates) == len(self.states) == len(self.x):
+                raise SimulationError(f"{path}: names {len(self.states)} of its {len(self.x)} states; ask its maker")
             for state, value in states.items():
                 self.x[[s.name in fmu.elements(state) for s in self.states]] = value
             self.u = inputs_now.copy()

@@ -2,16 +2,16 @@
 
 The variational equations of an FMU of Model Exchange take directional derivatives by states from the FMU, and those by
 values from differences of the rates, for FMI has parameters among the known variables in initialization only.  Other
-derivatives are extrapolated from differences of whole runs with the same communication points.
+derivatives are extrapolated from differences of whole runs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, final
 
@@ -25,23 +25,17 @@ from liaisons.cosim.description.start_values import start_values as valid
 from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.derivatives.fmu_equations import Floats, FmuEquations, Method
-from liaisons.ensembles.methods import METHODS
 from liaisons.errors import LiaisonsError, RefusedError, SimulationError
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-_METHOD = METHODS["rk8"]
-_MOST_STEPS = 2**12
-"""Between two recorded times."""
 _OF_EQUATIONS, _OF_RUNS = (1e-3, 5e-4), (4e-3, 2e-3, 1e-3)
 """Sizes of differences that are extrapolated, relative to those of the values."""
+_MOST_CALLS = 200_000
+"""Evaluations of the equations in one motion."""
 _FINER = 8
 """Points in an interval for the time derivatives of signals."""
-
-Evaluation = Callable[[Floats, Floats, bool], tuple[Floats, Floats, Floats]]
-"""From values and times: signals, (signals, times); if they are asked for, their derivatives, (signals, times, values),
-and estimates of the errors of these, (signals, values)."""
 
 
 @final
@@ -49,33 +43,44 @@ and estimates of the errors of these, (signals, values)."""
 class FmuMotion:
     """A motion as a function of some values, with the interface of a ``DifferentiableMotion``.
 
+    :param single: whether it is of one FMU, whose variables have no prefix.
+    :param starts: start values that differ from those of the system.
+    :param inputs: input -> piecewise polynomial of time.
+    :param times: recorded [s], from ``start_time`` on, where runs have communication points.
     :param names: of the values, element by element; ``values`` as set or declared.
     :param signals: names of what is recorded; ``units`` of names and signals.
-    :param times: recorded [s].
     :param method: how derivatives are calculated.
     """
 
-    name: str
-    names: tuple[str, ...]
-    signals: tuple[str, ...]
-    units: Mapping[str, str]
-    values: Floats
-    times: Floats
+    system: System
+    single: bool
+    starts: Mapping[str, Any]
+    inputs: Mapping[str, PPoly]
     start_time: float
-    method: Method
-    evaluation: Evaluation
+    tolerance: float
+    times: Floats
+    names: tuple[str, ...] = ()
+    values: Floats = field(default_factory=lambda: np.empty(0))
+    signals: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    method: Method = "differences"
+
+    @property
+    def name(self) -> str:
+        """Of what moves."""
+        return self.system.name
 
     def __call__(self, values: ArrayLike) -> Floats:
         """Signals, (signals, times)."""
-        return self.evaluation(np.asarray(values, dtype=float), self.times, False)[0]
+        return self._evaluated(values, derive=False)[0]
 
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         """Signals, and their derivatives by the values, (signals, times, values)."""
-        return self.evaluation(np.asarray(values, dtype=float), self.times, True)[:2]
+        return self._evaluated(values)[:2]
 
     def errors(self, values: ArrayLike) -> Floats:
-        """Estimates of the largest errors of differences over time, (signals, values)."""
-        return self.evaluation(np.asarray(values, dtype=float), self.times, True)[2]
+        """Estimates of the largest errors of derivatives by differences of runs, (signals, values); others are 0."""
+        return self._evaluated(values)[2]
 
     def adjoint(self, values: ArrayLike, weights: ArrayLike | Callable[[Floats], ArrayLike]) -> tuple[Floats, Floats]:
         """Signals, and derivatives of their weighted sum by the values, (values,)."""
@@ -95,11 +100,110 @@ class FmuMotion:
         """The same with other times."""
         return replace(self, times=numbers("times", times))
 
+    def frozen(self, values: ArrayLike) -> Self:  # noqa: ARG002
+        """The same: FMUs choose their steps in each run."""
+        return self
+
+    def result(self, values: Mapping[str, Any], record: Sequence[str]) -> Result:
+        """A run with further start values."""
+        parts, title = self.system.filled(), self.name
+        starts = {owner: dict(part.starts) for owner, part in parts.items()}
+        for name, value in {**self.starts, **values}.items():
+            owner, variable = owned(title, parts, "value", name, single=self.single)
+            starts[owner][variable] = value
+        functions = {}
+        for name, polynomial in self.inputs.items():
+            owner, variable = owned(title, parts, "input", name, single=self.single)
+            is_port = Port(parts[owner], variable).triple() is not None
+            functions[name] = partial(_triple, polynomial) if is_port else polynomial
+        settings = SimulationSettings(times=self._points(), tolerance=self.tolerance, record=record, inputs=functions)
+        parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
+        return performed(checked(title, parts, self.system.connections, settings, single=self.single))
+
+    def equations(self, values: Floats) -> FmuEquations:
+        """Those of a single FMU."""
+        (part,) = self.system.parts.values()
+        starts = {**self.starts, **self._named(values)}
+        return FmuEquations(part.fmu.path, starts, inputs=self.inputs, outputs=self.signals, time=self.start_time)
+
+    def _named(self, values: Floats) -> dict[str, float]:
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+    def _points(self) -> Floats:
+        """Start, recorded times, and ends of polynomials between them."""
+        ends = [x for polynomial in self.inputs.values() for x in polynomial.x]
+        points = np.unique([self.start_time, *self.times, *ends])
+        return points[(self.start_time <= points) & (points <= self.times[-1])]
+
+    def _evaluated(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats, Floats]:
+        numbers = np.asarray(values, dtype=float)
+        moves = np.diag(np.where(numbers == 0, 1.0, np.abs(numbers)))[: len(numbers) * derive]
+        return (self._differenced if self.method == "differences" else self._integrated)(numbers, moves)
+
+    def _differenced(self, values: Floats, moves: Floats) -> tuple[Floats, Floats, Floats]:
+        """Differences of runs."""
+
+        def run(values: Floats) -> Floats:
+            result = self.result(self._named(values), self.signals)
+            return result.values[:, np.searchsorted(result.time, self.times)]
+
+        signals = run(values)
+        columns = [_extrapolated(lambda h, move=move: run(values + h * move), _OF_RUNS, move.sum()) for move in moves]
+        stacked = np.array(columns).reshape(len(columns), 2, *signals.shape)
+        return signals, np.moveaxis(stacked[:, 0], 0, 2), stacked[:, 1].max(axis=2).T
+
+    def _integrated(self, values: Floats, moves: Floats) -> tuple[Floats, Floats, Floats]:
+        """Variational equations."""
+        from scipy.integrate import solve_ivp
+
+        with ExitStack() as stack:
+            equations = stack.enter_context(self.equations(values))
+            beside = [
+                {h: stack.enter_context(self.equations(values + h * move)) for s in _OF_EQUATIONS for h in (s, -s)}
+                for move in moves
+            ]
+            states, calls = len(equations.x), count()
+
+            def by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
+                return [
+                    _extrapolated(lambda h, fmus=fmus: function(fmus[h]), _OF_EQUATIONS, move.sum())[0]
+                    for fmus, move in zip(beside, moves, strict=True)
+                ]
+
+            def calculate(t: float, z: Floats, end: float) -> Floats:
+                """Rates and outputs, and in further columns their derivatives by the values."""
+                u = np.array([polynomial(min(t, np.nextafter(end, -np.inf))) for polynomial in self.inputs.values()])
+                columns = [equations(t, z[:, 0], u)]
+                if len(moves):
+                    along = equations.directional(np.pad(z[:, 1:], ((0, len(u)), (0, 0))))
+                    columns += [*(along.T + by_values(lambda fmu: fmu(t, z[:, 0], u)))]
+                return np.transpose(columns)
+
+            def rates(t: float, z: Floats, end: float) -> Floats:
+                if next(calls) > _MOST_CALLS:
+                    raise SimulationError(f"{self.name}: {_MOST_CALLS} evaluations are too few; it may be stiff")
+                try:
+                    return calculate(t, z.reshape(states, -1), end)[:states].ravel()
+                except RefusedError:  # a shorter step may do
+                    return np.full_like(z, np.nan)
+
+            z, recorded = np.transpose([equations.x, *by_values(lambda fmu: fmu.x)]), {}
+            options: Any = {"method": "DOP853", "rtol": self.tolerance, "atol": self.tolerance * equations.sizes.min()}
+            for begin, end in pairwise([self.start_time, *self._points().tolist()]):
+                if begin < end:
+                    solution = solve_ivp(rates, (begin, end), z.ravel(), args=(end,), **options)
+                    if not solution.success:
+                        raise SimulationError(f"{self.name}: {solution.message}")
+                    z = solution.y[:, -1].reshape(z.shape)
+                recorded[end] = calculate(end, z, end)[states:]
+        result = np.stack([recorded[time] for time in self.times.tolist()], axis=1)
+        return result[..., 0], result[..., 1:], np.zeros((len(result), len(moves)))
+
 
 def fmu_motion(
     subject: Path | System,
     by: str | Iterable[str],
-    times: ArrayLike,
+    times: Floats,
     *,
     start_time: float = 0.0,
     record: str | Iterable[str] | None = None,
@@ -110,34 +214,32 @@ def fmu_motion(
     """The motion of an FMU or a system as a function of some of its values.
 
     :param by: parameters, start values and inputs; of a system ``"component.variable"``.
-    :param times: recorded [s], ascending; runs have their communication points there.
-    :param record: outputs or other variables; None: all outputs, of runs inputs, too.
+    :param record: outputs or other variables; None: all outputs.
     :param inputs: input or active coordinate -> piecewise polynomial of time.
-    :param start_values: where they differ from those of the FMU or the system.
     :param tolerance: relative.
     :raises SimulationError: for an unknown name or an invalid value, or if differences contradict directional
         derivatives by states.
     """
-    single, points, starts = not isinstance(subject, System), numbers("times", times), dict(start_values or {})
-    system = System(Path(subject).stem) if not isinstance(subject, System) else subject
-    if not isinstance(subject, System):
-        system.add(system.name, subject)
-    runs = _Runs(system, single, starts, inputs or {}, start_time, tolerance)
-    own, first = runs.result({}, listed("by", by), points), runs.result({}, runs.recorded(record), points)
-    values, method, evaluation = own.values[:, 0], "differences", runs.evaluation(own.names, first.names)
-    if not isinstance(subject, System) and read(subject, prefers="ModelExchange").provides_directional_derivatives:
-        variational = _VariationalEquations(subject, own.names, first.names, starts, runs.inputs, start_time, tolerance)
-        with variational.equations(values) as equations:
+    system, path = (subject, None) if isinstance(subject, System) else (System(subject.stem), subject)
+    if path is not None:
+        system.add(system.name, path)
+    motion = FmuMotion(system, path is not None, start_values or {}, inputs or {}, start_time, tolerance, times)
+    if record is None:
+        outputs = [(part, name) for part in system.parts.values() for name in part.fmu.reals("output")]
+        record = [name if path else f"{part.name}.{name}" for part, name in outputs]
+    own, first = motion.result({}, listed("by", by)), motion.result({}, listed("record", record))
+    about = {"names": own.names, "values": own.values[:, 0], "signals": first.names}
+    motion = replace(motion, units={**own.units, **first.units}, **about)
+    if path and read(path, prefers="ModelExchange").provides_directional_derivatives:
+        with motion.equations(motion.values) as equations:
             if not equations.has_events:
                 equations.jacobian()
-                method, evaluation = "directional derivatives", variational.evaluate
-    units = {**own.units, **first.units}
-    return FmuMotion(system.name, own.names, first.names, units, values, points, start_time, method, evaluation)
+                return replace(motion, method="directional derivatives")
+    return motion
 
 
-def _moves(values: Floats) -> Floats:
-    """The size of each value, in a row of its own."""
-    return np.diag(np.where(values == 0, 1.0, np.abs(values)))
+def _triple(polynomial: PPoly, t: float) -> tuple[Any, ...]:
+    return tuple(polynomial(t, order) for order in range(3))
 
 
 def _extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], unit: float) -> tuple[Floats, Floats]:
@@ -152,145 +254,3 @@ def _extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], u
         finer = [(factor * small - large) / (factor - 1) for large, small in pairwise(row)]
         error, row, factor = np.abs(finer[-1] - row[-1]), finer, ratio * factor
     return row[0], error
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class _Runs:
-    """Runs of a system, or of a single FMU."""
-
-    system: System
-    single: bool
-    starts: Mapping[str, Any]
-    inputs: Mapping[str, PPoly]
-    start_time: float
-    tolerance: float
-
-    def recorded(self, record: str | Iterable[str] | None) -> list[str]:
-        """What is recorded; all outputs by default."""
-        if record is not None:
-            return listed("record", record)
-        outputs = [(part, output) for part in self.system.parts.values() for output in part.fmu.reals("output")]
-        return [output if self.single else f"{part.name}.{output}" for part, output in outputs]
-
-    def result(self, values: Mapping[str, Any], record: Sequence[str], times: Floats) -> Result:
-        """A run with further start values."""
-        parts, name = self.system.filled(), self.system.name
-        starts = {owner: dict(part.starts) for owner, part in parts.items()}
-        for full, value in {**self.starts, **values}.items():
-            owner, variable = owned(name, parts, "value", full, single=self.single)
-            starts[owner][variable] = value
-        functions = {}
-        for full, polynomial in self.inputs.items():
-            owner, variable = owned(name, parts, "input", full, single=self.single)
-            curve = Port(parts[owner], variable).triple()
-            functions[full] = partial(_triple, polynomial) if curve else polynomial
-        points = np.unique([self.start_time, *times, *_breaks(self.inputs, self.start_time, times[-1])])
-        settings = SimulationSettings(times=points, tolerance=self.tolerance, record=record, inputs=functions)
-        parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
-        return performed(checked(name, parts, self.system.connections, settings, single=self.single))
-
-    def evaluation(self, names: Sequence[str], signals: Sequence[str]) -> Evaluation:
-        def run(values: Floats, times: Floats) -> Floats:
-            result = self.result(dict(zip(names, values.tolist(), strict=True)), signals, times)
-            return result.values[:, np.searchsorted(result.time, times)]
-
-        def evaluate(values: Floats, times: Floats, derive: bool) -> tuple[Floats, Floats, Floats]:
-            result = run(values, times)
-            columns = [
-                _extrapolated(lambda h, move=move: run(values + h * move, times), _OF_RUNS, move.sum())
-                for move in (_moves(values) if derive else ())
-            ]
-            stacked = np.array(columns).reshape(len(columns), 2, *result.shape)
-            return result, np.moveaxis(stacked[:, 0], 0, 2), stacked[:, 1].max(axis=2).T
-
-        return evaluate
-
-
-def _breaks(inputs: Mapping[str, PPoly], begin: float, end: float) -> list[float]:
-    """Ends of the pieces between two times [s]."""
-    return [x for polynomial in inputs.values() for x in polynomial.x if begin < x < end]
-
-
-def _triple(polynomial: PPoly, t: float) -> tuple[Any, ...]:
-    return tuple(polynomial(t, order) for order in range(3))
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class _VariationalEquations:
-    """Steps of an FMU of Model Exchange, and their derivatives."""
-
-    path: Path
-    names: Sequence[str]
-    signals: Sequence[str]
-    starts: Mapping[str, Any]
-    inputs: Mapping[str, PPoly]
-    start_time: float
-    tolerance: float
-
-    def equations(self, values: Floats) -> FmuEquations:
-        starts = {**self.starts, **dict(zip(self.names, values.tolist(), strict=True))}
-        return FmuEquations(self.path, starts, inputs=self.inputs, outputs=self.signals, time=self.start_time)
-
-    def evaluate(self, values: Floats, times: Floats, derive: bool) -> tuple[Floats, Floats, Floats]:
-        moves = _moves(values) if derive else np.empty((0, 0))
-        with ExitStack() as stack:
-            equations = stack.enter_context(self.equations(values))
-            beside = [
-                {h: stack.enter_context(self.equations(values + h * move)) for s in _OF_EQUATIONS for h in (s, -s)}
-                for move in moves
-            ]
-
-            def calculate(t: float, z: Floats, end: float) -> Floats:
-                """Rates and outputs, and in further columns their derivatives by the values."""
-                u = np.array([polynomial(min(t, np.nextafter(end, -np.inf))) for polynomial in self.inputs.values()])
-                result = equations(t, z[:, 0], u)[:, None]
-                if z.shape[1] == 1:
-                    return result
-                along = equations.directional(np.pad(z[:, 1:], ((0, len(u)), (0, 0))))
-                return np.hstack([result, along + by_values(lambda fmu: fmu(t, z[:, 0], u))])
-
-            def by_values(function: Callable[[FmuEquations], Floats]) -> Floats:
-                columns = [
-                    _extrapolated(lambda h, fmus=fmus: function(fmus[h]), _OF_EQUATIONS, move.sum())[0]
-                    for fmus, move in zip(beside, moves, strict=True)
-                ]
-                return np.transpose(columns)
-
-            start = equations.x[:, None]
-            steps = self._steps(partial(self._integrated, calculate, start, times))
-            if derive:
-                start = np.hstack([start, by_values(lambda fmu: fmu.x)])
-            result = self._integrated(calculate, start, times, steps)
-        return result[..., 0], result[..., 1:], np.zeros((len(result), len(moves)))
-
-    def _steps(self, integrated: Callable[[int], Floats]) -> int:
-        """How many steps between two times keep to the tolerance."""
-        before, steps = np.array(np.nan), 1
-        while steps <= _MOST_STEPS:
-            after = np.array(np.nan)
-            with suppress(RefusedError), np.errstate(over="ignore", invalid="ignore"):
-                after = integrated(steps)
-                sizes = np.abs(after).max(axis=1, keepdims=True)
-                if np.all(np.abs(after - before) <= self.tolerance * sizes):
-                    return steps
-            before, steps = after, 2 * steps
-        raise SimulationError(f"{self.path.name}: {_MOST_STEPS} steps between two times are too few; it may be stiff")
-
-    def _integrated(
-        self, calculate: Callable[[float, Floats, float], Floats], z: Floats, times: Floats, steps: int
-    ) -> Floats:
-        """Outputs at the times, with further columns."""
-        points = np.unique([self.start_time, *times, *_breaks(self.inputs, self.start_time, times[-1])]).tolist()
-        recorded = {self.start_time: calculate(self.start_time, z, points[-1])[len(z) :]}
-        for begin, end in pairwise(points):
-            h = (end - begin) / steps
-            for k in range(steps):
-                slopes: list[Floats] = []
-                for node, row in zip(_METHOD.nodes, _METHOD.matrix, strict=True):
-                    stage = z + h * sum(a * slope for a, slope in zip(row, slopes, strict=True))
-                    slopes.append(calculate(begin + (k + node) * h, stage, end)[: len(z)])
-                z = z + h * sum(b * slope for b, slope in zip(_METHOD.weights, slopes, strict=True))
-            recorded[end] = calculate(end, z, end)[len(z) :]
-        return np.stack([recorded[time] for time in times.tolist()], axis=1)

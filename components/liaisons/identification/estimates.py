@@ -51,7 +51,7 @@ class ParameterEstimate:
     @cached_property
     def null_space(self) -> NullSpace:
         """What no residual determines."""
-        return NullSpace.of(self.linearization[1], self.values)
+        return NullSpace.of(self.linearization[1], self.values, self.objective.size)
 
     @cached_property
     def sentences(self) -> tuple[str, ...]:
@@ -62,7 +62,7 @@ class ParameterEstimate:
         shifts = np.where(self.null_space.undetermined, random * np.where(self.values == 0, 1, self.values), 0)
         values = np.clip(self.values + shifts, *self.objective.limits)
         try:
-            near = NullSpace.of(self.objective(values)[1], values)
+            near = NullSpace.of(self.objective(values)[1], values, self.objective.size)
         except LiaisonsError:  # start values that contradict each other
             near = self.null_space
         signals = dict.fromkeys(name for data in self.problem.measurements for name in data.signals)
@@ -75,11 +75,14 @@ class ParameterEstimate:
         covariance = np.full((len(self.values),) * 2, np.nan)
         residuals, derivatives = self.linearization
         slope, curvature = influence(self.objective.loss, residuals)
-        J = derivatives[:, own]
-        scale = np.linalg.norm(J, axis=0)
-        inverse = np.linalg.inv(np.einsum("ri,r,rj->ij", J / scale, curvature, J / scale)) / np.outer(scale, scale)
+        scale = np.linalg.norm(derivatives[:, own], axis=0)
+        Q, R = np.linalg.qr(derivatives[:, own] / scale)  # JᵀJ would lose half of the digits
+        root = np.linalg.inv(R) / scale[:, None]
         if self.objective.loss != "linear":
-            inverse = inverse @ np.einsum("ri,r,rj->ij", J, slope**2, J) @ inverse
+            root = (
+                root @ np.linalg.inv(np.einsum("ri,r,rj->ij", Q, curvature, Q)) @ np.linalg.qr(Q * slope[:, None])[1].T
+            )
+        inverse = root @ root.T
         covariance[np.ix_(own, own)] = inverse
         unsure = self.null_space.undetermined
         covariance[unsure], covariance[:, unsure] = np.nan, np.nan

@@ -91,6 +91,9 @@ def identify(
     model = _model(subject)
     experiments = measurements(data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing)
     for experiment in experiments:
+        if experiment.inputs and experiment.times[0] > start_time:
+            words = f"drives from {experiment.times[0]:g} s on, after start_time = {start_time:g}; give start_time"
+            raise IdentificationError(f"{experiment.title}: {next(iter(experiment.inputs))} {words}")
         if experiment.times[0] < start_time:
             raise IdentificationError(
                 f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"
@@ -168,7 +171,10 @@ class _Unknowns:
         numbers: dict[str, float] = {}
         for name, value in values.items():
             elements = self._elements(label, name)
-            for one, number in zip(elements, np.broadcast_to(np.ravel(value), len(elements)).tolist(), strict=True):
+            several = np.ravel(value).tolist()
+            if len(several) not in {1, len(elements)}:
+                raise IdentificationError(f"{label}: {name} has {len(several)} numbers; give 1 or {len(elements)}")
+            for one, number in zip(elements, several * (len(elements) // len(several)), strict=True):
                 finite(f"{label}: {one}", number, IdentificationError)
                 if not self.variables[one].allows(number):
                     domain = self.variables[one].domain()
@@ -232,7 +238,7 @@ def _check(problem: FittingProblem) -> None:
     count = len(problem.names)
     if not count:
         raise IdentificationError("unknown: nothing is unknown; name one value at least")
-    numbers = sum(int(np.isfinite(data.values).sum()) for data in problem.measurements) + len(problem.priors)
+    numbers = problem.count + len(problem.priors)
     if numbers < count:
         raise IdentificationError(f"unknown: {count} values from {numbers} numbers; measure more, or leave some out")
     for name, start, low, high in zip(problem.names, problem.start, *problem.limits, strict=True):

@@ -79,6 +79,11 @@ def measurements(
     flat, ignored = model.flat(), listed("ignore", ignore, IdentificationError)
     outputs = [variable.name for variable in flat.outputs]
     chosen = outputs if measured is None else listed("measured", measured, IdentificationError)
+    for name in chosen:
+        if name not in {*outputs, *(split(output)[0] for output in outputs)}:
+            raise IdentificationError(f"measured: {model.name} has no output {name!r}{suggestion(name, outputs)}")
+    if isinstance(data, (list, tuple)) and not data:
+        raise IdentificationError("data: an empty list; give one table at least")
     experiments = []
     for one in data if isinstance(data, (list, tuple)) else [data]:
         title, columns, rows = _table(one)
@@ -110,18 +115,15 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
     :raises IdentificationError: for a number that is not > 0, a name that is no signal, or a signal without noise.
     """
     levels = noise if isinstance(noise, Mapping) else dict.fromkeys(experiment.signals, noise)
+    names = {name for signal in experiment.signals for name in (signal, split(signal)[0])}
     for name, level in levels.items():
         positive(f"noise: {name}", level, IdentificationError)
-        if not any(_is_among(signal, [name]) for signal in experiment.signals):
-            words = suggestion(name, experiment.signals)
-            raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{words}")
-    of_signals = [levels.get(name, levels.get(split(name)[0])) for name in experiment.signals]
-    if None in of_signals:
-        words = "is missing; measured=[...] names what is fitted"
-        raise IdentificationError(
-            f"noise: {experiment.signals[of_signals.index(None)]} is missing; measured=[...] names what is fitted"
-        )
-    return np.array(of_signals, dtype=float)
+        if name not in names:
+            raise IdentificationError(f"noise: {experiment.title} has no column {name!r}{suggestion(name, names)}")
+    for name in experiment.signals:
+        if not _is_among(name, levels):
+            raise IdentificationError(f"noise: {name} is missing; measured=[...] names what is fitted")
+    return np.array([levels.get(name, levels.get(split(name)[0])) for name in experiment.signals], dtype=float)
 
 
 @contextmanager
@@ -167,7 +169,7 @@ def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequ
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
             numbers = np.array([_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
             _refuse(np.isinf(numbers), rows, "finite numbers only")
-            values[name] = numbers * (in_si(unit, units[name]) if unit else 1.0)
+            values[name] = numbers * (in_si(unit, units[name]) if unit and units[name] else 1.0)
     return values
 
 

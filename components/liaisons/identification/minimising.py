@@ -13,6 +13,8 @@ from liaisons.errors import LiaisonsError
 from liaisons.identification.problems import Floats, Objective
 
 _EVALUATIONS = 200
+_INVISIBLE = 1e-14
+"""Relative change of a cost that its rounding hides: least squares would try shorter and shorter steps."""
 
 
 def _huber(z: Floats) -> Floats:
@@ -45,6 +47,11 @@ class Minimum:
     message: str
 
 
+@final
+class _Converged(Exception):  # noqa: N818 - an answer
+    """Raised where no step can be seen to lower the cost."""
+
+
 def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
     """The least cost near a start, where some unknowns are held.
 
@@ -61,30 +68,46 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             latest[:] = unknowns.copy(), objective(values)
         return latest[1]
 
+    def cost(residuals: Floats) -> float:
+        return float(LOSSES[objective.loss](residuals**2)[0].sum() / 2)
+
     first = at(start[free])[0]
 
     def shortened(unknowns: Floats) -> Floats:
         """Residuals; not-a-number, so that a shorter step is tried, where the motion leaves its domain."""
         try:
-            return at(unknowns)[0]
+            return at(unknowns)[0].copy()
         except LiaisonsError:
             return np.full_like(first, np.nan)
 
-    if not free.size:
-        return Minimum(start, float(LOSSES[objective.loss](first**2)[0].sum() / 2), "")
-    solution: Any = least_squares(
-        shortened,
-        start[free],
-        lambda unknowns: at(unknowns)[1][:, free],  # type: ignore[arg-type]  # SciPy takes functions, too
-        bounds=objective.limits[:, free],
-        loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
-        x_scale=np.where(start[free] == 0, 1.0, np.abs(start[free])),
-        ftol=accuracy,
-        xtol=accuracy,
-        gtol=None,  # type: ignore[arg-type]  # as SciPy documents
-        max_nfev=_EVALUATIONS,
-    )
+    def slopes(unknowns: Floats) -> Floats:
+        residuals, derivatives = at(unknowns)
+        gradient, curvature = influence(objective.loss, residuals)
+        weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
+        lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
+        if lowered @ lowered <= 2 * _INVISIBLE * cost(residuals):
+            raise _Converged
+        return derivatives[:, free]
+
     values = start.copy()
+    if not free.size:
+        return Minimum(values, cost(first), "")
+    try:
+        solution: Any = least_squares(
+            shortened,
+            start[free],
+            slopes,  # type: ignore[arg-type]  # SciPy takes functions, too
+            bounds=objective.limits[:, free],
+            loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
+            x_scale=np.where(start[free] == 0, 1.0, np.abs(start[free])),
+            ftol=accuracy,
+            xtol=accuracy,
+            gtol=None,  # type: ignore[arg-type]  # as SciPy documents
+            max_nfev=_EVALUATIONS,
+        )
+    except _Converged:
+        values[free], (residuals, _) = latest
+        return Minimum(values, cost(residuals), "")
     values[free] = solution.x
     return Minimum(values, float(solution.cost), "" if solution.status > 0 else solution.message)
 

@@ -38,7 +38,8 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
     levels = problem.noise or _assumed(problem)
     best: Minimum | None = None
     failure: LiaisonsError | None = None
-    for count in (1, *_SEGMENTS) if segments is None else (segments,):
+    affordable = (count for count in _SEGMENTS if count * len(problem.starts) <= problem.count)
+    for count in (1, *affordable) if segments is None else (segments,):
         try:
             start = problem.start if count == 1 else _linked(problem, levels, count)
             objective = problem.objective(start, levels)
@@ -79,10 +80,10 @@ def _linked(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Fl
 
 def _determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
     """The minimum where unknowns that are not determined are held, and which these are."""
-    held = NullSpace.of(objective(start)[1], start).dependent
+    held = NullSpace.of(objective(start)[1], start, objective.size).dependent
     while True:
         minimum = minimise(objective, start, held)
-        fewer = NullSpace.of(objective(minimum.values)[1], minimum.values).dependent
+        fewer = NullSpace.of(objective(minimum.values)[1], minimum.values, objective.size).dependent
         if len(fewer) >= len(held):
             return minimum, tuple(held)
         start, held = minimum.values, fewer

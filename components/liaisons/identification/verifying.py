@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from liaisons.check import Verdict, verdict
 from liaisons.identification.estimates import ParameterEstimate
@@ -74,23 +74,27 @@ def _white(estimate: ParameterEstimate) -> Iterator[Verdict]:
 
 def _size(estimate: ParameterEstimate) -> Verdict:
     square, freedom = 2 * estimate.minimum.cost, max(1, estimate.freedom)
-    chance = 2 * min(chi2.cdf(square, freedom), chi2.sf(square, freedom))
-    text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}, probability {chance:.2g}"
-    return verdict(text, error=float(1 - chance), tolerance=1 - _CHANCE)
+    text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}"
+    return _chi_squared(text, square, freedom, _CHANCE)
 
 
 def _variances(estimate: ParameterEstimate) -> Iterator[Verdict]:
     """Variances of unknowns that are fitted to simulated measurements, as multiples of those of the estimate."""
-    sure = np.flatnonzero(np.isfinite(estimate.standard_errors))
-    if not sure.size:
+    sure = np.flatnonzero(np.isfinite(estimate.standard_errors)).tolist()
+    if not sure:
         return
     ratios = np.var(estimate.refits(_REFITS)[:, sure], axis=0, ddof=1) / estimate.standard_errors[sure] ** 2
     for i, ratio in zip(sure, ratios.tolist(), strict=True):
-        square = (_REFITS - 1) * ratio
-        chance = 2 * min(chi2.cdf(square, _REFITS - 1), chi2.sf(square, _REFITS - 1))
         name = estimate.problem.names[i]
         text = f"the variance of {name} in {_REFITS} fits to simulated measurements is {ratio:.2f} times as large"
-        yield verdict(text, error=float(1 - chance), tolerance=1 - (1 - _BAND) / len(sure), reason="99 % band of all")
+        yield _chi_squared(text, (_REFITS - 1) * ratio, _REFITS - 1, (1 - _BAND) / len(sure))
+
+
+def _chi_squared(claim: str, square: float, freedom: int, chance: float) -> Verdict:
+    """How improbable it is, on both sides, as deviations of a normal number."""
+    error = norm.isf(min(chi2.cdf(square, freedom), chi2.sf(square, freedom)))
+    reason = f"normal deviations that have the chance {chance:g}"
+    return verdict(claim, error=float(abs(error)), tolerance=float(norm.isf(chance / 2)), reason=reason)
 
 
 def _finer(estimate: ParameterEstimate) -> Verdict:
