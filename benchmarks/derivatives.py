@@ -36,14 +36,14 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
     for title, (component, by, stop) in FORWARD.items():
         motion = _frozen(motion_of(component, by, np.linspace(0, stop, 201)))
         topic = "Forward by three values"
-        rows.append(_row(topic, title, motion, partial(motion.forward, motion.values), rounds, "<= 4"))
+        rows.append(_row(topic, title, motion, partial(motion.forward, motion.values), rounds=rounds, asked="<= 4"))
     starts = {"theta_0": np.linspace(0.2, 0.6, links)}
     times = np.linspace(0, 2.0, 201)
     by = ["theta_0", "theta_dot_0"]
     chain = _frozen(motion_of(assemble(PendulumChain, links), by, times, start_values=starts, tolerance=1e-8))
     back = partial(chain.adjoint, chain.values, lambda signals: 2 * signals)
     title = f"chain of {links} by {2 * links} start values"
-    return [*rows, _row("Backwards", title, chain, back, rounds, "<= 5")]
+    return [*rows, _row("Backwards", title, chain, back, rounds=rounds, asked="<= 5")]
 
 
 def _frozen(motion: object) -> DifferentiableMotion:
@@ -52,7 +52,7 @@ def _frozen(motion: object) -> DifferentiableMotion:
 
 
 def _row(
-    topic: str, title: str, motion: DifferentiableMotion, derivatives: Callable[[], object], rounds: int, asked: str
+    topic: str, title: str, motion: DifferentiableMotion, derivatives: Callable[[], object], *, rounds: int, asked: str
 ) -> Row:
     def timed(work: Callable[[], object]) -> float:
         begin = time.process_time()

@@ -73,12 +73,12 @@ def test_derivatives_are_limits_of_differences(component: type[Component]) -> No
     reference = Reference(component)
     varied = [v.name for v in reference.model.parameters] + [a.value for a in reference.model.active]
     differences = {name: reference.derivative(name) for name in varied}
-    by = [name for name, difference in differences.items() if difference is not None]
+    limits = {name: difference for name, difference in differences.items() if difference is not None}
+    by = [*limits]
     assert len(by) >= 2  # starts that constraints bind together are left out
     motion = motion_of(reference.model, by, TIMES, start_values=reference.values, tolerance=1e-12)
     signals, derivatives = motion.forward(motion.values)
     np.testing.assert_allclose(signals, reference.run(reference.values), atol=1e-10 * np.abs(signals).max())
-    for i, name in enumerate(by):
-        expected = differences[name]
+    for i, (name, expected) in enumerate(limits.items()):
         error = np.abs(derivatives[..., i] - expected).max()
         assert error <= 1e-7 * max(np.abs(expected).max(), 1e-2), name
