@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from liaisons import identify
 from liaisons.identification.determinacy import NullSpace, sentences
+from liaisons.models import Pendulum
 
 NAMES = ["a", "b", "c", "d"]
 VALUES = np.array([2.0, 0.7, 1.3, 3.1])
@@ -68,3 +70,14 @@ def test_the_last_dependent_unknown_is_held() -> None:
 
 def test_a_weak_direction_is_determined() -> None:
     assert not spoken(lambda p: p[0] * t + 1e-6 * p[1] * t**2, np.array([1.0, 1.0]))
+
+
+def test_the_only_unknown_may_be_one_that_nothing_shows() -> None:
+    """Rounding of its derivative is not taken for one."""
+    times = np.linspace(0, 1, 11)
+    data = {"time": times, "theta": Pendulum.exact(times, theta_0=0.1)["theta"]}
+    for noise in (0.01, None):
+        fit = identify("Pendulum", data, unknown=["mass"], noise=noise)
+        assert fit.values == {"mass": 1.0}
+        assert np.isnan(fit.standard_errors["mass"])
+        assert fit.sentences[0] == "mass: not determined at all by theta"

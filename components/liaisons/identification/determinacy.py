@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 
 _UNSEEN = 1e-9
 """A derivative that is smaller, relative to the largest one, is rounding."""
+_ROUNDING = 1e-12
+"""So is one that is smaller, relative to what was measured."""
 _DEPENDENT = 1e-8
 """A singular value of normalised columns that is smaller is rounding, or the error of the steps."""
 _INVOLVED = 1e-5
@@ -37,11 +39,14 @@ class NullSpace:
     directions: Floats
 
     @classmethod
-    def of(cls, jacobian: Floats, values: Floats) -> NullSpace:
-        """Of the derivatives of residuals, shape (residuals, unknowns)."""
+    def of(cls, jacobian: Floats, values: Floats, size: float = 0.0) -> NullSpace:
+        """Of the derivatives of residuals, shape (residuals, unknowns).
+
+        :param size: norm of what was measured, each over its standard deviation.
+        """
         relative = jacobian * _scales(values)
         lengths = np.linalg.norm(relative, axis=0)
-        lengths[lengths <= _UNSEEN * max(lengths.max(initial=0.0), np.finfo(float).tiny)] = 0
+        lengths[lengths <= max(_UNSEEN * lengths.max(initial=0.0), _ROUNDING * size)] = 0
         unit = np.divide(relative, lengths, out=np.zeros_like(relative), where=lengths > 0)
         directions = null_space(np.linalg.qr(unit, mode="r"), rcond=_DEPENDENT)
         directions /= np.where(lengths > 0, lengths, 1)[:, None]

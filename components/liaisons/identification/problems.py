@@ -119,6 +119,12 @@ class Objective:
         residuals, derivatives = (np.concatenate(column) for column in zip(*parts, strict=True))
         return residuals + self.shift, derivatives
 
+    @property
+    def size(self) -> float:
+        """Norm of what was measured, each over its standard deviation."""
+        parts = [np.nan_to_num(e.measurements.values / e.deviations[:, None]).ravel() for e in self.experiments]
+        return float(np.linalg.norm(np.concatenate(parts)))
+
     def linked(self, factor: float) -> Objective:
         """The same with links of so many times their standard deviations."""
         return replace(self, links=tuple(replace(link, deviations=factor * link.deviations) for link in self.links))

@@ -80,10 +80,10 @@ def _linked(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Fl
 
 def _determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
     """The minimum where unknowns that are not determined are held, and which these are."""
-    held = NullSpace.of(objective(start)[1], start).dependent
+    held = NullSpace.of(objective(start)[1], start, objective.size).dependent
     while True:
         minimum = minimise(objective, start, held)
-        fewer = NullSpace.of(objective(minimum.values)[1], minimum.values).dependent
+        fewer = NullSpace.of(objective(minimum.values)[1], minimum.values, objective.size).dependent
         if len(fewer) >= len(held):
             return minimum, tuple(held)
         start, held = minimum.values, fewer
