@@ -36,6 +36,7 @@ ORDER = (
     "iftomm",
     "plans",
     "planners",
+    "identify_peers",
 )
 MOST_TRIES = 3  # of a section, when it is checked
 QUIET = 0.2  # cores that others may keep busy

@@ -39,7 +39,7 @@ def motion(
     one run forwards and one backwards, ``jacrev`` such a pair for each number of the result.  ``vmap`` takes one case
     after another, each with steps of its own.
 
-    :param component: its name, file or class; a system that can be flattened.
+    :param component: its name, file or class; a model, system or FMU, as :func:`liaisons.sensitivities` takes.
     :param times: at which the signals are returned [s].
     :param record: an output or several.
     :param operators: active coordinate -> operator that moves it; its parameters are values, ``"length.amplitude"``.
@@ -48,7 +48,8 @@ def motion(
     :returns: function of a dictionary, name -> number, or array with the elements of the name; it returns a dictionary,
         signal -> array of shape (times,).
     :raises ProjectError: if JAX is missing.
-    :raises SimulationError: by the function, where JAX calculates with 32 bits, or an array has too few elements.
+    :raises SimulationError: by the function, where JAX calculates with 32 bits, or an array has too few elements; what
+        the motion itself refuses JAX reports as ``JaxRuntimeError``, which ends in the same words.
     """
     try:
         from jax import numpy as jnp

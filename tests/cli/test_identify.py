@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from liaisons import Result
+from liaisons import Result, System
 from liaisons.check import verdict
 from liaisons.identification import Fit
 from liaisons.models import Pendulum
@@ -16,9 +16,19 @@ FIT = """
 subject = "Pendulum"
 data = "tracked.csv"
 unknown = ["gravity", "theta_0"]
-noise = { theta = 0.57 }
+noise = { theta = 0.01 }
 start_values = { theta_0 = 0.8 }
 """
+
+OWN = '''
+"""A pendulum of a user."""
+
+from liaisons.models import Pendulum
+
+
+class WeighedPendulum(Pendulum):
+    """Pendulum by another name."""
+'''
 
 
 @pytest.fixture
@@ -30,7 +40,7 @@ def fit(tmp_path: Path) -> Path:
     theta = Pendulum.exact(times, theta_0=1.0, gravity=9.7)["theta"] + np.random.default_rng(0).normal(0, 0.01, 60)
     rows = "".join(f"{t},{x}\n" for t, x in zip(times, np.degrees(theta), strict=True))
     (folder / "tracked.csv").write_text(f"time [s],theta [deg]\n{rows}")
-    (folder / "fit.toml").write_text(FIT.replace("0.57", "0.01"))
+    (folder / "fit.toml").write_text(FIT)
     return folder / "fit.toml"
 
 
@@ -77,3 +87,23 @@ def test_a_verdict_that_fails_is_the_exit_status(liaisons, fit, monkeypatch) -> 
     reply = liaisons("identify", fit)
     assert reply.status == 1
     assert "FAIL" in reply.out
+
+
+def test_components_systems_and_tables_are_looked_for_beside_the_file(runs, fit, monkeypatch) -> None:
+    monkeypatch.setattr(Fit, "verify", lambda _: [])
+    monkeypatch.setattr(Fit, "animate", lambda *_: 1.0)
+    folder, table = fit.parent, fit.parent / "tracked.csv"
+    (folder / "weighed.py").write_text(OWN)
+    fit.write_text(FIT.replace("Pendulum", "weighed.py").replace('"tracked.csv"', '["tracked.csv", "tracked.csv"]'))
+    assert "gravity" in runs("identify", fit, "--output", folder)
+    assert sorted(path.name for path in folder.glob("*residuals*")) == ["fit_residuals.csv", "fit_residuals_2.csv"]
+
+    system = System("one swing")
+    system.add("swing", "Pendulum")
+    system.write_ssp(folder / "swing.ssp")
+    table.write_text(table.read_text().replace("theta", "swing.theta"))
+    text = 'subject = "swing.ssp"\ndata = "tracked.csv"\nunknown = ["swing.theta_0", "swing.gravity"]\n'
+    fit.write_text(f"{text}start_values = {{ 'swing.theta_0' = 0.8 }}\n")
+    said = runs("identify", fit, "--output", folder)
+    (line,) = (line for line in said.splitlines() if line.startswith("swing.gravity"))
+    assert float(line.split()[1]) == pytest.approx(9.7, rel=0.01)

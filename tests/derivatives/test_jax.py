@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import liaisons.jax
-from liaisons import LiaisonsError, assemble
+from liaisons import LiaisonsError, assemble, gradient
 from liaisons.derivatives import DifferentiableMotion, motion_of
 from liaisons.models import Pendulum, PendulumChain
 
@@ -49,16 +50,20 @@ def test_both_modes_agree_with_differences(jax, component, values, keywords) -> 
         test_util.check_grads(function, (values,), order=1, modes=("fwd", "rev"))
 
 
-def test_grad_is_the_adjoint_and_jacfwd_the_forward_mode(jax) -> None:
-    by = {"gravity": 9.0, "length": 1.1, "theta_0": 2.0}
+def test_grad_is_gradient(jax) -> None:
+    by = {"theta_0": 2.0, "gravity": 9.0, "length": 1.1}
     motion = liaisons.jax.motion("Pendulum", TIMES, record="theta")
-    run = motion_of("Pendulum", [*by], TIMES, record="theta")
     value, slopes = jax.value_and_grad(lambda values: jax.numpy.sum(motion(values)["theta"] ** 2))(by)
-    (signal,), expected = run.adjoint([*by.values()], lambda signals: 2 * signals)
-    assert value == pytest.approx(np.sum(signal**2), rel=1e-14)
-    np.testing.assert_allclose([slopes[name] for name in by], expected, rtol=1e-12)
-    columns = jax.jacfwd(motion)(by)["theta"]
-    _, ((*rows,),) = run.forward([*by.values()])
+    expected = gradient("Pendulum", lambda m: ca.sumsqr(m["theta"]), by=[*by], times=TIMES, start_values=by)
+    assert value == pytest.approx(expected.value, rel=1e-14)
+    for name, slope in slopes.items():
+        assert slope == pytest.approx(expected[name], rel=1e-12), name
+
+
+def test_jacfwd_is_the_forward_mode(jax) -> None:
+    by = {"gravity": 9.0, "length": 1.1, "theta_0": 2.0}
+    columns = jax.jacfwd(liaisons.jax.motion("Pendulum", TIMES, record="theta"))(by)["theta"]
+    _, ((*rows,),) = motion_of("Pendulum", [*by], TIMES, record="theta").forward([*by.values()])
     np.testing.assert_allclose(np.transpose([columns[name] for name in by]), rows, rtol=1e-14)
 
 
@@ -105,13 +110,14 @@ def test_32_bits_are_refused(jax) -> None:
         motion({"theta_0": 1.0})
 
 
-@pytest.mark.usefixtures("jax")
-def test_bad_values_are_refused() -> None:
+def test_bad_values_are_refused(jax) -> None:
     motion = liaisons.jax.motion("Pendulum", TIMES)
     with pytest.raises(LiaisonsError, match="theta_0"):
         motion({"theta_O": 1.0})
     with pytest.raises(LiaisonsError, match=r"^2 numbers for theta_0; give one for each$"):
         motion({"theta_0": np.ones(2)})
+    with pytest.raises(jax.errors.JaxRuntimeError, match=r"Pendulum: theta_0 = nan: must be finite"):
+        motion({"theta_0": np.nan})
     with pytest.raises(LiaisonsError, match="dictionary"):
         motion(1.0)  # type: ignore[arg-type]
 
