@@ -16,7 +16,7 @@ from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
 from liaisons.identification.minimising import LOSSES
-from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior
+from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, measured_near
 from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target, component
@@ -74,7 +74,8 @@ def identify(
     :param start_time: [s], when the motion starts, and its start values hold.
     :param segments: of multiple shooting, for motions that are chaotic or start far away; None: if need be.
     :param tolerance: of the steps, relative.
-    :param start_values: values that are known, and where the search for unknowns begins, if not as declared.
+    :param start_values: values that are known, and where the search for unknowns begins, if not as declared or, of
+        start values of what is measured, as measured.
     :param keywords: further ones; a keyword that is also a setting is the setting.
     :returns: the fit; believe it after ``fit.verify()``.
     :raises IdentificationError: for a bad argument or column; and if least squares do not converge, with what was
@@ -106,18 +107,24 @@ def identify(
     levels = None if noise is None else tuple(noise_levels(noise, experiment) for experiment in experiments)
     limits = unknowns.limits(bounds or {}, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
+    begun = {p.name: output for p in model.parameters if (output := _started(p.name)) in outputs}
+    start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
+    for experiment, columns in zip(experiments, unknowns.columns, strict=True):
+        for name, column in columns.items():
+            if name in begun and name not in starts and experiment.times[0] == start_time:
+                start[column] = measured_near(experiment, begun[name], [0], start[[column]])[0]
     problem = FittingProblem(
         subject=subject,
         measurements=experiments,
         names=tuple(label for label, _ in unknowns.labels),
         units=tuple(variables[name].unit for _, name in unknowns.labels),
         columns=unknowns.columns,
-        start=np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float),
+        start=np.clip(start, *limits),
         limits=limits,
         noise=levels,
         priors=tuple(unknowns.priors(prior or {})),
         loss=loss,
-        starts={p.name: output for p in model.parameters if (output := _started(p.name)) in outputs},
+        starts=begun,
         start_time=start_time,
         start_values={name: value for name, value in starts.items() if name not in unknowns.names},
         operators=moving,

@@ -221,8 +221,8 @@ class FittingProblem:
             record = list(dict.fromkeys([*data.signals, *self.starts.values()]))
             rows = tuple(record.index(output) for output in self.starts.values())
             whole = self._experiment(data, own, unknowns, level, record=record).forward(unknowns)[0]
-            edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int))
-            states = np.array([_near(data, record[row], edges, whole[row, edges]) for row in rows])
+            edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
+            states = np.array([measured_near(data, record[row], edges, whole[row, edges]) for row in rows])
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):
                 if start in own and data.times[0] == self.start_time:
@@ -244,13 +244,13 @@ class FittingProblem:
         return Objective(tuple(experiments), self.priors, limits, self.loss, tuple(links)), np.clip(values, *limits)
 
 
-def _near(data: Measurements, output: str, edges: NDArray[np.int_], simulated: Floats) -> Floats:
+def measured_near(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
     """An output or its rate at some of the times: by parabolas through what was measured nearby, if it was."""
     name, _ = split(output)
     base = name.removesuffix("_dot") + output[len(name) :]
     signal = output if output in data.signals else base
     if signal not in data.signals:
-        return simulated
+        return otherwise
     values = data.values[data.signals.index(signal)]
     times, values = data.times[np.isfinite(values)], values[np.isfinite(values)]
     near = np.empty(len(edges))

@@ -103,7 +103,7 @@ def _refined(problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]
             shown = _shown(estimate)
             ratio = np.abs(np.log(np.concatenate(shown) / np.concatenate(levels)))
             settled, levels = settled and ratio.max() < _SETTLED, shown
-        if settled or rounds == _ROUNDS:
+        if settled or minimum.message or rounds == _ROUNDS:
             return estimate
 
 
