@@ -32,6 +32,7 @@ ORDER = (
     "isolated",
     "sweeps",
     "ensembles",
+    "derivatives",
     "rewriting",
     "iftomm",
     "plans",

@@ -29,7 +29,7 @@ typedef struct {
 
 static void calculate(double *z, double t);
 static int partial(const double *z, double t, unsigned unknown, unsigned known, double *d);
-static void change(double *z, double t);
+static int change(double *z, double t);
 static double indicator(const double *z, double t);
 
 static M *begin(void) {
@@ -116,8 +116,8 @@ Status fmi3GetNumberOfEventIndicators(void *c, size_t *n) { (void)c; *n = INDICA
 Status fmi3GetContinuousStateDerivatives(void *c, double f[], size_t n) { return rates(c, f, n); }
 Status fmi3UpdateDiscreteStates(void *c, Flag *again, Flag *ends, Flag *nominals, Flag *states, Flag *has, double *next) {
     M *m = c;
-    change(m->z, m->t);
-    *again = *ends = *nominals = *has = false;
+    *again = *nominals = *has = false;
+    *ends = change(m->z, m->t);
     *states = true, *next = 0;
     return 0;
 }
@@ -141,8 +141,8 @@ Status fmi2SetReal(void *c, const Reference r[], size_t n, const double value[])
 Status fmi2GetDerivatives(void *c, double f[], size_t n) { return rates(c, f, n); }
 Status fmi2NewDiscreteStates(void *c, fmi2EventInfo *info) {
     M *m = c;
-    change(m->z, m->t);
     memset(info, 0, sizeof *info);
+    info->terminateSimulation = change(m->z, m->t);
     info->valuesOfContinuousStatesChanged = true;
     return 0;
 }

@@ -17,7 +17,7 @@ class Exchange:
 
     :param partials: (``"x'"`` or an output, variable) -> C; others are 0.  None: no directional derivatives.
     :param knowns: parameters by which it differentiates; it refuses others.
-    :param change: at an event, when ``indicator`` changes its sign.
+    :param change: at an event, when ``indicator`` changes its sign; may set ``ends``.
     """
 
     states: Numbers
@@ -60,7 +60,7 @@ class Exchange:
             f"  if ({' && '.join(f'known != {k}' for k in known)}) return 1;",
             # as the FMUs of the Modelica Association: outputs that are states are not among the unknowns
             f"  if (unknown < STATES) return 1;\n{' '.join(partials)} return 0; }}",
-            f"static void change(double *z, double t) {{ (void)z; (void)t; {self.change} }}",
+            f"static int change(double *z, double t) {{ int ends = 0; (void)z; (void)t; {self.change} return ends; }}",
             f"static double indicator(const double *z, double t) {{ (void)z; (void)t; return {self.indicator or 1}; }}",
         ])  # fmt: skip
 

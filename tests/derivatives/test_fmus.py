@@ -218,3 +218,16 @@ def test_what_is_stiff_says_so(made: Made, monkeypatch) -> None:
     motion = motion_of(made(DAHLQUIST), "k", [1e3, 2e3], start_values={"k": 1.0})
     with pytest.raises(SimulationError, match="it may be stiff"):
         motion([1e6])
+
+
+def test_an_fmu_that_ends_early_says_when(made: Made) -> None:
+    ending = replace(BALL, change="if (h <= 0) ends = 1;")
+    with pytest.raises(SimulationError, match=r"Foreign ends at t = 0\.45\d* s; choose earlier times"):
+        motion_of(made(ending), "g", [0.2, 1.0], record="h").forward([9.81])
+
+
+def test_what_has_no_states_is_differentiated_by_runs(made: Made) -> None:
+    gain = Exchange({}, {}, {"k": 2.0}, {"u": 3.0}, {"y": "k * u"}, {("y", "u"): "k"})
+    signals, derivatives = motion_of(made(gain), ["k", "u"], [0.5, 1.0], record="y").forward([2.0, 3.0])
+    assert_allclose(signals, [[6.0, 6.0]])
+    assert_allclose(derivatives, [[[3.0, 2.0]] * 2], rtol=1e-10)

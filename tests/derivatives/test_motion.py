@@ -44,6 +44,11 @@ MOTIONS: dict[str, tuple[Any, dict[str, float], dict[str, Any]]] = {
         {"theta_0": 1.0, "mass": 2.0},
         {"inputs": {"length": _LINES}, "record": _BOOKED},
     ),
+    "a length that jumps": (
+        "Pendulum",
+        {"theta_0": 1.0, "mass": 2.0, "gravity": 9.0},
+        {"inputs": {"length": PPoly([[1.0, 1.2]], [0.0, 1.01, 4.0])}, "record": _BOOKED},
+    ),
     "two parts": (
         _double_pendulum,
         {"upper.theta_0": 1.0, "lower.mass": 0.7, "lower.length": 1.1},
@@ -106,6 +111,12 @@ def test_without_a_compiler_the_steps_are_the_same(case: str, monkeypatch: pytes
     functions_of.cache_clear()
     for one, other in zip(compiled, interpreted, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
+
+
+def test_a_jump_that_carries_states_along_is_refused() -> None:
+    motion = motion_of("Pendulum", "mass", TIMES, inputs={"pivot_x": PPoly([[0.0, 0.1]], [0.0, 1.0, 4.0])})
+    with pytest.raises(SimulationError, match="pivot_x jumps at t = 1 s and carries states along"):
+        motion(motion.values)
 
 
 def test_unknown_names_are_refused() -> None:

@@ -26,7 +26,7 @@ from liaisons.folders import passing_folder
 
 Floats: TypeAlias = NDArray[np.float64]
 Method = Literal["directional derivatives", "differences"]
-"""How derivatives are calculated: by the FMU, or from values beside each other."""
+"""How derivatives are calculated: by the FMU, or from values at points near each other."""
 
 _COMPARED, _EXTRAPOLATED = 1e-4, 1e-3
 """Size of a difference that is compared with, and of one that is extrapolated, relative to that of the variable."""
@@ -150,16 +150,18 @@ class FmuEquations:
 
         :param directions: shape (knowns, directions).
         """
-        place = {(known.reference, known.position): k for k, known in enumerate(self.knowns)}
-        itself = [place.get((unknown.reference, unknown.position)) for unknown in self.unknowns]
-        asked = [i for i, k in enumerate(itself) if k is None]  # FMUs need not know the derivatives of the others
-        result = np.array([np.zeros(directions.shape[1]) if k is None else directions[k] for k in itself])
-        seed, values = (c_double * len(self.knowns))(), (c_double * len(asked))()
-        derive = self._instance.directional([self.unknowns[i] for i in asked], self.knowns, seed, values)
-        for k, direction in enumerate(directions.T if asked else ()):
+        numbers = {(known.reference, known.position): k for k, known in enumerate(self.knowns)}
+        identical = [numbers.get((unknown.reference, unknown.position)) for unknown in self.unknowns]
+        calculated = [
+            i for i, k in enumerate(identical) if k is None
+        ]  # FMUs need not know the derivatives of the others
+        result = np.array([np.zeros(directions.shape[1]) if k is None else directions[k] for k in identical])
+        seed, values = (c_double * len(self.knowns))(), (c_double * len(calculated))()
+        derive = self._instance.directional([self.unknowns[i] for i in calculated], self.knowns, seed, values)
+        for k, direction in enumerate(directions.T if calculated else ()):
             seed[:] = direction.tolist()
             self._perform([derive])
-            result[asked, k] = values
+            result[calculated, k] = values
         return result
 
     def differences(self) -> Floats:

@@ -67,7 +67,7 @@ class FmuMotion:
 
     @property
     def name(self) -> str:
-        """Of what moves."""
+        """That of the system."""
         return self.system.name
 
     def __call__(self, values: ArrayLike) -> Floats:
@@ -137,44 +137,49 @@ class FmuMotion:
 
     def _evaluated(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats, Floats]:
         numbers = np.asarray(values, dtype=float)
-        moves = np.diag(np.where(numbers == 0, 1.0, np.abs(numbers)))[: len(numbers) * derive]
-        return (self._differenced if self.method == "differences" else self._integrated)(numbers, moves)
+        changes = np.diag(np.where(numbers == 0, 1.0, np.abs(numbers)))[: len(numbers) * derive]
+        return (self._differenced if self.method == "differences" else self._integrated)(numbers, changes)
 
-    def _differenced(self, values: Floats, moves: Floats) -> tuple[Floats, Floats, Floats]:
+    def _differenced(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
         """Differences of runs."""
 
         def run(values: Floats) -> Floats:
             result = self.result(self._named(values), self.signals)
+            if result.time[-1] < self.times[-1]:
+                raise SimulationError(f"{self.name} ends at t = {result.time[-1]:g} s; choose earlier times")
             return result.values[:, np.searchsorted(result.time, self.times)]
 
         signals = run(values)
-        columns = [_extrapolated(lambda h, move=move: run(values + h * move), _OF_RUNS, move.sum()) for move in moves]
+        columns = [
+            _extrapolated(lambda h, change=change: run(values + h * change), _OF_RUNS, change.sum())
+            for change in changes
+        ]
         stacked = np.array(columns).reshape(len(columns), 2, *signals.shape)
         return signals, np.moveaxis(stacked[:, 0], 0, 2), stacked[:, 1].max(axis=2).T
 
-    def _integrated(self, values: Floats, moves: Floats) -> tuple[Floats, Floats, Floats]:
+    def _integrated(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
         """Variational equations."""
         from scipy.integrate import solve_ivp
 
         with ExitStack() as stack:
             equations = stack.enter_context(self.equations(values))
-            beside = [
-                {h: stack.enter_context(self.equations(values + h * move)) for s in _OF_EQUATIONS for h in (s, -s)}
-                for move in moves
+            neighbours = [
+                {h: stack.enter_context(self.equations(values + h * change)) for s in _OF_EQUATIONS for h in (s, -s)}
+                for change in changes
             ]
             states, calls = len(equations.x), count()
 
             def by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
                 return [
-                    _extrapolated(lambda h, fmus=fmus: function(fmus[h]), _OF_EQUATIONS, move.sum())[0]
-                    for fmus, move in zip(beside, moves, strict=True)
+                    _extrapolated(lambda h, fmus=fmus: function(fmus[h]), _OF_EQUATIONS, change.sum())[0]
+                    for fmus, change in zip(neighbours, changes, strict=True)
                 ]
 
             def calculate(t: float, z: Floats, end: float) -> Floats:
                 """Rates and outputs, and in further columns their derivatives by the values."""
                 u = np.array([polynomial(min(t, np.nextafter(end, -np.inf))) for polynomial in self.inputs.values()])
                 columns = [equations(t, z[:, 0], u)]
-                if len(moves):
+                if len(changes):
                     along = equations.directional(np.pad(z[:, 1:], ((0, len(u)), (0, 0))))
                     columns += [*(along.T + by_values(lambda fmu: fmu(t, z[:, 0], u)))]
                 return np.transpose(columns)
@@ -197,7 +202,7 @@ class FmuMotion:
                     z = solution.y[:, -1].reshape(z.shape)
                 recorded[end] = calculate(end, z, end)[states:]
         result = np.stack([recorded[time] for time in self.times.tolist()], axis=1)
-        return result[..., 0], result[..., 1:], np.zeros((len(result), len(moves)))
+        return result[..., 0], result[..., 1:], np.zeros((len(result), len(changes)))
 
 
 def fmu_motion(
@@ -227,12 +232,17 @@ def fmu_motion(
     if record is None:
         outputs = [(part, name) for part in system.parts.values() for name in part.fmu.reals("output")]
         record = [name if path else f"{part.name}.{name}" for part, name in outputs]
-    own, first = motion.result({}, listed("by", by)), motion.result({}, listed("record", record))
-    about = {"names": own.names, "values": own.values[:, 0], "signals": first.names}
-    motion = replace(motion, units={**own.units, **first.units}, **about)
+    starts, signals = motion.result({}, listed("by", by)), motion.result({}, listed("record", record))
+    motion = replace(
+        motion,
+        names=starts.names,
+        values=starts.values[:, 0],
+        signals=signals.names,
+        units={**starts.units, **signals.units},
+    )
     if path and read(path, prefers="ModelExchange").provides_directional_derivatives:
         with motion.equations(motion.values) as equations:
-            if not equations.has_events:
+            if equations.states and not equations.has_events:
                 equations.jacobian()
                 return replace(motion, method="directional derivatives")
     return motion

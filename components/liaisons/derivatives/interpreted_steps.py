@@ -1,9 +1,9 @@
-"""The same steps without a compiler."""
+"""The same steps without a compiler, by CasADi."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -11,60 +11,41 @@ import numpy as np
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.right_hand_sides import RightHandSide
 
-_NODES = (*METHOD.nodes, 1.0)
-_SUMS = [np.array(row) for row in (*METHOD.matrix, METHOD.weights)]
+_NODES = np.array([*METHOD.nodes, 1.0])
 
 
 @final
 class InterpretedSteps:
-    """Steps by CasADi and NumPy, with the methods of :class:`CompiledSteps`."""
+    """Steps with the methods of :class:`CompiledSteps`; what is kept of each is its first state."""
 
     def __init__(self, equations: RightHandSide) -> None:
-        t, k, s, y = equations.symbols
-        projected = y if equations.projected is None else equations.projected
-
-        def function(value: ca.SX) -> ca.Function:
-            slopes = (ca.densify(ca.jacobian(value, x)) for x in (t, k, y))
-            return ca.Function("value", [t, k, s, y], ca.cse([ca.densify(value), *slopes]))
-
-        self._rates, self._project = function(equations.rates), function(projected)
-
-    def _evaluated(
-        self, steps: Segment | Steps, stage: int, n: int, time: float, *, k: Floats, y: Floats
-    ) -> list[Floats]:
-        """Rates at a stage of a step, or a projected state after the last one; and derivatives by t, k and y.
-
-        :param n: number of the step, or of the interval that it is in.
-        """
-        low, high = steps.limits
-        function = self._rates if stage < METHOD.stages else self._project
-        clipped = low if time < low else min(time, high)
-        value, *slopes = (np.array(x.full()) for x in function(clipped, k, steps.table[steps.rows[n]], y))
-        return [value.ravel(), *slopes]
-
-    def _step(
-        self, steps: Segment | Steps, n: int, t: float, h: float, *, k: Floats, y: Floats
-    ) -> tuple[Floats, Floats]:
-        """State at the end, and those of the stages."""
-        rates, stages = np.zeros((0, len(y))), list[Floats]()
-        for stage, (node, row) in enumerate(zip(_NODES, _SUMS, strict=True)):
-            stages.append(y + h * (row @ rates))
-            value = self._evaluated(steps, stage, n, t + node * h, k=k, y=stages[-1])[0]
-            rates = np.vstack([rates, value])
-        return rates[-1], np.array(stages)
+        symbols = equations.symbols
+        projected = symbols[3] if equations.projected is None else equations.projected
+        rates, project = (ca.Function("value", list(symbols), [ca.densify(x)]) for x in (equations.rates, projected))
+        t, k, s, y = (ca.MX.sym("x", x.numel()) for x in symbols)
+        h, shifts = ca.MX.sym("h"), ca.MX.sym("shifts", len(_NODES))
+        f = ca.MX(y.numel(), 0)
+        for stage, row in enumerate((*METHOD.matrix, METHOD.weights)):
+            at = y + h * (f @ ca.DM(row)) if row else y
+            function = rates if stage < METHOD.stages else project
+            f = ca.horzcat(f, function(t + _NODES[stage] * h + shifts[stage], k, s, at))
+        self._step = ca.Function("step", [t, h, shifts, k, s, y], [f[:, -1]])
+        self._backwards = self._step.reverse(1)
 
     def choose(
         self, segment: Segment, k: Floats, y: Floats, size: Floats, *, tolerance: float, sizes: Floats
     ) -> tuple[Floats, Integers]:
         ends, counts = list[float](), list[int]()
         for n, (begin, end) in enumerate(pairwise(segment.cuts.tolist())):
-            t = begin
+            t, s = begin, segment.table[segment.rows[n]]
+
+            def stepped(t: float, h: float, y: Floats, s: Floats = s) -> Floats:
+                return _array(self._step(*_times(segment, t, h), k, s, y))
+
             while len(counts) == n:
                 is_last = size[0] >= 0.999999 * (end - t)
                 h = end - t if is_last else min(size[0], 0.5 * (end - t))
-                whole, _ = self._step(segment, n, t, h, k=k, y=y)
-                halves, _ = self._step(segment, n, t, h / 2, k=k, y=y)
-                halves, _ = self._step(segment, n, t + h / 2, h / 2, k=k, y=halves)
+                whole, halves = stepped(t, h, y), stepped(t + h / 2, h / 2, stepped(t, h / 2, y))
                 error = np.max(np.abs(whole - halves) / (sizes + np.abs(whole)))
                 factor = 0.9 * (tolerance / max(error, 1e-30)) ** (1 / (METHOD.order + 1)) if np.isfinite(error) else 0
                 if not error <= tolerance:
@@ -79,25 +60,19 @@ class InterpretedSteps:
                     counts.append(len(ends))
         return np.array(ends), np.array(counts)
 
-    def advance(self, steps: Steps, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:
-        states, kept = list[Floats](), list[Floats]()
-        for n, (t, h) in enumerate(zip(steps.t.tolist(), steps.h.tolist(), strict=True)):
-            y, stages = self._step(steps, n, t, h, k=k, y=y)
-            states.append(y)
-            kept.append(stages)
-        return np.array(states), np.array(kept if keep else kept[:1])
+    def advance(self, steps: Steps, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:  # noqa: ARG002 - kept in any case
+        states = [y]
+        for t, h, row in zip(steps.t, steps.h, steps.rows, strict=True):
+            states.append(_array(self._step(*_times(steps, t, h), k, steps.table[row], states[-1])))
+        return np.array(states[1:]), np.array(states[:-1])
 
     def tangents(self, steps: Steps, k: Floats, kept: Floats, of_k: Floats, of_y: Floats) -> tuple[Floats, Floats]:
-        records = np.empty((steps.records, *of_y.shape))
-        for n, (t, h) in enumerate(zip(steps.t.tolist(), steps.h.tolist(), strict=True)):
-            of_t, of_h = (rows[n % len(rows)] for rows in (steps.of_t, steps.of_h))
-            rates, slopes = np.zeros((0, len(of_y))), np.zeros((0, *of_y.shape))
-            for stage, (node, row) in enumerate(zip(_NODES, _SUMS, strict=True)):
-                value, by_t, by_k, by_y = self._evaluated(steps, stage, n, t + node * h, k=k, y=kept[n, stage])
-                along = of_y + h * np.tensordot(row, slopes, 1) + np.outer(row @ rates, of_h)
-                along = by_y @ along + by_k @ of_k + by_t * (of_t + node * of_h)
-                rates, slopes = np.vstack([rates, value]), np.concatenate([slopes, along[None]])
-            of_y = slopes[-1]
+        along, records = self._step.forward(of_k.shape[1]), np.empty((steps.records, *of_y.shape))
+        nothing = [np.zeros((size, of_k.shape[1])) for size in (len(_NODES), steps.table.shape[1])]
+        for n, (t, h, row, y) in enumerate(zip(steps.t, steps.h, steps.rows, kept, strict=True)):
+            of_t, of_h = (rows[None, n % len(rows)] for rows in (steps.of_t, steps.of_h))
+            point = [*_times(steps, t, h), k, steps.table[row], y, 0 * y]
+            of_y = np.array(along(*point, of_t, of_h, nothing[0], of_k, nothing[1], of_y).full())
             if steps.record[n] >= 0:
                 records[steps.record[n]] = of_y
         return records, of_y
@@ -107,16 +82,21 @@ class InterpretedSteps:
     ) -> tuple[Floats, Floats, Floats]:
         of_k, of_t, of_h = np.zeros(len(k)), np.zeros(len(steps.t)), np.zeros(len(steps.t))
         for n in reversed(range(len(steps.t))):
-            t, h, by_stage = steps.t[n], steps.h[n], np.zeros((METHOD.stages + 1, len(of_y)))
             if steps.record[n] >= 0:
                 of_y += weights[steps.record[n]]
-            for stage in reversed(range(METHOD.stages + 1)):
-                factors = sum(_SUMS[later][stage] * by_stage[later] for later in range(stage + 1, len(_SUMS)))
-                scaled = h * factors if stage < METHOD.stages else of_y.copy()
-                value, by_t, by_k, by_y = self._evaluated(steps, stage, n, t + _NODES[stage] * h, k=k, y=kept[n, stage])
-                by_stage[stage] = scaled @ by_y
-                of_k += scaled @ by_k
-                of_t[n] += scaled @ by_t[:, 0]
-                of_h[n] += _NODES[stage] * (scaled @ by_t[:, 0]) + (value @ factors if stage < METHOD.stages else 0)
-            of_y[:] = by_stage.sum(axis=0)
+            point = [*_times(steps, steps.t[n], steps.h[n]), k, steps.table[steps.rows[n]], kept[n], 0 * of_y]
+            by_t, by_h, _, by_k, _, by_y = map(_array, self._backwards(*point, of_y))
+            of_t[n], of_h[n], of_y[:] = by_t[0], by_h[0], by_y
+            of_k += by_k
         return of_k, of_t, of_h
+
+
+def _array(matrix: ca.DM) -> Floats:
+    return np.array(matrix.full()).ravel()
+
+
+def _times(steps: Segment | Steps, t: float, h: float) -> list[Any]:
+    """Start, size, and shifts of the stages into the limits, as they are not differentiated."""
+    times = t + h * _NODES
+    low, high = steps.limits
+    return [t, h, np.maximum(np.minimum(times, high), low) - times]

@@ -41,6 +41,7 @@ from liaisons.ensembles.right_hand_sides import (
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import Program, program
 from liaisons.expressions.algebra import stack
+from liaisons.fmu.jumps import jump_effects
 from liaisons.language import Variable
 from liaisons.library import Target, component
 from liaisons.mechanics.model import Model
@@ -66,13 +67,21 @@ _EQUAL = 1e-9
 class _Functions:
     """Steps of a motion, and what happens at their ends; made when they are needed."""
 
-    def __init__(self, equations: RightHandSide) -> None:
-        self._equations = equations
+    def __init__(self, model: Model, equations: RightHandSide) -> None:
+        self._model, self._equations = model, equations
         self._t, self._k, self._s, self._y = equations.symbols
         native = system_compiler() or zig_compiler()
         self.steps = CompiledSteps(equations) if native else InterpretedSteps(equations)
         self.condition_texts = equations.condition_texts
         self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
+
+    @cached_property
+    def carrying(self) -> set[str]:
+        """Active coordinates whose jumps carry states along."""
+        effects, active = jump_effects(self._model), [a.value for a in self._model.active]
+        moving = np.isin(active, self.prescribed_names)
+        carries = effects.moves | effects.mixes[:, moving].any(axis=1)
+        return {name for name, carried in zip(active, carries, strict=True) if carried}
 
     @cached_property
     def start(self) -> ca.Function:
@@ -150,7 +159,9 @@ def functions_of(
     driven: tuple[str, ...],
 ) -> _Functions:
     """What a motion needs; the last ones are kept."""
-    return _Functions(right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven))
+    return _Functions(
+        model, right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven)
+    )
 
 
 @final
@@ -485,8 +496,10 @@ class DifferentiableMotion:
         before, after = (self._table[row] for row in self._row(np.array(sides)))
         then, now = (_array(f.prescribed(*at)) for at in ((sides[0], k, before), (sides[1], k, after)))
         for name, change, value in zip(f.prescribed_names, now - then, then, strict=True):
-            if abs(change[0]) > _EQUAL * (1 + abs(value[0])):
-                raise SimulationError(f"{self.name}: {name} jumps at t = {time:g} s; its derivatives are not known")
+            if abs(change[0]) > _EQUAL * (1 + abs(value[0])) and name in f.carrying:
+                raise SimulationError(
+                    f"{self.name}: {name} jumps at t = {time:g} s and carries states along, which is not differentiated"
+                )
         if f.landed is None:
             return y, None
         landed, of_k, of_y, of_time = map(_array, f.landed(sides[1], k, after, y, sides[0], before))

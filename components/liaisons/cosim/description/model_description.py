@@ -207,8 +207,8 @@ class Description:
         """Finish after the last tag."""
         self._close_variables({})
         self.states = len(self._derivatives)
-        place = self._index.get if self._index else lambda number: number - 1
-        pairs = ((index, place(self._differentiated.get(index, -1))) for index in self._derivatives)
+        index_of = self._index.get if self._index else lambda number: number - 1
+        pairs = ((index, index_of(self._differentiated.get(index, -1))) for index in self._derivatives)
         self.continuous_states = tuple((index, state) for index, state in pairs if state is not None and state >= 0)
         if not self.root:
             raise ValueError("its root is not fmiModelDescription")
