@@ -112,14 +112,15 @@ def identify(
     for experiment, columns in zip(experiments, unknowns.columns, strict=True):
         for name, column in columns.items():
             if name in begun and name not in starts and experiment.times[0] == start_time:
-                start[column] = measured_near(experiment, begun[name], [0], start[[column]])[0]
+                near = measured_near(experiment, begun[name], [0], start[[column]])
+                start[column] = np.clip(near, *limits[:, column])[0]
     problem = FittingProblem(
         subject=subject,
         measurements=experiments,
         names=tuple(label for label, _ in unknowns.labels),
         units=tuple(variables[name].unit for _, name in unknowns.labels),
         columns=unknowns.columns,
-        start=np.clip(start, *limits),
+        start=start,
         limits=limits,
         noise=levels,
         priors=tuple(unknowns.priors(prior or {})),
