@@ -58,6 +58,8 @@ def test_an_array_has_one_diagram() -> None:
     above, _ = fit.plot().axes
     assert above.get_legend_handles_labels()[1] == ["theta[1], data", "theta[2], data"]
     assert above.get_ylabel() == "theta [rad]"
+    above, _ = fit.plot("theta[2]").axes
+    assert above.get_legend_handles_labels()[1] == ["theta[2], data"]
 
 
 def test_the_ellipse_holds_points_of_one_probability(fit) -> None:
@@ -92,6 +94,7 @@ def test_a_film_has_what_was_measured_as_a_ghost(fit, tmp_path) -> None:
         fit.animate(path, experiment=experiment)
         with Image.open(path) as image:
             pictures.append(np.asarray(image.convert("L"), dtype=float))
+    assert pictures[0].shape != pictures[1].shape or (pictures[0] != pictures[1]).any()
     alone = tmp_path / "alone.png"
     fit.replay()[0].animate(alone)
     with Image.open(alone) as image:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from ctypes import c_double
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, Self, TypeAlias, cast, final
 
@@ -21,15 +23,15 @@ from liaisons.cosim.instances.model_exchange import ModelExchange
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.probe import try_to_start
 from liaisons.cosim.structure.components import SystemComponent
-from liaisons.errors import RefusedError, SimulationError
+from liaisons.errors import LiaisonsError, RefusedError, SimulationError
 from liaisons.folders import passing_folder
 
 Floats: TypeAlias = NDArray[np.float64]
 Method = Literal["directional derivatives", "differences"]
 """How derivatives are calculated: by the FMU, or from values at points near each other."""
 
-_COMPARED, _EXTRAPOLATED = 1e-4, 1e-3
-"""Size of a difference that is compared with, and of one that is extrapolated, relative to that of the variable."""
+SMALL, _COMPARED = (1e-3, 5e-4), 1e-4
+"""Sizes of differences that are extrapolated, and of one to compare with, relative to that of the variable."""
 _AGREES, _NOISE = 1e-3, 1e-6
 """Relative error of these differences, and of the values themselves."""
 
@@ -165,13 +167,8 @@ class FmuEquations:
         return result
 
     def differences(self) -> Floats:
-        """The same by states and inputs, from central differences of two sizes, extrapolated to fourth order."""
-        columns = []
-        for k, size in enumerate(self.sizes):
-            large, small = (
-                (self._moved(k, h) - self._moved(k, -h)) / (2 * h * size) for h in (_EXTRAPOLATED, _EXTRAPOLATED / 2)
-            )
-            columns.append((4 * small - large) / 3)
+        """The same by each state and input, from extrapolated differences."""
+        columns = [extrapolated(partial(self._moved, k), SMALL, size)[0] for k, size in enumerate(self.sizes)]
         return np.array(columns).reshape(len(self.knowns), len(self.unknowns)).T
 
     def jacobian(self) -> Floats:
@@ -200,3 +197,17 @@ class FmuEquations:
         moved = np.concatenate([self.x, self.u])
         moved[k] += by * self.sizes[k]
         return self(self.time, *np.split(moved, [len(self.x)]))
+
+
+def extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], unit: float) -> tuple[Floats, Floats]:
+    """Richardson's extrapolation of central differences, each half as large, and an estimate of its error."""
+    try:
+        row, ratio = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes], 4.0
+    except LiaisonsError:  # the edge of a domain: differences to one side
+        begin = function(0.0)
+        row, ratio = [(function(h) - begin) / (h * unit) for h in sizes], 2.0
+    error, factor = np.zeros_like(row[0]), ratio
+    while len(row) > 1:
+        finer = [(factor * small - large) / (factor - 1) for large, small in pairwise(row)]
+        error, row, factor = np.abs(finer[-1] - row[-1]), finer, ratio * factor
+    return row[0], error

@@ -2,7 +2,8 @@
 
 The variational equations of an FMU of Model Exchange take directional derivatives by states from the FMU, and those by
 values from differences of the rates, for FMI has parameters among the known variables in initialization only.  Other
-derivatives are extrapolated from differences of whole runs.
+derivatives are extrapolated from differences of runs as ``simulate`` performs them, by Co-Simulation where an FMU is
+made for it: the error of its steps is differentiated, too.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values as valid
 from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
-from liaisons.derivatives.fmu_equations import Floats, FmuEquations, Method
-from liaisons.errors import LiaisonsError, RefusedError, SimulationError
+from liaisons.derivatives.fmu_equations import SMALL, Floats, FmuEquations, Method, extrapolated
+from liaisons.errors import RefusedError, SimulationError
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-_OF_EQUATIONS, _OF_RUNS = (1e-3, 5e-4), (4e-3, 2e-3, 1e-3)
-"""Sizes of differences that are extrapolated, relative to those of the values."""
+_OF_RUNS = (4e-3, 2e-3, 1e-3)
+"""Sizes of differences of runs, relative to those of the values."""
 _MOST_CALLS = 200_000
 """Evaluations of the equations in one motion."""
 _FINER = 8
@@ -151,7 +152,7 @@ class FmuMotion:
 
         signals = run(values)
         columns = [
-            _extrapolated(lambda h, change=change: run(values + h * change), _OF_RUNS, change.sum())
+            extrapolated(lambda h, change=change: run(values + h * change), _OF_RUNS, change.sum())
             for change in changes
         ]
         stacked = np.array(columns).reshape(len(columns), 2, *signals.shape)
@@ -164,14 +165,14 @@ class FmuMotion:
         with ExitStack() as stack:
             equations = stack.enter_context(self.equations(values))
             neighbours = [
-                {h: stack.enter_context(self.equations(values + h * change)) for s in _OF_EQUATIONS for h in (s, -s)}
+                {h: stack.enter_context(self.equations(values + h * change)) for s in SMALL for h in (s, -s)}
                 for change in changes
             ]
             states, calls = len(equations.x), count()
 
             def by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
                 return [
-                    _extrapolated(lambda h, fmus=fmus: function(fmus[h]), _OF_EQUATIONS, change.sum())[0]
+                    extrapolated(lambda h, fmus=fmus: function(fmus[h]), SMALL, change.sum())[0]
                     for fmus, change in zip(neighbours, changes, strict=True)
                 ]
 
@@ -250,17 +251,3 @@ def fmu_motion(
 
 def _triple(polynomial: PPoly, t: float) -> tuple[Any, ...]:
     return tuple(polynomial(t, order) for order in range(3))
-
-
-def _extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], unit: float) -> tuple[Floats, Floats]:
-    """Richardson's extrapolation of central differences, each half as large, and an estimate of its error."""
-    try:
-        row, ratio = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes], 4.0
-    except LiaisonsError:  # the edge of a domain: differences to one side
-        begin = function(0.0)
-        row, ratio = [(function(h) - begin) / (h * unit) for h in sizes], 2.0
-    error, factor = np.zeros_like(row[0]), ratio
-    while len(row) > 1:
-        finer = [(factor * small - large) / (factor - 1) for large, small in pairwise(row)]
-        error, row, factor = np.abs(finer[-1] - row[-1]), finer, ratio * factor
-    return row[0], error

@@ -44,8 +44,10 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
     :raises IdentificationError: for a signal that was not measured.
     """
     tables = _tables(fit.estimate)
-    units = {split(name)[0]: e.motion.units[name] for e, _ in tables for name in e.measurements.signals}
-    chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [*units]
+    units = {name: e.motion.units[name] for e, _ in tables for name in e.measurements.signals}
+    arrays = {split(name)[0]: unit for name, unit in units.items()}
+    chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [*arrays]
+    units |= arrays
     for name in chosen:
         if name not in units:
             raise IdentificationError(f"plot: {name!r} was not measured{suggestion(name, units)}")
@@ -53,7 +55,7 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
     figure.set_size_inches(10.0, 1.0 + 4.0 * len(chosen))
     diagrams = figure.subplots(2 * len(chosen), 1, sharex=True, height_ratios=[3, 1] * len(chosen))
     for name, above, below in zip(chosen, diagrams[::2], diagrams[1::2], strict=True):
-        own = [(e, table, row) for e, table in tables for row in e.measurements.signals if split(row)[0] == name]
+        own = [(e, table, row) for e, table in tables for row in e.measurements.signals if name in {row, split(row)[0]}]
         for i, (experiment, table, row) in enumerate(own):
             color, times = f"C{i}", table.time
             dense, curve, low, high = _curve(fit.estimate, experiment, row)
