@@ -84,7 +84,7 @@ def test_an_event_inside_a_system_is_that_of_an_operator() -> None:
 
 def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("liaisons.derivatives.compiled_steps._STEPS", 1000)
-    with pytest.raises(SimulationError, match="steps until t = .* s; stop earlier, or take a larger tolerance"):
+    with pytest.raises(SimulationError, match=r"steps until t = .* s; stop earlier, or take a larger tolerance"):
         sensitivities("Pendulum", "theta_0", stop_time=1e4)
 
 
