@@ -82,10 +82,7 @@ def _signals(run: Motion) -> Callable[[Array], Array]:
     shape, count = (len(run.signals), len(run.times)), len(run.names)
 
     def callback(function: Callable[..., Any], shape: tuple[int, ...], *arguments: Array) -> Array:
-        def called(*arrays: Array) -> Any:
-            return function(*map(np.asarray, arrays))
-
-        return jax.pure_callback(called, jax.ShapeDtypeStruct(shape, float), *arguments, vmap_method="sequential")
+        return jax.pure_callback(function, jax.ShapeDtypeStruct(shape, float), *arguments, vmap_method="sequential")
 
     @jax.custom_jvp
     def signals(values: Array) -> Array:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Result, gradient, sensitivities
+from liaisons import Result, System, gradient, sensitivities
 from liaisons.errors import ComponentError, InvalidValueError, SimulationError, UnknownSignalError
 
 
@@ -65,6 +65,27 @@ def test_a_cost_may_be_made_of_arrays() -> None:
     found = gradient("PendulumChain", lambda m: ca.sum1(m["theta"])[2], ["theta_0"], times=[0.0], theta_0=0.3)
     assert found.value == pytest.approx(0.3)
     assert found.derivatives == pytest.approx({f"theta_0[{i}]": float(i == 3) for i in range(1, 11)})
+
+
+def test_an_event_inside_a_system_is_that_of_an_operator() -> None:
+    times, start = np.linspace(0, 4, 41), {"offset": 1.0, "rate": 0.2, "start_time": 1.23}
+    values = {"theta_0": 1.0} | {f"length.{name}": value for name, value in start.items()}
+    by = ["length.start_time", "theta_0"]
+    alone = sensitivities("Pendulum", by, times=times, operators={"length": "Ramp"}, start_values=values)
+    system = System("lengthening")
+    swing = system.add("swing", "Pendulum", theta_0=1.0)
+    system.connect(system.add("ramp", "Ramp", start_values=start)["y"], swing["length"])
+    whole = sensitivities(system, ["ramp.start_time", "swing.theta_0"], times=times)
+    for one, other in zip(by, ("ramp.start_time", "swing.theta_0"), strict=True):
+        np.testing.assert_allclose(
+            whole.derivative("swing.theta", other), alone.derivative("theta", one), rtol=1e-9, atol=1e-12
+        )
+
+
+def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("liaisons.derivatives.compiled_steps._STEPS", 1000)
+    with pytest.raises(SimulationError, match=r"steps until t = .* s; stop earlier, or take a larger tolerance"):
+        sensitivities("Pendulum", "theta_0", stop_time=1e4)
 
 
 @pytest.mark.parametrize(
