@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Result, gradient, sensitivities
+from liaisons import Result, System, gradient, sensitivities
 from liaisons.errors import ComponentError, InvalidValueError, SimulationError, UnknownSignalError
 
 
@@ -67,6 +67,27 @@ def test_a_cost_may_be_made_of_arrays() -> None:
     assert found.derivatives == pytest.approx({f"theta_0[{i}]": float(i == 3) for i in range(1, 11)})
 
 
+def test_an_event_inside_a_system_is_that_of_an_operator() -> None:
+    times, start = np.linspace(0, 4, 41), {"offset": 1.0, "rate": 0.2, "start_time": 1.23}
+    values = {"theta_0": 1.0} | {f"length.{name}": value for name, value in start.items()}
+    by = ["length.start_time", "theta_0"]
+    alone = sensitivities("Pendulum", by, times=times, operators={"length": "Ramp"}, start_values=values)
+    system = System("lengthening")
+    swing = system.add("swing", "Pendulum", theta_0=1.0)
+    system.connect(system.add("ramp", "Ramp", start_values=start)["y"], swing["length"])
+    whole = sensitivities(system, ["ramp.start_time", "swing.theta_0"], times=times)
+    for one, other in zip(by, ("ramp.start_time", "swing.theta_0"), strict=True):
+        np.testing.assert_allclose(
+            whole.derivative("swing.theta", other), alone.derivative("theta", one), rtol=1e-9, atol=1e-12
+        )
+
+
+def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("liaisons.derivatives.compiled_steps._STEPS", 1000)
+    with pytest.raises(SimulationError, match=r"steps until t = .* s; stop earlier, or take a larger tolerance"):
+        sensitivities("Pendulum", "theta_0", stop_time=1e4)
+
+
 @pytest.mark.parametrize(
     ("wrong", "message", "error"),
     [
@@ -75,7 +96,12 @@ def test_a_cost_may_be_made_of_arrays() -> None:
         ({"stop_time": -1.0}, "must be greater than start_time", InvalidValueError),
         ({"cost": lambda m: m["theta"]}, r"the cost has shape \(201, 1\); it must be one number", SimulationError),
         ({"cost": lambda m: m["thet"]}, "'thet' is not recorded; did you mean 'theta'", UnknownSignalError),
-        ({"times": [0.0, 0.0]}, "times: give finite numbers in ascending order", SimulationError),
+        ({"stop_time": "2"}, "stop_time = '2': must be a finite number", InvalidValueError),
+        ({"step_size": 1e-9}, r"step_size = 1e-09: 1e\+09 recorded times are too many", InvalidValueError),
+        ({"times": [0.0, 1.0]}, "leave out stop_time and step_size", InvalidValueError),
+        ({"cost": 3.0}, r"cost = 3\.0: give a function of the signals", InvalidValueError),
+        ({"cost": lambda _: None}, "the cost is None; it must be one number", SimulationError),
+        ({"times": [0.0, 0.0], "stop_time": None}, "times: give finite numbers in ascending order", SimulationError),
         ({"theta_0": [1.0, 2.0]}, r"theta_0 has shape \(2,\); it has 1 elements", SimulationError),
     ],
 )

@@ -16,6 +16,7 @@ import numpy as np
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.ensembles.steps import declarations, library
+from liaisons.errors import SimulationError
 from liaisons.expressions import c_parts, literal
 from liaisons.expressions.algebra import stack
 
@@ -24,6 +25,8 @@ Purpose = Literal["run", "tangents", "adjoint"]
 DIRECTIONS = 8
 _OPERATIONS = 1000
 """In one function of C, at most."""
+_STEPS = 2_000_000
+"""From so many on there are too many."""
 
 _HEAD = """\
 #include <math.h>
@@ -215,6 +218,10 @@ class CompiledSteps:
             if done <= most:
                 y[:], size[:] = at, first
                 return ends[: done if done >= 0 else -1 - done], counts if done >= 0 else counts[:0]
+            if most > _STEPS:
+                raise SimulationError(
+                    f"more than {most} steps until t = {ends[-1]:g} s; stop earlier, or take a larger tolerance"
+                )
             most *= 4
 
     def advance(self, steps: Steps, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:

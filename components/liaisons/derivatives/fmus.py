@@ -2,7 +2,8 @@
 
 The variational equations of an FMU of Model Exchange take directional derivatives by states from the FMU, and those by
 values from differences of the rates, for FMI has parameters among the known variables in initialization only.  Other
-derivatives are extrapolated from differences of whole runs.
+derivatives are extrapolated from differences of runs as ``simulate`` performs them, by Co-Simulation where an FMU is
+made for it: the error of its steps is differentiated, too.
 """
 
 from __future__ import annotations
