@@ -26,6 +26,7 @@ from liaisons import (
     frequencies,
     grid,
     hamiltonian_flow,
+    identify,
     max_error,
     operator,
     sample,
@@ -41,6 +42,8 @@ from liaisons.scenarios import Claims, scenario, within
 WRONG: list[Any] = [None, 5, b"x", ["x", 1], {"a": None}, {1: 2.0}, object(), np.zeros((2, 2)), lambda: 0, "x y"]
 SPAN: dict[str, Any] = {"stop_time": 0.02, "step_size": 0.01}
 MEMBERS: dict[str, Any] = {"start_values": {"theta_0": [0.1, 0.2]}, "backend": "numpy", "estimate": False, **SPAN}
+UNKNOWN: dict[str, Any] = {"unknown": ["length"]}
+MEASURED: dict[str, Any] = {"time": [0.0, 0.1, 0.2], "theta": [0.1, 0.09, 0.08]}
 CASES: dict[str, Any] = {"cases": {"theta_0": [0.1]}, "keep": "theta", **SPAN}
 
 
@@ -131,6 +134,16 @@ CALLS: dict[str, tuple[Call, Any]] = {
         threads=NONE, backend=(),
     ),
     "ensemble operator": (lambda _, w: ensemble("Pendulum", **MEMBERS, operators={"length": w}), ()),
+    "identify": (lambda _, w: identify(w, MEASURED, ["length"]), ()),
+    "identify data": (lambda _, w: identify("Pendulum", w, ["length"]), ()),
+    **keywords(
+        "identify", lambda _, **w: identify("Pendulum", MEASURED, **UNKNOWN | w), unknown=(),
+        noise=NONE, each=(), bounds=NOTHING, prior=NOTHING, loss=(), operators=NOTHING, measured=NOTHING,
+        ignore=(str,), smoothing=NONE, start_time=int, segments=NONE, tolerance=NUMBER, start_values=NOTHING,
+        length=NUMBER,
+    ),
+    "identify bound": (lambda _, w: identify("Pendulum", MEASURED, ["length"], bounds={"length": w}), ()),
+    "identify prior": (lambda _, w: identify("Pendulum", MEASURED, ["length"], prior={"length": w}), ()),
     "compare": (lambda x, w: compare(x.result, w), ()),
     "compare first": (lambda x, w: compare(w, x.result), ()),
     "max_error": (lambda _, w: max_error(w, [1.0]), ()),

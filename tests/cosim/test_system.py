@@ -52,6 +52,17 @@ def test_step_begins_with_inputs_at_t_or_at_its_end_and_all_that_is_recorded_is_
     assert_array_equal(result["spring.length_force"], 2 * t**3)  # depends directly on the input
 
 
+def test_other_start_values_are_those_of_another_system(fmu: FmuPaths) -> None:
+    system = _driven(fmu, 1)
+    other = system.with_start_values({"spring.input_reconstruction": 0})
+    assert [s.parts["spring"].starts["input_reconstruction"] for s in (system, other)] == [1, 0]
+    assert_array_equal(other.simulate(1.0, H)["cubic.y"], system.simulate(1.0, H)["cubic.y"])
+    with pytest.raises(SimulationError, match="no component 'sprin'; did you mean 'spring'"):
+        system.with_start_values({"sprin.x": 1.0})
+    with pytest.raises(SimulationError, match="spring"):
+        system.with_start_values({"spring.nothing": 1.0})
+
+
 def test_interpolation_needs_its_source_to_be_stepped_first(fmu: FmuPaths) -> None:
     with pytest.raises(SimulationError, match=r"spring: input_reconstruction=2 .* cubic\.y .*coupling='gauss-seidel'"):
         _driven(fmu, 2).simulate(1.0, H, coupling="jacobi")

@@ -96,7 +96,12 @@ def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"stop_time": -1.0}, "must be greater than start_time", InvalidValueError),
         ({"cost": lambda m: m["theta"]}, r"the cost has shape \(201, 1\); it must be one number", SimulationError),
         ({"cost": lambda m: m["thet"]}, "'thet' is not recorded; did you mean 'theta'", UnknownSignalError),
-        ({"times": [0.0, 0.0]}, "times: give finite numbers in ascending order", SimulationError),
+        ({"stop_time": "2"}, "stop_time = '2': must be a finite number", InvalidValueError),
+        ({"step_size": 1e-9}, r"step_size = 1e-09: 1e\+09 recorded times are too many", InvalidValueError),
+        ({"times": [0.0, 1.0]}, "leave out stop_time and step_size", InvalidValueError),
+        ({"cost": 3.0}, r"cost = 3\.0: give a function of the signals", InvalidValueError),
+        ({"cost": lambda _: None}, "the cost is None; it must be one number", SimulationError),
+        ({"times": [0.0, 0.0], "stop_time": None}, "times: give finite numbers in ascending order", SimulationError),
         ({"theta_0": [1.0, 2.0]}, r"theta_0 has shape \(2,\); it has 1 elements", SimulationError),
     ],
 )

@@ -340,3 +340,9 @@ def test_what_was_reached_is_in_the_exception(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(IdentificationError, match="give other start values") as error:
         identify("Pendulum", pendulum(), unknown=["length", "theta_0"], segments=1)
     assert error.value.fit.values["length"] == 1.0
+
+
+def test_signals_that_stay_0() -> None:
+    fit = identify("Pendulum", {"time": TIMES, "theta": np.zeros(TIMES.size)}, unknown="theta_0")
+    assert abs(fit.values["theta_0"]) < 1e-9
+    assert np.isfinite(fit.covariance).all()

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import merged, time_span
+from liaisons.arguments import finite, merged, shown, time_span
 from liaisons.array_names import split
 from liaisons.derivatives.motion import Subject, motion_of
 from liaisons.derivatives.steps import Floats
@@ -18,8 +18,8 @@ from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalErr
 from liaisons.results import Result
 from liaisons.units import quotient
 
-_INTERVALS = 200
-"""Between recorded times, unless their distance is set."""
+_INTERVALS, _MOST = 200, 1e6
+"""Between recorded times, unless their distance is set; and at most, as derivatives at more do not fit into memory."""
 
 
 @final
@@ -177,6 +177,8 @@ def gradient(
     :param by: this and the further ones as of :func:`sensitivities`.
     :raises SimulationError: also if the cost is not one number.
     """
+    if not callable(cost):
+        raise InvalidValueError(f"cost = {shown(cost)}: give a function of the signals")
     motion = motion_of(
         subject,
         by,
@@ -192,7 +194,11 @@ def gradient(
     named = _Signals({"time": ca.DM(motion.times)})
     for name in dict.fromkeys((*motion.signals, *(split(name)[0] for name in motion.signals))):
         named[name] = columns[:, _numbers(name, motion.signals)]
-    number = ca.MX(cost(named))
+    value = cost(named)
+    try:
+        number = ca.MX(value)
+    except NotImplementedError:
+        raise SimulationError(f"gradient: the cost is {shown(value)}; it must be one number, ca.sumsqr(...)") from None
     if number.shape != (1, 1):
         raise SimulationError(f"gradient: the cost has shape {number.shape}; it must be one number, ca.sumsqr(...)")
     evaluate = ca.Function("cost", [columns], [number, ca.densify(ca.gradient(number, columns))])
@@ -222,10 +228,17 @@ def _numbers(name: str, names: tuple[str, ...]) -> list[int]:
 
 def _times(start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None) -> ArrayLike:
     if times is not None:
+        if stop_time is not None or step_size is not None:
+            raise InvalidValueError("times are the recorded times; leave out stop_time and step_size")
         return times
     if stop_time is None:
         raise InvalidValueError("give stop_time, or the recorded times themselves as times")
+    finite("start_time", start_time)
+    finite("stop_time", stop_time)
     step = (abs(stop_time - start_time) or 1.0) / _INTERVALS if step_size is None else step_size
     stop, step = time_span(start_time, stop_time, step)
+    count = (stop - start_time) / step
+    if count > _MOST:
+        raise InvalidValueError(f"step_size = {step:g}: {count:.3g} recorded times are too many; take larger steps")
     whole = np.arange(start_time, stop - 1e-9 * step, step)
     return np.append(whole, stop)

@@ -99,13 +99,13 @@ def identify(
             raise IdentificationError(
                 f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"
             )
-    moving = dict(named("operators", operators or {}, IdentificationError))
+    moving = dict(named("operators", {} if operators is None else operators, IdentificationError))
     variables = settable(model, {name: operator_model(model, name, component(one)) for name, one in moving.items()})
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, listed("each", each, IdentificationError))
     starts = unknowns.by_element("start_values", values)
     levels = None if noise is None else tuple(noise_levels(noise, experiment) for experiment in experiments)
-    limits = unknowns.limits(bounds or {}, min(float(e.times[0]) for e in experiments) - start_time)
+    limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
     begun = {p.name: output for p in model.parameters if (output := _started(p.name)) in outputs}
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
@@ -123,7 +123,7 @@ def identify(
         start=start,
         limits=limits,
         noise=levels,
-        priors=tuple(unknowns.priors(prior or {})),
+        priors=tuple(unknowns.priors({} if prior is None else prior)),
         loss=loss,
         starts=begun,
         start_time=start_time,

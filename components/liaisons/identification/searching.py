@@ -24,6 +24,8 @@ _LINKS = 10.0 ** -np.arange(8)
 """Standard deviations of links, relative to the size of the states."""
 _NEAR = 0.05
 """What is nearer to a bound, relative to its standard deviation, may be at it."""
+_LEAST = 1e-100
+"""Standard deviation of a signal that stays 0; squares of what is divided by it do not overflow."""
 _NORMAL = 1.4826
 """Standard deviation of normal numbers, relative to the median of their absolute values."""
 
@@ -137,5 +139,5 @@ def _shown(estimate: ParameterEstimate) -> tuple[Floats, ...]:
     for name, parts in columns.items():
         r = np.concatenate([part for part, _ in parts])
         size = np.sqrt(np.mean(r**2)) if problem.loss == "linear" else _NORMAL * np.median(np.abs(r))
-        levels[name] = max(spread * size, *(rounding for _, rounding in parts), np.finfo(float).tiny)
+        levels[name] = max(spread * size, *(rounding for _, rounding in parts), _LEAST)
     return tuple(np.array([levels[name] for name in e.measurements.signals]) for e in experiments)
