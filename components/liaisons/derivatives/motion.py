@@ -55,7 +55,7 @@ Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
 
 _MARGIN = 8
 """So many roundings before an event it has not come yet, and so many after it has passed."""
-_PART = 0.01
+_PART = 0.002
 """Of the tolerance, by which a step and two of half its size may differ: derivatives have larger errors than states."""
 _ROUNDING = 4e-15
 _CHUNK, _ROOM = 2**21, 2**25
