@@ -342,6 +342,12 @@ def test_what_was_reached_is_in_the_exception(monkeypatch: pytest.MonkeyPatch) -
     assert error.value.fit.values["length"] == 1.0
 
 
+def test_a_time_offset_alone() -> None:
+    exact = Pendulum.exact(TIMES + 0.2, theta_0=0.7)["theta"]
+    fit = identify("Pendulum", {"time": TIMES, "theta": exact}, unknown="time_offset", theta_0=0.7)
+    assert fit.values["time_offset"] == pytest.approx(0.2, abs=1e-8)
+
+
 def test_signals_that_stay_0() -> None:
     fit = identify("Pendulum", {"time": TIMES, "theta": np.zeros(TIMES.size)}, unknown="theta_0")
     assert abs(fit.values["theta_0"]) < 1e-9
