@@ -44,7 +44,7 @@ def motion(
     :param record: an output or several.
     :param operators: active coordinate -> operator that moves it; its parameters are values, ``"length.amplitude"``.
     :param tolerance: of the steps, relative.
-    :param start_values: of what is not in the dictionary.
+    :param start_values: numbers for what is not in the dictionary.
     :returns: function of a dictionary, name -> number, or array with the elements of the name; it returns a dictionary,
         signal -> array of shape (times,).
     :raises ProjectError: if JAX is missing.
@@ -67,7 +67,7 @@ def motion(
             raise SimulationError("a motion needs 64 bits; call jax.config.update('jax_enable_x64', True) before")
         names = tuple(sorted(named("values", values)))  # as JAX orders a dictionary
         run, signals = differentiable(names)
-        numbers = jnp.concatenate([jnp.ravel(jnp.asarray(values[name], float)) for name in names])
+        numbers = jnp.concatenate([jnp.empty(0), *(jnp.ravel(jnp.asarray(values[name], float)) for name in names)])
         if len(numbers) != len(run.names):
             raise SimulationError(f"{len(numbers)} numbers for {', '.join(run.names)}; give one for each")
         return dict(zip(run.signals, signals(numbers), strict=True))

@@ -104,6 +104,13 @@ def test_forward_takes_one_run_and_reverse_one_adjoint(jax, monkeypatch) -> None
     assert calls == ["adjoint"]
 
 
+@pytest.mark.usefixtures("jax")
+def test_without_values_it_is_the_motion_as_declared() -> None:
+    run = motion_of("Pendulum", "theta_0", TIMES, record="theta")
+    signals = liaisons.jax.motion("Pendulum", TIMES, record="theta")({})
+    np.testing.assert_array_equal(signals["theta"], run(run.values)[0])
+
+
 def test_32_bits_are_refused(jax) -> None:
     motion = liaisons.jax.motion("Pendulum", TIMES)
     with jax.enable_x64(False), pytest.raises(LiaisonsError, match=r"64 bits; call jax\.config\.update"):

@@ -248,7 +248,7 @@ class DifferentiableMotion:
     Steps are chosen by error control for the values that it is called with; :meth:`frozen` keeps them.
 
     :param name: of what moves.
-    :param variables: values that it is a function of, by name, :attr:`names`.
+    :param variables: values that it is a function of, by name.
     :param values: as set, or as declared.
     :param times: recorded [s].
     :param table: shared values, a row from each of the breaks on; inputs or their rates jump at some.
@@ -280,7 +280,7 @@ class DifferentiableMotion:
         self._jumps = jumps
         self._tolerance = max(_PART * tolerance, _ROUNDING)
         self._fixed = _NOT_FIXED
-        self._last = b"", list[_Piece]()
+        self._last: tuple[bytes | None, list[_Piece]] = None, []
 
     def __call__(self, values: ArrayLike) -> Floats:
         """Signals, (signals, times)."""
@@ -335,13 +335,13 @@ class DifferentiableMotion:
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
-        return self._with(times=_times(times, self._start), _fixed=_NOT_FIXED, _last=(b"", []))
+        return self._with(times=_times(times, self._start), _fixed=_NOT_FIXED, _last=(None, []))
 
     def frozen(self, values: ArrayLike) -> Self:
         """The same motion with the steps that are taken at some values, wherever events come in the same order."""
         k = self._checked(values)
         cuts = self._cuts(k)
-        return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)), _last=(b"", []))
+        return self._with(_fixed=(cuts.order(), self._chosen(k, cuts)), _last=(None, []))
 
     def _with(self, **changes: Any) -> Self:
         other = copy(self)
@@ -454,7 +454,7 @@ class DifferentiableMotion:
     def _pieces(self, k: Floats) -> list[_Piece]:
         """Steps for some values: those that are fixed, or chosen for them."""
         key, (order, parts) = k.tobytes(), self._fixed
-        if self._last[0] == key or (self._last[0] and parts and not self._functions.events.numel_out(0)):
+        if self._last[0] == key or (self._last[0] is not None and parts and not self._functions.events.numel_out(0)):
             return self._last[1]
         cuts, pieces = self._cuts(k), list[_Piece]()
         if order != cuts.order():
