@@ -248,7 +248,7 @@ class DifferentiableMotion:
     Steps are chosen by error control for the values that it is called with; :meth:`frozen` keeps them.
 
     :param name: of what moves.
-    :param variables: values that it is a function of, by name, :attr:`names`.
+    :param variables: values that it is a function of, by name.
     :param values: as set, or as declared.
     :param times: recorded [s].
     :param table: shared values, a row from each of the breaks on; inputs or their rates jump at some.
