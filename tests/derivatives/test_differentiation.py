@@ -88,6 +88,12 @@ def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         sensitivities("Pendulum", "theta_0", stop_time=1e4)
 
 
+def test_they_are_shown_in_a_line() -> None:
+    s = sensitivities("Pendulum", ["theta_0", "length"], times=[0.0, 1.0], record="theta")
+    signals = "<Result of Pendulum: 2 points, t = 0 to 1 s, 1 signals: theta [rad]>"
+    assert repr(s) == f"<Sensitivities by theta_0, length, steps, of {signals}>"
+
+
 @pytest.mark.parametrize(
     ("wrong", "message", "error"),
     [

@@ -319,6 +319,28 @@ def test_start_values_are_taken_from_what_was_measured() -> None:
     assert error.value.fit.cost > 100 * fit.cost
 
 
+def test_an_unknown_that_is_zero_is_determined() -> None:
+    """Of exact measurements, and at its bound."""
+    fit = identify("Pendulum", pendulum(noise=0.0), ["length", "theta_0", "theta_dot_0"], noise=1e-4)
+    assert fit.sentences == ()
+    assert abs(fit.values["theta_dot_0"]) < 1e-6
+    data = pendulum(seed=3)
+    data["theta"] *= np.exp(0.005 * TIMES)  # it grows, which no friction can do
+    fit = identify("Pendulum", data, ["length", "theta_0", "friction"], noise=NOISE)
+    assert fit.values["friction"] == 0
+    assert fit.sentences == ("friction = 0 is at its bound; its interval is one-sided",)
+    low, high = fit.intervals()["friction"]
+    assert low == 0
+    assert 0 < high < 0.01
+
+
+def test_what_is_not_determined_stays_where_it_was() -> None:
+    """Also where nothing fits, so that segments are tried."""
+    fit = identify("Pendulum", pendulum(), ["mass"], noise=NOISE, theta_0=0.3)
+    assert fit.values == {"mass": 1.0}
+    assert fit.sentences == ("mass: not determined at all by theta", "mass is held at 1")
+
+
 def test_values_of_arrays() -> None:
     times = np.linspace(0, 2, 21)
     names = [f"theta[{i}]" for i in range(1, 11)]
@@ -340,6 +362,12 @@ def test_what_was_reached_is_in_the_exception(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(IdentificationError, match="give other start values") as error:
         identify("Pendulum", pendulum(), unknown=["length", "theta_0"], segments=1)
     assert error.value.fit.values["length"] == 1.0
+
+
+def test_a_time_offset_alone() -> None:
+    exact = Pendulum.exact(TIMES + 0.2, theta_0=0.7)["theta"]
+    fit = identify("Pendulum", {"time": TIMES, "theta": exact}, unknown="time_offset", theta_0=0.7)
+    assert fit.values["time_offset"] == pytest.approx(0.2, abs=1e-8)
 
 
 def test_signals_that_stay_0() -> None:

@@ -23,7 +23,7 @@ _INTERVALS, _MOST = 200, 1e6
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities:
     """Signals of a motion over time, ``s["theta"]``, and their derivatives, ``s.derivative("theta", "theta_0")``.
 
@@ -39,6 +39,9 @@ class Sensitivities:
     derivatives: Floats
     units: Mapping[str, str]
     method: str
+
+    def __repr__(self) -> str:
+        return f"<Sensitivities by {', '.join(self.names)}, {self.method}, of {self.signals!r}>"
 
     @property
     def time(self) -> Floats:

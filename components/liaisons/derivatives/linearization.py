@@ -16,7 +16,7 @@ from liaisons.library import Target, fmu_file
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Linearization:
     """x' = rates + A Δx + B Δu, y = y* + C Δx + D Δu, for deviations Δ from a point x*, u*, y*.
 
@@ -41,6 +41,10 @@ class Linearization:
     values: Mapping[str, float]
     units: Mapping[str, str]
     method: Method
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<Linearization of {self.title}: {sizes}, by {self.method}>"
 
     @property
     def poles(self) -> Any:

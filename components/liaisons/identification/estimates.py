@@ -51,7 +51,7 @@ class ParameterEstimate:
     @cached_property
     def null_space(self) -> NullSpace:
         """What no residual determines."""
-        return NullSpace.of(self.linearization[1], self.values, self.objective.size)
+        return self.objective.null_space(self.values)
 
     @cached_property
     def sentences(self) -> tuple[str, ...]:
@@ -62,7 +62,7 @@ class ParameterEstimate:
         shifts = np.where(self.null_space.undetermined, random * np.where(self.values == 0, 1, self.values), 0)
         values = np.clip(self.values + shifts, *self.objective.limits)
         try:
-            near = NullSpace.of(self.objective(values)[1], values, self.objective.size)
+            near = self.objective.null_space(values)
         except LiaisonsError:  # start values that contradict each other
             near = self.null_space
         signals = dict.fromkeys(name for data in self.problem.measurements for name in data.signals)

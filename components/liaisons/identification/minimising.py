@@ -58,6 +58,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
     :param accuracy: relative, of cost and unknowns.
     :raises LiaisonsError: if residuals have no value at the start.
     """
+    scale = np.abs(objective.rounded(start))
     free = np.setdiff1d(np.arange(len(start)), list(held))
     latest: list[Any] = [None, None]
 
@@ -99,7 +100,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             slopes,  # type: ignore[arg-type]  # SciPy takes functions, too
             bounds=objective.limits[:, free],
             loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
-            x_scale=np.where(start[free] == 0, 1.0, np.abs(start[free])),
+            x_scale=np.where(scale[free] == 0, 1.0, scale[free]),
             ftol=accuracy,
             xtol=accuracy,
             gtol=None,  # type: ignore[arg-type]  # as SciPy documents

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from liaisons.array_names import split
 from liaisons.derivatives.motion import Motion, motion_of
+from liaisons.identification.determinacy import NullSpace
 from liaisons.identification.measurements import Measurements
 from liaisons.library import Target
 
 Floats = NDArray[np.float64]
 
 TIME_OFFSET = "time_offset"
+_NOTHING = 1e-6
 _NEARBY = 7
 """Measurements that a start value of a segment is taken from."""
 
@@ -80,6 +82,7 @@ class Objective:
 
     :param limits: least and largest values, infinite where there are none, shape (2, unknowns).
     :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
+    :param start: unknowns at which the search begins; what is far smaller than that is 0.
     :param shift: is added to all residuals.
     """
 
@@ -87,6 +90,7 @@ class Objective:
     priors: tuple[Prior, ...]
     limits: Floats
     loss: str
+    start: Floats
     links: tuple[Link, ...] = ()
     shift: float | Floats = 0.0
     _latest: dict[bytes, tuple[Floats, Floats]] = field(default_factory=dict, init=False, repr=False)
@@ -118,6 +122,15 @@ class Objective:
             parts.append((gap / prior.deviation, unit[[prior.column]] / prior.deviation))
         residuals, derivatives = (np.concatenate(column) for column in zip(*parts, strict=True))
         return residuals + self.shift, derivatives
+
+    def rounded(self, unknowns: Floats) -> Floats:
+        """Unknowns with 0 for those that are as good as 0."""
+        typical = np.where(self.start == 0, 1.0, np.abs(self.start))
+        return np.where(np.abs(unknowns) < _NOTHING * typical, 0.0, unknowns)
+
+    def null_space(self, unknowns: Floats) -> NullSpace:
+        """What no residual determines."""
+        return NullSpace.of(self(unknowns)[1], self.rounded(unknowns), self.size)
 
     @property
     def size(self) -> float:
@@ -173,7 +186,7 @@ class FittingProblem:
             self._experiment(data, columns, unknowns, level, tolerance=tolerance)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
         )
-        return Objective(tuple(experiments), self.priors, self.limits, self.loss)
+        return Objective(tuple(experiments), self.priors, self.limits, self.loss, self.start)
 
     def _experiment(
         self,
@@ -241,7 +254,8 @@ class FittingProblem:
                 experiments.append(self._experiment(segment, own, values, level, start_time=begin, record=record))
         free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
         limits = np.hstack([self.limits, free])
-        return Objective(tuple(experiments), self.priors, limits, self.loss, tuple(links)), np.clip(values, *limits)
+        values = np.clip(values, *limits)
+        return Objective(tuple(experiments), self.priors, limits, self.loss, values, tuple(links)), values
 
 
 def measured_near(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:

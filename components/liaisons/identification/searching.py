@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from liaisons.errors import LiaisonsError
-from liaisons.identification.determinacy import NullSpace
 from liaisons.identification.estimates import ROUNDING, ParameterEstimate
 from liaisons.identification.minimising import Minimum, minimise
 from liaisons.identification.problems import FittingProblem, Floats, Objective
@@ -75,17 +74,18 @@ def _is_poor(objective: Objective, minimum: Minimum) -> bool:
 def _linked(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:
     """Start values by multiple shooting, whose links become closer and closer."""
     objective, values = problem.segments(problem.start, levels, count)
+    held = objective.null_space(values).dependent
     for factor in _LINKS:
-        values = minimise(objective.linked(factor), values).values
+        values = minimise(objective.linked(factor), values, held).values
     return values[: len(problem.start)]
 
 
 def _determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
     """The minimum where unknowns that are not determined are held, and which these are."""
-    held = NullSpace.of(objective(start)[1], start, objective.size).dependent
+    held = objective.null_space(start).dependent
     while True:
         minimum = minimise(objective, start, held)
-        fewer = NullSpace.of(objective(minimum.values)[1], minimum.values, objective.size).dependent
+        fewer = objective.null_space(minimum.values).dependent
         if len(fewer) >= len(held):
             return minimum, tuple(held)
         start, held = minimum.values, fewer
