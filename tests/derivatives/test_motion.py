@@ -97,14 +97,16 @@ def test_rates_are_those_of_the_signals(motion) -> None:
 @pytest.mark.parametrize("case", ["an instant at which a rate jumps", "a prescribed length", "a projected state"])
 def test_without_a_compiler_the_steps_are_the_same(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     subject, values, options = MOTIONS[case]
-    compiled, interpreted = [], []
+    compiled, interpreted, fixed = [], [], None
     for found in (compiled, interpreted):
         with monkeypatch.context() as patch:
             if found is interpreted:
                 patch.setattr("liaisons.derivatives.motion.CompiledSteps", InterpretedSteps)
             functions_of.cache_clear()
             motion: Any = motion_of(subject, list(values), TIMES[:21] + 1.0, start_values=values, **options)
-            frozen = motion.frozen(motion.values)
+            chosen = motion.frozen(motion.values)
+            fixed = fixed or chosen._fixed
+            frozen = chosen._with(_fixed=fixed)
             signals, derivatives = frozen.forward(motion.values)
             _, back = frozen.adjoint(motion.values, np.cos(signals))
             found += [motion(motion.values), signals, derivatives, back]
