@@ -263,10 +263,11 @@ def test_chaos_from_starts_that_are_far_off() -> None:
     """Errors of the start grow by 7e4 in ten seconds; starts and lengths are 50 % off."""
     data, truth = double_pendulum(10.0, 1)
     starts = {"theta_1_0": 1.0, "theta_2_0": 3.75, "length_1": 0.4, "length_2": 1.95}
-    fit = identify("DoublePendulum", data, unknown=list(truth), noise=NOISE, start_values=starts)
+    settings: dict[str, Any] = {"noise": NOISE, "start_values": starts, "time_limit": 3600.0}
+    fit = identify("DoublePendulum", data, unknown=list(truth), **settings)
     within(fit, **truth)
     with pytest.raises(IdentificationError, match="evaluations is exceeded") as error:
-        identify("DoublePendulum", data, unknown=list(truth), noise=NOISE, start_values=starts, segments=1)
+        identify("DoublePendulum", data, unknown=list(truth), segments=1, **settings)
     assert error.value.fit.cost > 100 * fit.cost
 
 
@@ -298,6 +299,8 @@ def test_segments() -> None:
         ({"mass": 0.0}, "mass = 0: must be > 0"),
         ({"start_time": 1.0}, "before start_time = 1"),
         ({"segments": 0}, "segments = 0"),
+        ({"time_limit": 0}, "time_limit = 0"),
+        ({"length": operator("Sinusoid")}, "length"),
         ({"tolerance": 0}, "tolerance = 0"),
         ({"theta_O": 1.0}, "did you mean 'theta_0'"),
     ],
@@ -362,6 +365,15 @@ def test_what_was_reached_is_in_the_exception(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(IdentificationError, match="give other start values") as error:
         identify("Pendulum", pendulum(), unknown=["length", "theta_0"], segments=1)
     assert error.value.fit.values["length"] == 1.0
+
+
+@pytest.mark.parametrize("segments", [1, 4])
+def test_time_that_is_over(segments: int) -> None:
+    options: dict[str, Any] = {"segments": segments, "theta_0": 0.1, "length": 2.0}
+    with pytest.raises(IdentificationError, match="time_limit has passed; give other start values") as error:
+        identify("Pendulum", pendulum(), unknown=["length", "theta_0"], time_limit=1e-9, **options)
+    assert error.value.fit.values["length"] == 2.0
+    assert error.value.fit.estimate.objective.deadline == np.inf  # what was reached can be looked at
 
 
 def test_a_time_offset_alone() -> None:

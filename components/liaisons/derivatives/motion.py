@@ -24,7 +24,7 @@ from liaisons import flattening
 from liaisons.arguments import finite, listed, named, numbers, positive
 from liaisons.array_names import split
 from liaisons.compiler import system_compiler, zig_compiler
-from liaisons.cosim import System
+from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.compiled_steps import CompiledSteps
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.interpreted_steps import InterpretedSteps
@@ -612,6 +612,8 @@ def motion_of(
     values: dict[str, float] = {}
     for name, value in {**own_values, **named("start_values", start_values or {})}.items():
         elements = _elements(model, name, variables)
+        if isinstance(value, OperatorFmu):
+            raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
         array = numbers(name, value)
         if array.shape not in ((), (len(elements),)):
             raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")

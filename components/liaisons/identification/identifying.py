@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
@@ -43,6 +44,7 @@ def identify(
     smoothing: float | None = None,
     start_time: float = 0.0,
     segments: int | None = None,
+    time_limit: float = 120.0,
     tolerance: float = 1e-10,
     start_values: Mapping[str, Any] | None = None,
     **keywords: Any,
@@ -73,6 +75,7 @@ def identify(
     :param smoothing: distance [s] of knots of splines through what drives; None: through all values.
     :param start_time: [s], when the motion starts, and its start values hold.
     :param segments: of multiple shooting, for motions that are chaotic or start far away; None: if need be.
+    :param time_limit: [s]; then the search ends with an error that has what was reached.
     :param tolerance: of the steps, relative.
     :param start_values: values that are known, and where the search for unknowns begins, if not as declared or, of
         start values of what is measured, as measured.
@@ -86,6 +89,8 @@ def identify(
     values = dict(merged("identify", start_values, keywords, IdentificationError))
     chosen("loss", loss, tuple(LOSSES), IdentificationError)
     positive("tolerance", tolerance, IdentificationError)
+    positive("time_limit", time_limit, IdentificationError)
+    deadline = time.monotonic() + time_limit
     finite("start_time", start_time, IdentificationError)
     if segments is not None:
         whole("segments", segments, IdentificationError)
@@ -130,6 +135,7 @@ def identify(
         start_values={name: value for name, value in starts.items() if name not in unknowns.names},
         operators=moving,
         tolerance=tolerance,
+        deadline=deadline,
     )
     _check(problem)
     fit = Fit(estimated(problem, segments))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, final
@@ -48,12 +49,14 @@ class Minimum:
 
 
 @final
-class _Converged(Exception):  # noqa: N818 - an answer
-    """Raised where no step can be seen to lower the cost."""
+class _Ended(Exception):  # noqa: N818 - an answer
+    """Raised where no step can be seen to lower the cost, without a message, and where time is over, with one."""
 
 
 def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
     """The least cost near a start, where some unknowns are held.
+
+    The search ends, with a message, at the deadline of the objective.
 
     :param accuracy: relative, of cost and unknowns.
     :raises LiaisonsError: if residuals have no value at the start.
@@ -86,8 +89,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         gradient, curvature = influence(objective.loss, residuals)
         weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
         lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
-        if lowered @ lowered <= 2 * _INVISIBLE * cost(residuals):
-            raise _Converged
+        _end(lowered @ lowered / 2, cost(residuals), objective.deadline)
         return derivatives[:, free]
 
     values = start.copy()
@@ -106,11 +108,19 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             gtol=None,  # type: ignore[arg-type]  # as SciPy documents
             max_nfev=_EVALUATIONS,
         )
-    except _Converged:
+    except _Ended as end:
         values[free], (residuals, _) = latest
-        return Minimum(values, cost(residuals), "")
+        return Minimum(values, cost(residuals), str(end))
     values[free] = solution.x
     return Minimum(values, float(solution.cost), "" if solution.status > 0 else solution.message)
+
+
+def _end(gain: float, cost: float, deadline: float) -> None:
+    """Raise where no step can be seen to lower the cost, or time is over."""
+    if gain <= _INVISIBLE * cost:
+        raise _Ended
+    if time.monotonic() > deadline:
+        raise _Ended("time_limit has passed;")
 
 
 def influence(loss: str, residuals: Floats) -> tuple[Floats, Floats]:

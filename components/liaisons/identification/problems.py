@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -84,6 +85,7 @@ class Objective:
     :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
     :param start: unknowns at which the search begins; what is far smaller than that is 0.
     :param shift: is added to all residuals.
+    :param deadline: of a search, on the clock of ``time.monotonic`` [s].
     """
 
     experiments: tuple[MeasuredMotion, ...]
@@ -93,6 +95,7 @@ class Objective:
     start: Floats
     links: tuple[Link, ...] = ()
     shift: float | Floats = 0.0
+    deadline: float = math.inf
     _latest: dict[bytes, tuple[Floats, Floats]] = field(default_factory=dict, init=False, repr=False)
 
     def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
@@ -157,6 +160,7 @@ class FittingProblem:
     :param starts: start value -> the output that it is the start of.
     :param operators: active coordinate -> operator.
     :param tolerance: of steps.
+    :param deadline: of a search, on the clock of ``time.monotonic`` [s].
     """
 
     subject: Any
@@ -174,6 +178,7 @@ class FittingProblem:
     start_values: Mapping[str, Any]
     operators: Mapping[str, Target]
     tolerance: float
+    deadline: float = math.inf
 
     @property
     def count(self) -> int:
@@ -186,7 +191,7 @@ class FittingProblem:
             self._experiment(data, columns, unknowns, level, tolerance=tolerance)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
         )
-        return Objective(tuple(experiments), self.priors, self.limits, self.loss, self.start)
+        return Objective(tuple(experiments), self.priors, self.limits, self.loss, self.start, deadline=self.deadline)
 
     def _experiment(
         self,
@@ -255,7 +260,10 @@ class FittingProblem:
         free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
         limits = np.hstack([self.limits, free])
         values = np.clip(values, *limits)
-        return Objective(tuple(experiments), self.priors, limits, self.loss, values, tuple(links)), values
+        objective = Objective(
+            tuple(experiments), self.priors, limits, self.loss, values, tuple(links), deadline=self.deadline
+        )
+        return objective, values
 
 
 def measured_near(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:

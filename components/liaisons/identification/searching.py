@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -54,7 +55,9 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
             break
     if best is None:
         raise failure or AssertionError
-    return _refined(problem, best, levels)
+    estimate = _refined(problem, best, levels)
+    objective, problem = (replace(one, deadline=math.inf) for one in (estimate.objective, problem))
+    return replace(estimate, objective=objective, problem=problem)  # to verify it takes time of its own
 
 
 def _assumed(problem: FittingProblem) -> tuple[Floats, ...]:
