@@ -56,8 +56,11 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
     if best is None:
         raise failure or AssertionError
     estimate = _refined(problem, best, levels)
-    objective, problem = (replace(one, deadline=math.inf) for one in (estimate.objective, problem))
-    return replace(estimate, objective=objective, problem=problem)  # to verify it takes time of its own
+    return replace(  # to verify it takes time of its own
+        estimate,
+        problem=replace(problem, deadline=math.inf),
+        objective=replace(estimate.objective, deadline=math.inf),
+    )
 
 
 def _assumed(problem: FittingProblem) -> tuple[Floats, ...]:
