@@ -89,7 +89,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         gradient, curvature = influence(objective.loss, residuals)
         weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
         lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
-        _end(lowered @ lowered / 2, cost(residuals), objective.deadline)
+        _end(float(lowered @ lowered) / 2, cost(residuals), objective.deadline)
         return derivatives[:, free]
 
     values = start.copy()
