@@ -10,8 +10,8 @@ from scipy.interpolate import PPoly
 
 from liaisons import System
 from liaisons.derivatives import Motion, motion_of
+from liaisons.derivatives.functions import functions_of
 from liaisons.derivatives.interpreted_steps import InterpretedSteps
-from liaisons.derivatives.motion import functions_of
 from liaisons.errors import ComponentError, SimulationError
 
 TIMES = np.linspace(0.0, 4.0, 81)
@@ -101,7 +101,7 @@ def test_without_a_compiler_the_steps_are_the_same(case: str, monkeypatch: pytes
     for found in (compiled, interpreted):
         with monkeypatch.context() as patch:
             if found is interpreted:
-                patch.setattr("liaisons.derivatives.motion.CompiledSteps", InterpretedSteps)
+                patch.setattr("liaisons.derivatives.functions.CompiledSteps", InterpretedSteps)
             functions_of.cache_clear()
             motion: Any = motion_of(subject, list(values), TIMES[:21] + 1.0, start_values=values, **options)
             chosen = motion.frozen(motion.values)

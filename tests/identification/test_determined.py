@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from liaisons import identify
-from liaisons.derivatives.motion import motion_of
+from liaisons.derivatives.subjects import motion_of
 from liaisons.language import Chain, Component, Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import Model, assemble

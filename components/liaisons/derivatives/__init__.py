@@ -2,7 +2,8 @@
 
 from liaisons.derivatives.differentiation import Gradient, Sensitivities, gradient, sensitivities
 from liaisons.derivatives.linearization import Linearization, linearize
-from liaisons.derivatives.motion import DifferentiableMotion, Motion, motion_of
+from liaisons.derivatives.motion import DifferentiableMotion
+from liaisons.derivatives.subjects import Motion, motion_of
 
 __all__ = [
     "DifferentiableMotion",

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from liaisons.arguments import finite, merged, shown, time_span
 from liaisons.array_names import split
-from liaisons.derivatives.motion import Subject, motion_of
 from liaisons.derivatives.steps import Floats
+from liaisons.derivatives.subjects import Subject, motion_of
 from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalError, suggestion
 from liaisons.results import Result
 from liaisons.units import quotient

@@ -8,49 +8,34 @@ values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast, final
+from typing import Any, Self, TypeAlias, final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from liaisons import flattening
-from liaisons.arguments import finite, listed, named, numbers, positive
-from liaisons.array_names import split
-from liaisons.compiler import system_compiler, zig_compiler
-from liaisons.cosim import OperatorFmu, System
-from liaisons.derivatives.compiled_steps import CompiledSteps
-from liaisons.derivatives.fmus import FmuMotion, fmu_motion
-from liaisons.derivatives.interpreted_steps import InterpretedSteps
-from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
-from liaisons.ensembles.right_hand_sides import (
-    DEGREE,
-    INTEGRALS,
-    RightHandSide,
-    flat_model,
-    operator_model,
-    right_hand_side,
-    settable,
+from liaisons.arguments import numbers
+from liaisons.derivatives.functions import MotionFunctions
+from liaisons.derivatives.steps import (
+    METHOD,
+    NOT_FIXED,
+    Cuts,
+    Floats,
+    Integers,
+    Parts,
+    Segment,
+    Steps,
+    part_of,
+    steps_between,
 )
-from liaisons.errors import ComponentError, SimulationError, suggestion
-from liaisons.expressions import Program, program
-from liaisons.expressions.algebra import stack
-from liaisons.fmu.jumps import jump_effects
+from liaisons.errors import SimulationError
+from liaisons.expressions import Program
 from liaisons.language import Variable
-from liaisons.library import Target, component
-from liaisons.mechanics.model import Model
 
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
-
-Subject: TypeAlias = "Target | Model | System"
-Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
 Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
 
 _MARGIN = 8
@@ -61,132 +46,7 @@ _ROUNDING = 4e-15
 _CHUNK, _ROOM = 2**21, 2**25
 """Numbers that are kept for derivatives: by a part of the steps, and by all."""
 _EQUAL = 1e-9
-
-
-@final
-class _Functions:
-    """Steps of a motion, and what happens at their ends; made when they are needed."""
-
-    def __init__(self, model: Model, equations: RightHandSide) -> None:
-        self._model, self._equations = model, equations
-        self._t, self._k, self._s, self._y = equations.symbols
-        native = system_compiler() or zig_compiler()
-        self.steps = CompiledSteps(equations) if native else InterpretedSteps(equations)
-        self.condition_texts = equations.condition_texts
-        self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
-
-    @cached_property
-    def carrying(self) -> set[str]:
-        """Active coordinates whose jumps carry states along."""
-        effects, active = jump_effects(self._model), [a.value for a in self._model.active]
-        moving = np.isin(active, self.prescribed_names)
-        carries = effects.moves | effects.mixes[:, moving].any(axis=1)
-        return {name for name, carried in zip(active, carries, strict=True) if carried}
-
-    @cached_property
-    def start(self) -> ca.Function:
-        """(k, s) -> first state, and nominal values."""
-        return _function([self._k, self._s], self._equations.start, self._equations.sizes)
-
-    @cached_property
-    def start_tangents(self) -> ca.Function:
-        """(k, s) -> derivatives of the first state."""
-        return _function([self._k, self._s], ca.jacobian(self._equations.start, self._k))
-
-    @cached_property
-    def start_adjoint(self) -> ca.Function:
-        """(k, s, factors) -> derivatives of their sum with the first state."""
-        factors = ca.SX.sym("factors", self.states)
-        return _function([self._k, self._s, factors], ca.jtimes(self._equations.start, self._k, factors, True))
-
-    @cached_property
-    def events(self) -> ca.Function:
-        """(t, k, s) -> instants, and their derivatives."""
-        instants = self._equations.events
-        return _function([self._t, self._k, self._s], instants, ca.jacobian(instants, self._k))
-
-    @cached_property
-    def prescribed(self) -> ca.Function:
-        """(t, k, s) -> active coordinates that move."""
-        return _function([self._t, self._k, self._s], stack(self._equations.prescribed.values()))
-
-    @cached_property
-    def landed(self) -> ca.Function | None:
-        """(t, k, s, y, t before, s before) -> state after an event, and its derivatives by k, y and its instant."""
-        landed, (t, s) = self._equations.landed, self._equations.before
-        if landed is None:
-            return None
-        of_time = ca.jacobian(landed, self._t) + ca.jacobian(landed, t)
-        by = (ca.jacobian(landed, x) for x in (self._k, self._y))
-        return _function([*self._equations.symbols, t, s], landed, *by, of_time)
-
-    @cached_property
-    def outputs(self) -> Program:
-        """Signals."""
-        return program(self._equations.symbols, [self._equations.outputs])
-
-    @cached_property
-    def conditions(self) -> Program:
-        """What must stay > 0."""
-        return program(self._equations.symbols, [self._equations.conditions])
-
-    @cached_property
-    def output_rates(self) -> Program:
-        """Time derivatives of the signals."""
-        along = ca.jtimes(self._equations.outputs, ca.vertcat(self._t, self._y), ca.vertcat(1, self._equations.rates))
-        return program(self._equations.symbols, [along])
-
-    @cached_property
-    def output_slopes(self) -> tuple[list[tuple[int, int]], Program]:
-        """Derivatives of signals by values, then states: (signal, which of these) and their program."""
-        slopes = ca.jacobian(self._equations.outputs, ca.vertcat(self._k, self._y))
-        where = list(zip(*slopes.sparsity().get_triplet(), strict=True))
-        return where, program(self._equations.symbols, [slopes.nz[:]])
-
-
-def _function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
-    return ca.Function("function", list(inputs), ca.cse([ca.densify(output) for output in outputs]))
-
-
-@lru_cache(maxsize=32)
-def functions_of(
-    model: Model,
-    *,
-    moving: tuple[tuple[str, Model], ...],
-    names: tuple[str, ...],
-    shared: tuple[str, ...],
-    record: tuple[str, ...],
-    driven: tuple[str, ...],
-) -> _Functions:
-    """What a motion needs; the last ones are kept."""
-    return _Functions(
-        model, right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven)
-    )
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class _Cuts:
-    """Instants at which steps end.
-
-    :param slopes: their derivatives by the values, (instants, values).
-    :param events: which of them are events.
-    :param records: number of the recorded time; -1: none.
-    """
-
-    times: Floats
-    slopes: Floats
-    events: NDArray[np.bool_]
-    records: Integers
-
-    def order(self) -> tuple[bytes, bytes]:
-        """Which kinds of instants follow each other."""
-        return self.events.tobytes(), self.records.tobytes()
-
-
-Parts: TypeAlias = tuple[Floats, Integers]
-"""Ends of steps as parts of their intervals, one after another, and how many there are in each interval."""
-_NOT_FIXED: tuple[tuple[bytes, bytes], list[Parts]] = (b"", b""), []
+"""Jumps of active coordinates that are less, relative to them, are roundings."""
 
 
 @final
@@ -261,7 +121,7 @@ class DifferentiableMotion:
     def __init__(
         self,
         name: str,
-        functions: _Functions,
+        functions: MotionFunctions,
         variables: Mapping[str, Variable],
         values: Floats,
         times: Floats,
@@ -279,7 +139,7 @@ class DifferentiableMotion:
         self._functions, self._variables, self._table, self._breaks = functions, variables, table, breaks
         self._jumps = jumps
         self._tolerance = max(_PART * tolerance, _ROUNDING)
-        self._fixed = _NOT_FIXED
+        self._fixed = NOT_FIXED
         self._last: tuple[bytes | None, list[_Piece]] = None, []
 
     def __call__(self, values: ArrayLike) -> Floats:
@@ -335,7 +195,7 @@ class DifferentiableMotion:
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
-        return self._with(times=_times(times, self._start), _fixed=_NOT_FIXED, _last=(None, []))
+        return self._with(times=recorded_times(times, self._start), _fixed=NOT_FIXED, _last=(None, []))
 
     def frozen(self, values: ArrayLike) -> Self:
         """The same motion with the steps that are taken at some values, wherever events come in the same order."""
@@ -406,7 +266,7 @@ class DifferentiableMotion:
 
     # ---- where steps end
 
-    def _cuts(self, k: Floats) -> _Cuts:
+    def _cuts(self, k: Floats) -> Cuts:
         """Start, recorded times, breaks and events, in order; an event comes before what is at the same time."""
         start, stop = self._start, self.times[-1]
         jumps, breaks = (t[(start < t) & (t < stop)] for t in (self._jumps, self._breaks))
@@ -422,7 +282,7 @@ class DifferentiableMotion:
         records = np.full(len(times), -1)
         records[len(instants) + np.searchsorted(regular, later)] = np.arange(len(self.times))[self.times > start]
         order = np.lexsort((~events, times))
-        return _Cuts(times[order], _padded(slopes, len(times))[order], events[order], records[order])
+        return Cuts(times[order], _padded(slopes, len(times))[order], events[order], records[order])
 
     def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
         """Instants and their derivatives."""
@@ -436,7 +296,7 @@ class DifferentiableMotion:
             for slope in np.unique(slopes[instants.ravel() == t], axis=0):
                 yield t, slope
 
-    def _segments(self, cuts: _Cuts) -> Iterator[tuple[Segment, slice]]:
+    def _segments(self, cuts: Cuts) -> Iterator[tuple[Segment, slice]]:
         """What is between events, and which of the instants."""
         for first, last in pairwise([0, *np.flatnonzero(cuts.events).tolist(), len(cuts.times) - 1]):
             if last > first:
@@ -462,13 +322,13 @@ class DifferentiableMotion:
         most = max(1, _CHUNK // (METHOD.stages + 1) // self._functions.states)
         for (segment, inside), part in zip(self._segments(cuts), parts, strict=True):
             event = (float(cuts.times[inside.start]), cuts.slopes[inside.start]) if inside.start else None
-            whole, recorded = _steps(cuts, inside, part, segment)
+            whole, recorded = steps_between(cuts, inside, part, segment)
             for begin in range(0, len(whole.t), most):
-                pieces.append(_Piece(*_some(whole, recorded, begin, begin + most), None if begin else event))
+                pieces.append(_Piece(*part_of(whole, recorded, begin, begin + most), None if begin else event))
         self._last = key, pieces
         return pieces
 
-    def _chosen(self, k: Floats, cuts: _Cuts) -> list[Parts]:
+    def _chosen(self, k: Floats, cuts: Cuts) -> list[Parts]:
         """Ends of steps, segment by segment."""
         f = self._functions
         y, sizes = (_array(x).ravel() for x in f.start(k, self._table[0]))
@@ -506,6 +366,16 @@ class DifferentiableMotion:
         return landed.ravel(), _Landing(of_k + of_time * slope, of_y)
 
 
+def recorded_times(times: ArrayLike, start_time: float) -> Floats:
+    """Times that can be recorded [s]."""
+    array = numbers("times", times)
+    if array.ndim != 1 or not array.size or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
+        raise SimulationError("times: give finite numbers in ascending order")
+    if array[0] < start_time:
+        raise SimulationError(f"times: {array[0]:g} s is before start_time = {start_time:g} s")
+    return array
+
+
 def _array(matrix: ca.DM) -> Floats:
     return np.array(matrix.full())
 
@@ -517,190 +387,3 @@ def _rounding(time: float) -> float:
 def _padded(rows: Sequence[Floats], count: int) -> Floats:
     """Rows, with zeros after them."""
     return np.concatenate([rows, np.zeros((count - len(rows), len(rows[0])))])
-
-
-def _steps(cuts: _Cuts, inside: slice, parts: Parts, segment: Segment) -> tuple[Steps, Integers]:
-    """Steps of a segment, and the numbers of the recorded times."""
-    ends, counts = parts
-    slopes, records = cuts.slopes[inside], cuts.records[inside][1:]
-    which, last = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - 1
-    begins = np.concatenate([[0.0], ends[:-1]])
-    begins[last[:-1] + 1] = 0.0
-    sizes, spans = ends - begins, np.diff(segment.cuts)[which]
-    if slopes.any():
-        changes = np.diff(slopes, axis=0)[which]
-        of_t, of_h = slopes[which] + begins[:, None] * changes, sizes[:, None] * changes
-    else:
-        of_t = of_h = slopes[:1]
-    recorded, record = records[records >= 0], np.full(len(which), -1)
-    record[last[records >= 0]] = np.arange(len(recorded))
-    t, h = segment.cuts[which] + begins * spans, sizes * spans
-    rows, limits, table = segment.rows[which], segment.limits, segment.table
-    return Steps(t, h, rows, limits, table, of_t, of_h, record, len(recorded)), recorded
-
-
-def _some(steps: Steps, recorded: Integers, begin: int, end: int) -> tuple[Steps, Integers]:
-    """Steps from one number to another, and the numbers of the recorded times."""
-    part = slice(begin, end)
-    record = steps.record[part]
-    inside = record[record >= 0]
-    local = np.where(record >= 0, record - (inside[0] if inside.size else 0), -1)
-    of_t, of_h = (rows[part] if len(rows) == len(steps.t) else rows for rows in (steps.of_t, steps.of_h))
-    t, h, rows = steps.t[part], steps.h[part], steps.rows[part]
-    return Steps(t, h, rows, steps.limits, steps.table, of_t, of_h, local, len(inside)), recorded[inside]
-
-
-def _times(times: ArrayLike, start_time: float) -> Floats:
-    array = numbers("times", times)
-    if array.ndim != 1 or not array.size or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
-        raise SimulationError("times: give finite numbers in ascending order")
-    if array[0] < start_time:
-        raise SimulationError(f"times: {array[0]:g} s is before start_time = {start_time:g} s")
-    return array
-
-
-def motion_of(
-    subject: Subject,
-    by: str | Iterable[str],
-    times: ArrayLike,
-    *,
-    start_time: float = 0.0,
-    record: str | Iterable[str] | None = None,
-    operators: Mapping[str, Target] | None = None,
-    inputs: Mapping[str, PPoly] | None = None,
-    start_values: Mapping[str, ArrayLike] | None = None,
-    tolerance: float = 1e-10,
-) -> Motion:
-    """A motion as a function of some of its values.
-
-    :param subject: a component by its name, file or class; a model; an FMU; a system, with names such as
-        ``"swing.theta"``.
-    :param by: values that it is a function of: start values, parameters, inputs at rest, and parameters of operators,
-        ``"length.amplitude"``; an array under its own name or element by element.
-    :param times: recorded [s], ascending.
-    :param start_time: of the motion [s].
-    :param record: outputs; coordinates and momenta if None.
-    :param operators: active coordinate -> operator that moves it, by its name, file or class.
-    :param inputs: input or active coordinate -> piecewise polynomial of time, of degree five at most; an active
-        coordinate takes its rate and acceleration from it, too.
-    :param start_values: of these and further values, where they differ from the declared ones.
-    :param tolerance: of a step, relative to the size of each state; kept with a margin.
-    :raises ComponentError: for an unknown name, with the nearest one.
-    :raises SimulationError: for a bad number, or a system that cannot be flattened.
-    """
-    try:
-        model, own_values = _model(subject)
-    except (SimulationError, ComponentError):  # of FMUs whose equations are not at hand
-        if not _is_file(subject) and not isinstance(subject, System):
-            raise
-        if operators:
-            raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
-        foreign = subject if isinstance(subject, System) else Path(cast("str", subject))
-        options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
-        return fmu_motion(foreign, by, _times(times, start_time), tolerance=tolerance, **options)
-    moving = {
-        name: operator_model(model, name, component(operator))
-        for name, operator in named("operators", operators or {}).items()
-    }
-    driven = named("inputs", inputs or {})
-    finite("start_time", start_time)
-    positive("tolerance", tolerance)
-    variables = settable(model, moving)
-    _check_driven(model, driven, moving)
-    hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
-    variables = {name: variable for name, variable in variables.items() if name not in hidden}
-    values: dict[str, float] = {}
-    for name, value in {**own_values, **named("start_values", start_values or {})}.items():
-        elements = _elements(model, name, variables)
-        if isinstance(value, OperatorFmu):
-            raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
-        array = numbers(name, value)
-        if array.shape not in ((), (len(elements),)):
-            raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
-        values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
-    for name, value in values.items():
-        if not (np.isfinite(value) and variables[name].allows(value)):
-            domain = variables[name].domain() or "finite"
-            raise SimulationError(f"{model.name}: {name} = {value:g}: must be {domain}")
-    names = dict.fromkeys(element for name in listed("by", by) for element in _elements(model, name, variables))
-    shared = [name for name in values if name not in names]
-
-    outputs = {variable.name: variable for variable in model.outputs}
-    states = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
-    signals = states if record is None else [x for name in listed("record", record) for x in _group(name, outputs)]
-    functions = functions_of(
-        model,
-        moving=tuple(moving.items()),
-        names=tuple(names),
-        shared=tuple(shared),
-        record=tuple(signals),
-        driven=tuple(driven),
-    )
-    breaks = np.unique([x for polynomial in driven.values() for x in polynomial.x] or [start_time])
-    columns = [np.full(len(breaks), number) for number in (*(values[name] for name in shared), start_time)]
-    columns += [breaks, *(_coefficients(polynomial, breaks) for polynomial in driven.values())]
-    table = np.ascontiguousarray(np.column_stack(columns))
-    sides = [_coefficients(p, np.nextafter(breaks, s))[:, :2] for p in driven.values() for s in (-np.inf, np.inf)]
-    jumped = [np.abs(b - a) > _EQUAL * (1 + np.abs(a)) for a, b in zip(sides[::2], sides[1::2], strict=True)]
-    jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
-    own = {name: variables[name] for name in names}
-    described = own | {name: outputs[name] for name in signals}
-    return DifferentiableMotion(
-        model.name,
-        functions,
-        own,
-        np.array([values.get(name, variable.starts[0]) for name, variable in own.items()]),
-        _times(times, start_time),
-        start_time=float(start_time),
-        table=table,
-        breaks=breaks,
-        jumps=jumps,
-        signals=tuple(signals),
-        units={name: variable.unit for name, variable in described.items()},
-        tolerance=tolerance,
-    )
-
-
-def _is_file(subject: object) -> bool:
-    return isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu"
-
-
-def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
-    """The model, and start values of a file that differ from the declared ones."""
-    if isinstance(subject, System):
-        return flattening.composed(subject).flat(), {}
-    if not _is_file(subject):
-        return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject))), {}
-    model, starts = flattening.model_of(cast("str", subject))
-    return model, {v.name: starts[v.name] for v in settable(model, {}).values() if starts[v.name] != v.start}
-
-
-def _group(name: str, known: Iterable[str]) -> list[str]:
-    """Elements of an array, or the name itself."""
-    return [other for other in known if other != name and split(other)[0] == name] or [name]
-
-
-def _elements(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
-    elements = _group(name, variables)
-    if elements[0] not in variables:
-        raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
-    return elements
-
-
-def _check_driven(model: Model, driven: Mapping[str, Any], moving: Mapping[str, Model]) -> None:
-    known = [v.name for v in model.inputs]
-    for name, polynomial in driven.items():
-        if name not in known:
-            raise ComponentError(f"inputs: {model.name} has no input {name!r}{suggestion(name, known)}")
-        if name in moving:
-            raise ComponentError(f"inputs: {name} is moved by an operator, too; leave one out")
-        shape = np.shape(getattr(polynomial, "c", ()))
-        if len(shape) != 2 or shape[0] > DEGREE + 1:
-            raise SimulationError(f"inputs: {name} = {polynomial!r}: give a PPoly of degree {DEGREE} at most")
-
-
-def _coefficients(polynomial: PPoly, breaks: Floats) -> Floats:
-    """Coefficients from each break on, (breaks, DEGREE + 1), the constant ones first."""
-    factors = np.cumprod([1.0, *range(1, DEGREE + 1)])
-    rows = [polynomial(breaks, order) if order < len(polynomial.c) else 0 * breaks for order in range(DEGREE + 1)]
-    return np.transpose(rows) / factors

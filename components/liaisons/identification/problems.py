@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.array_names import split
-from liaisons.derivatives.motion import Motion, motion_of
+from liaisons.derivatives.subjects import Motion, motion_of
 from liaisons.identification.determinacy import NullSpace
 from liaisons.identification.measurements import Measurements
 from liaisons.library import Target

@@ -1,0 +1,120 @@
+"""Functions of a motion, made when they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from liaisons.compiler import system_compiler, zig_compiler
+from liaisons.derivatives.compiled_steps import CompiledSteps
+from liaisons.derivatives.interpreted_steps import InterpretedSteps
+from liaisons.ensembles.right_hand_sides import RightHandSide, right_hand_side
+from liaisons.expressions import Program, program
+from liaisons.expressions.algebra import stack
+from liaisons.fmu.jumps import jump_effects
+from liaisons.mechanics.model import Model
+
+
+@final
+class MotionFunctions:
+    """Steps of a motion, and what happens at their ends; made when they are needed."""
+
+    def __init__(self, model: Model, equations: RightHandSide) -> None:
+        self._model, self._equations = model, equations
+        self._t, self._k, self._s, self._y = equations.symbols
+        native = system_compiler() or zig_compiler()
+        self.steps = CompiledSteps(equations) if native else InterpretedSteps(equations)
+        self.condition_texts = equations.condition_texts
+        self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
+
+    @cached_property
+    def carrying(self) -> set[str]:
+        """Active coordinates whose jumps carry states along."""
+        effects, active = jump_effects(self._model), [a.value for a in self._model.active]
+        moving = np.isin(active, self.prescribed_names)
+        carries = effects.moves | effects.mixes[:, moving].any(axis=1)
+        return {name for name, carried in zip(active, carries, strict=True) if carried}
+
+    @cached_property
+    def start(self) -> ca.Function:
+        """(k, s) -> first state, and nominal values."""
+        return _function([self._k, self._s], self._equations.start, self._equations.sizes)
+
+    @cached_property
+    def start_tangents(self) -> ca.Function:
+        """(k, s) -> derivatives of the first state."""
+        return _function([self._k, self._s], ca.jacobian(self._equations.start, self._k))
+
+    @cached_property
+    def start_adjoint(self) -> ca.Function:
+        """(k, s, factors) -> derivatives of their sum with the first state."""
+        factors = ca.SX.sym("factors", self.states)
+        return _function([self._k, self._s, factors], ca.jtimes(self._equations.start, self._k, factors, True))
+
+    @cached_property
+    def events(self) -> ca.Function:
+        """(t, k, s) -> instants, and their derivatives."""
+        instants = self._equations.events
+        return _function([self._t, self._k, self._s], instants, ca.jacobian(instants, self._k))
+
+    @cached_property
+    def prescribed(self) -> ca.Function:
+        """(t, k, s) -> active coordinates that move."""
+        return _function([self._t, self._k, self._s], stack(self._equations.prescribed.values()))
+
+    @cached_property
+    def landed(self) -> ca.Function | None:
+        """(t, k, s, y, t before, s before) -> state after an event, and its derivatives by k, y and its instant."""
+        landed, (t, s) = self._equations.landed, self._equations.before
+        if landed is None:
+            return None
+        of_time = ca.jacobian(landed, self._t) + ca.jacobian(landed, t)
+        by = (ca.jacobian(landed, x) for x in (self._k, self._y))
+        return _function([*self._equations.symbols, t, s], landed, *by, of_time)
+
+    @cached_property
+    def outputs(self) -> Program:
+        """Signals."""
+        return program(self._equations.symbols, [self._equations.outputs])
+
+    @cached_property
+    def conditions(self) -> Program:
+        """What must stay > 0."""
+        return program(self._equations.symbols, [self._equations.conditions])
+
+    @cached_property
+    def output_rates(self) -> Program:
+        """Time derivatives of the signals."""
+        along = ca.jtimes(self._equations.outputs, ca.vertcat(self._t, self._y), ca.vertcat(1, self._equations.rates))
+        return program(self._equations.symbols, [along])
+
+    @cached_property
+    def output_slopes(self) -> tuple[list[tuple[int, int]], Program]:
+        """Derivatives of signals by values, then states: (signal, which of these) and their program."""
+        slopes = ca.jacobian(self._equations.outputs, ca.vertcat(self._k, self._y))
+        where = list(zip(*slopes.sparsity().get_triplet(), strict=True))
+        return where, program(self._equations.symbols, [slopes.nz[:]])
+
+
+def _function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
+    return ca.Function("function", list(inputs), ca.cse([ca.densify(output) for output in outputs]))
+
+
+@lru_cache(maxsize=32)
+def functions_of(
+    model: Model,
+    *,
+    moving: tuple[tuple[str, Model], ...],
+    names: tuple[str, ...],
+    shared: tuple[str, ...],
+    record: tuple[str, ...],
+    driven: tuple[str, ...],
+) -> MotionFunctions:
+    """What a motion needs; the last ones are kept."""
+    return MotionFunctions(
+        model, right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven)
+    )

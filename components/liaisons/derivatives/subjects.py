@@ -1,0 +1,180 @@
+"""From a component, an FMU or a system to its motion as a function of values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons import flattening
+from liaisons.arguments import finite, listed, named, numbers, positive
+from liaisons.array_names import split
+from liaisons.cosim import OperatorFmu, System
+from liaisons.derivatives.fmus import FmuMotion, fmu_motion
+from liaisons.derivatives.functions import functions_of
+from liaisons.derivatives.motion import DifferentiableMotion, recorded_times
+from liaisons.derivatives.steps import Floats
+from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, flat_model, operator_model, settable
+from liaisons.errors import ComponentError, SimulationError, suggestion
+from liaisons.language import Variable
+from liaisons.library import Target, component
+from liaisons.mechanics.model import Model
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+Subject: TypeAlias = "Target | Model | System"
+Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
+
+_EQUAL = 1e-9
+"""Jumps of inputs that are less, relative to them, are roundings."""
+
+
+def motion_of(
+    subject: Subject,
+    by: str | Iterable[str],
+    times: ArrayLike,
+    *,
+    start_time: float = 0.0,
+    record: str | Iterable[str] | None = None,
+    operators: Mapping[str, Target] | None = None,
+    inputs: Mapping[str, PPoly] | None = None,
+    start_values: Mapping[str, ArrayLike] | None = None,
+    tolerance: float = 1e-10,
+) -> Motion:
+    """A motion as a function of some of its values.
+
+    :param subject: a component by its name, file or class; a model; an FMU; a system, with names such as
+        ``"swing.theta"``.
+    :param by: values that it is a function of: start values, parameters, inputs at rest, and parameters of operators,
+        ``"length.amplitude"``; an array under its own name or element by element.
+    :param times: recorded [s], ascending.
+    :param start_time: of the motion [s].
+    :param record: outputs; coordinates and momenta if None.
+    :param operators: active coordinate -> operator that moves it, by its name, file or class.
+    :param inputs: input or active coordinate -> piecewise polynomial of time, of degree five at most; an active
+        coordinate takes its rate and acceleration from it, too.
+    :param start_values: of these and further values, where they differ from the declared ones.
+    :param tolerance: of a step, relative to the size of each state; kept with a margin.
+    :raises ComponentError: for an unknown name, with the nearest one.
+    :raises SimulationError: for a bad number, or a system that cannot be flattened.
+    """
+    try:
+        model, own_values = _model(subject)
+    except (SimulationError, ComponentError):  # of FMUs whose equations are not at hand
+        if not _is_file(subject) and not isinstance(subject, System):
+            raise
+        if operators:
+            raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
+        foreign = subject if isinstance(subject, System) else Path(cast("str", subject))
+        options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
+        return fmu_motion(foreign, by, recorded_times(times, start_time), tolerance=tolerance, **options)
+    moving = {
+        name: operator_model(model, name, component(operator))
+        for name, operator in named("operators", operators or {}).items()
+    }
+    driven = named("inputs", inputs or {})
+    finite("start_time", start_time)
+    positive("tolerance", tolerance)
+    variables = settable(model, moving)
+    _check_driven(model, driven, moving)
+    hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
+    variables = {name: variable for name, variable in variables.items() if name not in hidden}
+    values: dict[str, float] = {}
+    for name, value in {**own_values, **named("start_values", start_values or {})}.items():
+        elements = _elements(model, name, variables)
+        if isinstance(value, OperatorFmu):
+            raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
+        array = numbers(name, value)
+        if array.shape not in ((), (len(elements),)):
+            raise SimulationError(f"{model.name}: {name} has shape {array.shape}; it has {len(elements)} elements")
+        values |= dict(zip(elements, np.broadcast_to(array, len(elements)).tolist(), strict=True))
+    for name, value in values.items():
+        if not (np.isfinite(value) and variables[name].allows(value)):
+            domain = variables[name].domain() or "finite"
+            raise SimulationError(f"{model.name}: {name} = {value:g}: must be {domain}")
+    names = dict.fromkeys(element for name in listed("by", by) for element in _elements(model, name, variables))
+    shared = [name for name in values if name not in names]
+
+    outputs = {variable.name: variable for variable in model.outputs}
+    states = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
+    signals = states if record is None else [x for name in listed("record", record) for x in _group(name, outputs)]
+    functions = functions_of(
+        model,
+        moving=tuple(moving.items()),
+        names=tuple(names),
+        shared=tuple(shared),
+        record=tuple(signals),
+        driven=tuple(driven),
+    )
+    breaks = np.unique([x for polynomial in driven.values() for x in polynomial.x] or [start_time])
+    columns = [np.full(len(breaks), number) for number in (*(values[name] for name in shared), start_time)]
+    columns += [breaks, *(_coefficients(polynomial, breaks) for polynomial in driven.values())]
+    table = np.ascontiguousarray(np.column_stack(columns))
+    sides = [_coefficients(p, np.nextafter(breaks, s))[:, :2] for p in driven.values() for s in (-np.inf, np.inf)]
+    jumped = [np.abs(b - a) > _EQUAL * (1 + np.abs(a)) for a, b in zip(sides[::2], sides[1::2], strict=True)]
+    jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
+    own = {name: variables[name] for name in names}
+    described = own | {name: outputs[name] for name in signals}
+    return DifferentiableMotion(
+        model.name,
+        functions,
+        own,
+        np.array([values.get(name, variable.starts[0]) for name, variable in own.items()]),
+        recorded_times(times, start_time),
+        start_time=float(start_time),
+        table=table,
+        breaks=breaks,
+        jumps=jumps,
+        signals=tuple(signals),
+        units={name: variable.unit for name, variable in described.items()},
+        tolerance=tolerance,
+    )
+
+
+def _is_file(subject: object) -> bool:
+    return isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu"
+
+
+def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
+    """The model, and start values of a file that differ from the declared ones."""
+    if isinstance(subject, System):
+        return flattening.composed(subject).flat(), {}
+    if not _is_file(subject):
+        return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject))), {}
+    model, starts = flattening.model_of(cast("str", subject))
+    return model, {v.name: starts[v.name] for v in settable(model, {}).values() if starts[v.name] != v.start}
+
+
+def _group(name: str, known: Iterable[str]) -> list[str]:
+    """Elements of an array, or the name itself."""
+    return [other for other in known if other != name and split(other)[0] == name] or [name]
+
+
+def _elements(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
+    elements = _group(name, variables)
+    if elements[0] not in variables:
+        raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
+    return elements
+
+
+def _check_driven(model: Model, driven: Mapping[str, Any], moving: Mapping[str, Model]) -> None:
+    known = [v.name for v in model.inputs]
+    for name, polynomial in driven.items():
+        if name not in known:
+            raise ComponentError(f"inputs: {model.name} has no input {name!r}{suggestion(name, known)}")
+        if name in moving:
+            raise ComponentError(f"inputs: {name} is moved by an operator, too; leave one out")
+        shape = np.shape(getattr(polynomial, "c", ()))
+        if len(shape) != 2 or shape[0] > DEGREE + 1:
+            raise SimulationError(f"inputs: {name} = {polynomial!r}: give a PPoly of degree {DEGREE} at most")
+
+
+def _coefficients(polynomial: PPoly, breaks: Floats) -> Floats:
+    """Coefficients from each break on, (breaks, DEGREE + 1), the constant ones first."""
+    factors = np.cumprod([1.0, *range(1, DEGREE + 1)])
+    rows = [polynomial(breaks, order) if order < len(polynomial.c) else 0 * breaks for order in range(DEGREE + 1)]
+    return np.transpose(rows) / factors
