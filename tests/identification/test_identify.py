@@ -208,6 +208,17 @@ def test_measured_drive() -> None:
     assert all(verdict.passed for verdict in fit.verify())
 
 
+def test_measured_load() -> None:
+    """An input that is no coordinate has no rates that drive."""
+    load = 0.3 * np.sin(2 * TIMES)
+    run = simulate("Pendulum", times=TIMES, theta_0=0.5, inputs={"theta_load": lambda t: 0.3 * np.sin(2 * t)})
+    theta = run["theta"] + NOISE * np.random.default_rng(0).standard_normal(TIMES.size)
+    data = {"time": TIMES, "theta_load": load, "theta": theta}
+    fit = identify("Pendulum", data, unknown=["length", "theta_0"], noise=NOISE)
+    within(fit, length=1.0, theta_0=0.5)
+    assert all(verdict.passed for verdict in fit.verify())
+
+
 def test_verdicts() -> None:
     fit = identify("Pendulum", pendulum(), unknown=["length", "theta_0"], noise=NOISE)
     verdicts = fit.verify()

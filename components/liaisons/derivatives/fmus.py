@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import listed, numbers
-from liaisons.cosim import Port, Result, System
+from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values as valid
 from liaisons.cosim.running.run import performed
@@ -112,11 +112,7 @@ class FmuMotion:
         for name, value in {**self.starts, **values}.items():
             owner, variable = owned(title, parts, "value", name, single=self.single)
             starts[owner][variable] = value
-        functions = {}
-        for name, polynomial in self.inputs.items():
-            owner, variable = owned(title, parts, "input", name, single=self.single)
-            is_port = Port(parts[owner], variable).triple() is not None
-            functions[name] = partial(_triple, polynomial) if is_port else polynomial
+        functions = input_functions(title, parts, self.inputs, single=self.single)
         settings = SimulationSettings(times=self._points(), tolerance=self.tolerance, record=record, inputs=functions)
         parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
         return performed(checked(title, parts, self.system.connections, settings, single=self.single))
@@ -247,6 +243,22 @@ def fmu_motion(
                 equations.jacobian()
                 return replace(motion, method="directional derivatives")
     return motion
+
+
+def input_functions(
+    title: str, parts: Mapping[str, SystemComponent], polynomials: Mapping[str, PPoly], *, single: bool
+) -> dict[str, Callable[[float], Any]]:
+    """Functions of time of inputs; those of an active coordinate return its value, rate and acceleration.
+
+    :param single: whether names have no prefix, there being one part.
+    :raises SimulationError: for an unknown name.
+    """
+    functions: dict[str, Callable[[float], Any]] = {}
+    for name, polynomial in polynomials.items():
+        owner, variable = owned(title, parts, "input", name, single=single)
+        is_port = Port(parts[owner], variable).triple() is not None
+        functions[name] = partial(_triple, polynomial) if is_port else polynomial
+    return functions
 
 
 def _triple(polynomial: PPoly, t: float) -> tuple[Any, ...]:

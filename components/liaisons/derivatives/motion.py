@@ -45,8 +45,8 @@ _PART = 0.002
 _ROUNDING = 4e-15
 _CHUNK, _ROOM = 2**21, 2**25
 """Numbers that are kept for derivatives: by a part of the steps, and by all."""
-_EQUAL = 1e-9
-"""Jumps of active coordinates that are less, relative to them, are roundings."""
+EQUAL = 1e-9
+"""Jumps of inputs that are less, relative to them, are roundings."""
 
 
 @final
@@ -356,7 +356,7 @@ class DifferentiableMotion:
         before, after = (self._table[row] for row in self._row(np.array(sides)))
         then, now = (_array(f.prescribed(*at)) for at in ((sides[0], k, before), (sides[1], k, after)))
         for name, change, value in zip(f.prescribed_names, now - then, then, strict=True):
-            if abs(change[0]) > _EQUAL * (1 + abs(value[0])) and name in f.carrying:
+            if abs(change[0]) > EQUAL * (1 + abs(value[0])) and name in f.carrying:
                 raise SimulationError(
                     f"{self.name}: {name} jumps at t = {time:g} s and carries states along, which is not differentiated"
                 )

@@ -12,7 +12,7 @@ from liaisons import flattening
 from liaisons.arguments import chosen, finite, listed, merged, named, positive, shown, whole
 from liaisons.array_names import split
 from liaisons.cosim import System
-from liaisons.ensembles.right_hand_sides import operator_model, settable
+from liaisons.ensembles.right_hand_sides import flat_model, operator_model, settable
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
@@ -21,7 +21,7 @@ from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats
 from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target, component
-from liaisons.mechanics import Model, assemble
+from liaisons.mechanics import Model
 
 Range = tuple[float | None, float | None]
 Data = Any
@@ -238,7 +238,7 @@ def _model(subject: Target | Model | System) -> Model:
     """Equations of what was measured, arrays element by element."""
     if isinstance(subject, System):
         return flattening.composed(subject)
-    return (subject if isinstance(subject, Model) else assemble(component(subject))).flat()
+    return subject.flat() if isinstance(subject, Model) else flat_model(component(subject))
 
 
 def _started(name: str) -> str:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from liaisons import cosim
+from liaisons.derivatives.fmus import input_functions
 from liaisons.folders import process_folder
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.problems import TIME_OFFSET, FittingProblem, MeasuredMotion
 from liaisons.interface import operator, simulate
-from liaisons.library import build
+from liaisons.library import build, fmu_file
 from liaisons.mechanics import Model
 from liaisons.results import Result
 
@@ -22,6 +23,7 @@ _STEPS = 1000
 """Communication steps, at least: what operators do in one is interpolated."""
 
 
+@lru_cache(maxsize=1)  # a film and verdicts are of the same runs
 def replays(estimate: ParameterEstimate) -> tuple[Result, ...]:
     """The motion of each experiment; its times are among the communication points."""
     problem, values = estimate.problem, estimate.values.tolist()
@@ -38,17 +40,14 @@ def _replay(problem: FittingProblem, experiment: MeasuredMotion, values: Mapping
     most = np.ptp(ends) / _STEPS
     inner = [np.linspace(a, b, int(np.ceil((b - a) / most)), endpoint=False) for a, b in pairwise(ends)]
     times = np.append(np.concatenate(inner), ends[-1])
-    inputs = {name: _driven(polynomial) for name, polynomial in data.inputs.items()}
     if isinstance(subject, cosim.System):
+        inputs = input_functions(subject.name, subject.parts, data.inputs, single=False)
         return subject.with_start_values(starts).simulate(times=times, tolerance=_TOLERANCE, inputs=inputs)
     for name, target in problem.operators.items():
         own = [start for start in starts if start.startswith(f"{name}.")]
         starts[name] = operator(target, start_values={start.partition(".")[2]: starts.pop(start) for start in own})
-    fmu = build(subject, process_folder()) if isinstance(subject, Model) else subject
+    fmu = build(subject, process_folder()) if isinstance(subject, Model) else fmu_file(subject)
+    alone = cosim.System(fmu.stem)
+    alone.add(fmu.stem, fmu)
+    inputs = input_functions(fmu.stem, alone.parts, data.inputs, single=True)
     return simulate(fmu, times=times, tolerance=_TOLERANCE, inputs=inputs, start_values=starts)
-
-
-def _driven(polynomial: PPoly) -> Callable[[float], list[float]]:
-    """Value, rate and acceleration over time."""
-    rates = [polynomial.derivative(n) for n in range(3)]
-    return lambda time: [float(rate(time)) for rate in rates]
