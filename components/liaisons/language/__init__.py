@@ -24,11 +24,13 @@ from liaisons.language.declarations import (
     assertion,
     calculated,
     constraint,
+    dry_friction,
     non_holonomic,
     output,
     point,
     rheonomic_constraint,
     unchecked,
+    unilateral,
 )
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
@@ -69,12 +71,14 @@ __all__ = [
     "circle",
     "closed_form",
     "constraint",
+    "dry_friction",
     "non_holonomic",
     "output",
     "point",
     "rheonomic_constraint",
     "turned",
     "unchecked",
+    "unilateral",
 ]
 
 if not TYPE_CHECKING:

@@ -18,14 +18,26 @@ from liaisons.language.declarations import (
     Size,
     assertion,
     constraint,
+    dry_friction,
     non_holonomic,
     output,
     rheonomic_constraint,
+    unilateral,
 )
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.variables import Dimension
 
-_MECHANISM_ONLY = (Orientation, InternalState, constraint, non_holonomic, rheonomic_constraint, output, assertion)
+_MECHANISM_ONLY = (
+    Orientation,
+    InternalState,
+    constraint,
+    non_holonomic,
+    rheonomic_constraint,
+    unilateral,
+    dry_friction,
+    output,
+    assertion,
+)
 
 
 class Chain(MechanicalComponent, abstract=True):

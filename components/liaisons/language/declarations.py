@@ -430,6 +430,47 @@ class non_holonomic(DeclaredFormula[ca.SX]):
     example = '@non_holonomic("m/s", "the wheel does not slip")'
 
 
+class unilateral(DeclaredFormula[ca.SX]):
+    """A unilateral liaison: an expression of the configuration that stays >= 0, as the distance of two bodies.
+
+    Impacts obey Newton's law, v⁺ = -e v⁻ (docs/explanation/unilateral.md).
+
+    :param restitution: name of the parameter e, in [0, 1]; none: 0.
+    """
+
+    example = '@unilateral("m", "distance of ball and table", restitution="bounce")'
+
+    def __init__(
+        self, unit: str, description: str, *, restitution: str | None = None, unchecked: str | None = None
+    ) -> None:
+        super().__init__(unit, description, unchecked=unchecked)
+        self.restitution = restitution
+
+
+class dry_friction(DeclaredFormula[ca.SX]):
+    """Dry friction against a relative velocity, an expression linear in the rates, which those of operators enter.
+
+    :param static: name of the parameter, or method, that bounds the force while it sticks [of the force].
+    :param sliding: name of the one that the force has while it slides; none: the same.
+    :param normal: name of a unilateral liaison, whose force both are multiplied by (Coulomb); none: they are forces.
+    """
+
+    example = '@dry_friction("m/s", "sliding of the block on the belt", static="grip")'
+
+    def __init__(
+        self,
+        unit: str,
+        description: str,
+        *,
+        static: str,
+        sliding: str | None = None,
+        normal: str | None = None,
+        unchecked: str | None = None,
+    ) -> None:
+        super().__init__(unit, description, unchecked=unchecked)
+        self.static, self.sliding, self.normal = static, sliding or static, normal
+
+
 class assertion(DeclaredFormula[ca.SX]):
     """An expression that must stay positive, as of Modelica's ``assert``; a singularity lies where it vanishes.
 

@@ -16,6 +16,7 @@ from liaisons.language.variables import (
     TerminalKind,
     TerminalMember,
     Variable,
+    NumberType,
 )
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force.
@@ -54,6 +55,13 @@ def readable(
     """An output that changes continuously."""
     of = {"derivative_of": derivative_of, "symbol": symbol, "dimension": dimension}
     return Variable(name, unit, text, causality, "continuous", **of)
+
+
+def event_output(
+    name: str, unit: str, text: str, causality: Causality = "output", type: NumberType = "Real"
+) -> Variable:
+    """A number that changes at events alone."""
+    return Variable(name, unit, text, causality, "discrete", type=type)
 
 
 def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:

@@ -20,10 +20,12 @@ from liaisons.language.declarations import (
     Orientation,
     calculated,
     constraint,
+    dry_friction,
     non_holonomic,
     output,
     point,
     rheonomic_constraint,
+    unilateral,
 )
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
@@ -47,6 +49,8 @@ class MechanicalComponent(Component, abstract=True):
     rheonomic_constraints = DeclarationsOf(rheonomic_constraint)
     constraints = DeclarationsOf(constraint)
     non_holonomic = DeclarationsOf(non_holonomic)
+    unilaterals = DeclarationsOf(unilateral)
+    dry_frictions = DeclarationsOf(dry_friction)
     points = DeclarationsOf(point)
     outputs = DeclarationsOf(output)
     calculated_parameters = DeclarationsOf(calculated)
@@ -193,6 +197,7 @@ class MechanicalComponent(Component, abstract=True):
                 "where they contradict each other; else 0, as in model exchange and in hold mode"
             )
             yield Variable(f"{s.name}_mismatch", s.unit, text, "local", "discrete")
+        yield from self._contact_outputs()
         for item in self.points:
             for axis in components_of(self, item.name):
                 name, speed = f"{item.name}_{axis}", units.rate(item.unit)
@@ -205,7 +210,11 @@ class MechanicalComponent(Component, abstract=True):
         yield readable("work", "J", "work done on this mechanism through all its ports since the start")
         text = "energy lost by friction, or taken out by non-holonomic constraints, since the start"
         yield readable("dissipated", "J", text)
-        text = "energy - energy at start - work + dissipated: 0 up to the integration error"
+        lost = ""
+        if self.unilaterals or self.dry_frictions:
+            lost = " + impact_loss"
+            yield layout.event_output("impact_loss", "J", "energy lost by impacts since the start")
+        text = f"energy - energy at start - work + dissipated{lost}: 0 up to the integration error"
         yield readable("energy_balance", "J", text)
         yield readable("power", "W", "power through all ports", "local", derivative_of="work")
         text = "power lost by friction, the rates times the gradient of the dissipation function (K eq. 67)"
@@ -213,6 +222,31 @@ class MechanicalComponent(Component, abstract=True):
         yield from (readable(item.name, item.unit, item.description) for item in self.outputs)
         for item in self.calculated_parameters:
             yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
+
+    def _contact_outputs(self) -> Iterator[Variable]:
+        """Unilateral liaisons and dry friction (DESIGN of names: docs/reference/fmu.md)."""
+        readable, at_events = layout.readable, layout.event_output
+        for item in self.unilaterals:
+            name, force = item.name, units.force(item.unit)
+            yield readable(name, item.unit, item.description)
+            yield readable(f"{name}_dot", units.rate(item.unit), f"rate of {name}")
+            yield readable(f"{name}_force", force, f"force that upholds {name} >= 0")
+            yield at_events(f"{name}_impulse", units.momentum(item.unit), f"sum of the impulses of impacts at {name}")
+            yield at_events(f"{name}_closed", "1", f"whether {name} rests at 0", type="Boolean")
+            yield at_events(f"{name}_impacts", "1", f"how many impacts {name} has had", type="Integer")
+            yield at_events(f"{name}_rests_from", "s", f"when the bounces of {name} end, or have ended", "local")
+            yield readable(f"{name}_indicator", "1", f"event indicator of {name}", "local")
+        for item in self.dry_frictions:
+            name = item.name
+            yield readable(name, item.unit, item.description)
+            yield readable(f"{name}_force", units.multiplier(item.unit), f"force of dry friction along +{name}")
+            yield at_events(f"{name}_sticks", "1", f"whether {name} is held at 0 by friction", type="Boolean")
+            yield at_events(f"{name}_direction", "1", f"sign of {name} while it slides, else 0", "local")
+            yield readable(f"{name}_indicator", "1", f"event indicator of {name}", "local")
+        if self.unilaterals or self.dry_frictions:
+            for s in self.actives:
+                text = f"sum of the impulses of {s.name}_force at impacts"
+                yield at_events(f"{s.name}_impulse", units.momentum(s.unit), text)
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
         if not (self.coordinates or self.orientations or (self.actives and self.dimension is None)):

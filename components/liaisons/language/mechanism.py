@@ -12,7 +12,7 @@ import numpy as np
 
 from liaisons import units
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import gradient
+from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import Formulas, call, scalar
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import ActiveCoordinate, Coordinate, Declaration, Parameter, assertion
@@ -70,6 +70,7 @@ class Mechanism(MechanicalComponent, abstract=True):
     active: ActiveColumns
     internal: ca.SX
     multipliers: ca.SX
+    contact_forces: ca.SX  # of unilateral liaisons, then of dry friction
     placeholders: PlaceholderColumns
 
     def __init__(self) -> None:
@@ -101,6 +102,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         )
         self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
+        self.contact_forces = self._symbols(f"{c.name}_force" for c in (*self.unilaterals, *self.dry_frictions))
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
     # ---- defined by components -----------------------------------------------------------------------------
@@ -130,6 +132,22 @@ class Mechanism(MechanicalComponent, abstract=True):
     def constraint_force(self, name: str) -> ca.SX:
         """λ of a constraint of this name: its force is λ times the constraint's gradient; for outputs."""
         return self._symbol(f"lambda_{name}", "constraint_force", (*self.constraints, *self.non_holonomic))
+
+    def contact_force(self, name: str) -> ca.SX:
+        """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
+        return self._symbol(f"{name}_force", "contact_force", (*self.unilaterals, *self.dry_frictions))
+
+    def contact_rates(self) -> ca.SX:
+        """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
+        return stack(
+            [*(self.dot(getattr(self, c.name)) for c in self.unilaterals)]
+            + [ca.SX(getattr(self, c.name)) for c in self.dry_frictions]
+        )
+
+    def threshold(self, name: str) -> ca.SX:
+        """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
+        value = getattr(self, name) if name else 0.0
+        return ca.SX(value() if callable(value) else value)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
@@ -189,12 +207,48 @@ class Mechanism(MechanicalComponent, abstract=True):
             self.outputs: self.symbols,
             self.calculated_parameters: parameters,
         }
+        self._check_contacts(formulas, configuration, motion)
         for items, symbols in allowed.items():
             for item in items:
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
         formulas.internal_rates(self.internal_states, motion | internal)
         formulas.check_units(self.layout().variables, self.symbols)
         _check_mass_matrix(self, lagrangian, kinetic, motion)
+
+    def _check_contacts(self, formulas: Formulas, configuration: dict[str, ca.SX], motion: dict[str, ca.SX]) -> None:
+        owner = type(self).__name__
+        parameters = {p.name: p for p in self.parameters}
+        for item in self.unilaterals:
+            formulas(item.name, configuration, item.unit)
+            if not ca.depends_on(getattr(self, item.name), self.free.q):
+                raise ComponentError(f"{owner}.{item.name} depends on no free coordinate, so that nothing upholds it")
+            e = parameters.get(item.restitution or "")
+            if item.restitution and not (e and e.minimum is not None and e.maximum is not None):
+                raise ComponentError(
+                    f"{owner}.{item.name}: restitution = {item.restitution!r}: name a Parameter with minimum=0, maximum=1"
+                )
+            if e and not (0 <= (e.minimum or 0) <= (e.maximum or 0) <= 1):
+                raise ComponentError(
+                    f"{owner}.{item.name}: the restitution {e.name} may be {e.variable('parameter', 'fixed').domain()}; "
+                    "let it be in [0, 1]: minimum=0, maximum=1"
+                )
+        rates = ca.vertcat(self.free.q_dot, self.active.s_dot)
+        for item in self.dry_frictions:
+            slip = formulas(item.name, motion, item.unit)
+            if not ca.depends_on(slip, self.free.q_dot):
+                raise ComponentError(f"{owner}.{item.name} depends on no rate of a free coordinate")
+            if ca.depends_on(ca.jacobian(slip, rates), rates):
+                raise ComponentError(f"{owner}.{item.name} must be linear in the rates")
+            if item.normal is not None and item.normal not in (u.name for u in self.unilaterals):
+                names = ", ".join(u.name for u in self.unilaterals) or "there is none"
+                raise ComponentError(
+                    f"{owner}.{item.name}: normal = {item.normal!r}: name a unilateral liaison: {names}"
+                )
+            unit = units.multiplier(item.unit) if item.normal is None else "1"
+            for name in {item.static: None, item.sliding: None}:
+                if not hasattr(type(self), name):
+                    raise ComponentError(f"{owner}.{item.name}: {name!r} is no parameter or method of {owner}")
+                formulas.take(name, self.threshold(name), self._named(self.parameter_column), unit)
 
 
 def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:

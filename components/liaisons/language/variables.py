@@ -12,6 +12,7 @@ from liaisons.errors import ComponentError
 
 Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
 TerminalKind = Literal["free", "active", "point", "signal"]
+NumberType = Literal["Real", "Integer", "Boolean"]
 Variability = Literal["fixed", "tunable", "discrete", "continuous"]
 
 NEXT_EVENT_TIME = "next_event_time"
@@ -44,6 +45,7 @@ class Variable:
     derivative_of: str | None = None  # name of the variable whose time derivative this is
     dimension: Dimension | None = None  # None: a scalar
     symbol: str = ""  # its letter, where it is not the one of its name
+    type: NumberType = "Real"  # of what is read in the FMU; functions calculate with 0 and 1 for a Boolean
 
     @property
     def count(self) -> int:

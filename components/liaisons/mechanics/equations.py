@@ -175,9 +175,15 @@ def derive(component: type[Mechanism]) -> Equations:
     position = ca.cse(stack(points.values()))
     point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)
     applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - driven, 1))
+    # Forces of contacts act along the gradients of their rates, on free and active coordinates.
+    rates = m.contact_rates()
+    slips = rates[len(component.unilaterals) :, 0]
     lifting = ca.dot(position, point_loads)  # its gradient at given loads is their virtual work
     Q = applied - K.T @ gradient(lifting, q) - rubbing.against(q_dot)
     Q_s = -gradient(lifting, s) - rubbing.against(s_dot)
+    if rates.shape[0]:
+        Q += ca.jacobian(rates, q_dot).T @ m.contact_forces
+        Q_s += ca.jacobian(rates, s_dot).T @ m.contact_forces
 
     # Momentum and its inverse: p = A ẋ + b.
     p = gradient(L, q_dot)
@@ -215,6 +221,8 @@ def derive(component: type[Mechanism]) -> Equations:
         - ca.dot(point_loads, m.dot(position))
     )
     dissipation = rubbing.power(ca.vertcat(q_dot, s_dot))
+    if slips.shape[0]:
+        dissipation -= ca.dot(m.contact_forces[len(component.unilaterals) :, 0], slips)
     internal = m.internal_rates()
     return Equations(
         mechanism=m,

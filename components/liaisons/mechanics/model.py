@@ -89,6 +89,15 @@ NEXT_EVENT = Variable(
 
 
 @dataclass(frozen=True, slots=True)
+class Contact:
+    """A unilateral liaison, or dry friction, of a model; the outputs called after it: docs/reference/fmu.md."""
+
+    name: str
+    friction: bool = False
+    normal: str = ""  # of dry friction: the unilateral liaison whose force bounds it
+
+
+@dataclass(frozen=True, slots=True)
 class Model:
     """A component, ready to become an FMU.
 
@@ -138,6 +147,12 @@ class Model:
     drawn: tuple[Variable, ...] = ()  # calculated only when read
     draw: ca.Function | None = None
     table: LookupTable | None = None  # made of the first parameters
+    contacts: tuple[Contact, ...] = ()
+
+    @property
+    def indicators(self) -> tuple[str, ...]:
+        """Names of the event indicators."""
+        return tuple(f"{contact.name}_indicator" for contact in self.contacts)
 
     @property
     def variables(self) -> tuple[Variable, ...]:
