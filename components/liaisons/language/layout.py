@@ -11,12 +11,12 @@ from liaisons.language.variables import (
     ActiveInput,
     Causality,
     Dimension,
+    NumberType,
     State,
     Terminal,
     TerminalKind,
     TerminalMember,
     Variable,
-    NumberType,
 )
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force.
@@ -58,10 +58,10 @@ def readable(
 
 
 def event_output(
-    name: str, unit: str, text: str, causality: Causality = "output", type: NumberType = "Real"
+    name: str, unit: str, text: str, causality: Causality = "output", of_type: NumberType = "Real"
 ) -> Variable:
     """A number that changes at events alone."""
-    return Variable(name, unit, text, causality, "discrete", type=type)
+    return Variable(name, unit, text, causality, "discrete", type=of_type)
 
 
 def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:

@@ -232,15 +232,15 @@ class MechanicalComponent(Component, abstract=True):
             yield readable(f"{name}_dot", units.rate(item.unit), f"rate of {name}")
             yield readable(f"{name}_force", force, f"force that upholds {name} >= 0")
             yield at_events(f"{name}_impulse", units.momentum(item.unit), f"sum of the impulses of impacts at {name}")
-            yield at_events(f"{name}_closed", "1", f"whether {name} rests at 0", type="Boolean")
-            yield at_events(f"{name}_impacts", "1", f"how many impacts {name} has had", type="Integer")
+            yield at_events(f"{name}_closed", "1", f"whether {name} rests at 0", of_type="Boolean")
+            yield at_events(f"{name}_impacts", "1", f"how many impacts {name} has had", of_type="Integer")
             yield at_events(f"{name}_rests_from", "s", f"when the bounces of {name} end, or have ended", "local")
             yield readable(f"{name}_indicator", "1", f"event indicator of {name}", "local")
         for item in self.dry_frictions:
             name = item.name
             yield readable(name, item.unit, item.description)
             yield readable(f"{name}_force", units.multiplier(item.unit), f"force of dry friction along +{name}")
-            yield at_events(f"{name}_sticks", "1", f"whether {name} is held at 0 by friction", type="Boolean")
+            yield at_events(f"{name}_sticks", "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
             yield at_events(f"{name}_direction", "1", f"sign of {name} while it slides, else 0", "local")
             yield readable(f"{name}_indicator", "1", f"event indicator of {name}", "local")
         if self.unilaterals or self.dry_frictions:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Self
+from typing import NoReturn, Self
 
 import casadi as ca
 import numpy as np
@@ -216,39 +216,37 @@ class Mechanism(MechanicalComponent, abstract=True):
         _check_mass_matrix(self, lagrangian, kinetic, motion)
 
     def _check_contacts(self, formulas: Formulas, configuration: dict[str, ca.SX], motion: dict[str, ca.SX]) -> None:
-        owner = type(self).__name__
-        parameters = {p.name: p for p in self.parameters}
         for item in self.unilaterals:
             formulas(item.name, configuration, item.unit)
             if not ca.depends_on(getattr(self, item.name), self.free.q):
-                raise ComponentError(f"{owner}.{item.name} depends on no free coordinate, so that nothing upholds it")
-            e = parameters.get(item.restitution or "")
-            if item.restitution and not (e and e.minimum is not None and e.maximum is not None):
-                raise ComponentError(
-                    f"{owner}.{item.name}: restitution = {item.restitution!r}: name a Parameter with minimum=0, maximum=1"
-                )
-            if e and not (0 <= (e.minimum or 0) <= (e.maximum or 0) <= 1):
-                raise ComponentError(
-                    f"{owner}.{item.name}: the restitution {e.name} may be {e.variable('parameter', 'fixed').domain()}; "
-                    "let it be in [0, 1]: minimum=0, maximum=1"
-                )
+                self._refuse(item, "depends on no free coordinate, so that nothing upholds it")
+            if item.restitution is not None:
+                self._check_restitution(item, item.restitution)
         rates = ca.vertcat(self.free.q_dot, self.active.s_dot)
         for item in self.dry_frictions:
             slip = formulas(item.name, motion, item.unit)
             if not ca.depends_on(slip, self.free.q_dot):
-                raise ComponentError(f"{owner}.{item.name} depends on no rate of a free coordinate")
+                self._refuse(item, "depends on no rate of a free coordinate")
             if ca.depends_on(ca.jacobian(slip, rates), rates):
-                raise ComponentError(f"{owner}.{item.name} must be linear in the rates")
-            if item.normal is not None and item.normal not in (u.name for u in self.unilaterals):
-                names = ", ".join(u.name for u in self.unilaterals) or "there is none"
-                raise ComponentError(
-                    f"{owner}.{item.name}: normal = {item.normal!r}: name a unilateral liaison: {names}"
-                )
+                self._refuse(item, "must be linear in the rates")
+            names = [liaison.name for liaison in self.unilaterals]
+            if item.normal is not None and item.normal not in names:
+                of = ", ".join(names) or "there is none"
+                self._refuse(item, f"takes the force of normal = {item.normal!r}: name a unilateral liaison: {of}")
             unit = units.multiplier(item.unit) if item.normal is None else "1"
-            for name in {item.static: None, item.sliding: None}:
+            for name in dict.fromkeys((item.static, item.sliding)):
                 if not hasattr(type(self), name):
-                    raise ComponentError(f"{owner}.{item.name}: {name!r} is no parameter or method of {owner}")
+                    self._refuse(item, f"is bounded by {name!r}, which is no parameter and no method")
                 formulas.take(name, self.threshold(name), self._named(self.parameter_column), unit)
+
+    def _check_restitution(self, item: Declaration, name: str) -> None:
+        parameter = next((p for p in self.parameters if p.name == name), None)
+        low, high = (None, None) if parameter is None else (parameter.minimum, parameter.maximum)
+        if low is None or high is None or not 0 <= low <= high <= 1:
+            self._refuse(item, f"has the restitution {name!r}: let it be a Parameter in [0, 1]: minimum=0, maximum=1")
+
+    def _refuse(self, item: Declaration, why: str) -> NoReturn:
+        raise ComponentError(f"{type(self).__name__}.{item.name} {why}")
 
 
 def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
