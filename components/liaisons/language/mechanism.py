@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import NoReturn, Self
+from typing import Any, NoReturn, Self
 
 import casadi as ca
 import numpy as np
@@ -146,7 +146,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def threshold(self, name: str) -> ca.SX:
         """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
-        value = getattr(self, name) if name else 0.0
+        value: Any = getattr(self, name) if name else 0.0
         return ca.SX(value() if callable(value) else value)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
