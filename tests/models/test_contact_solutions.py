@@ -242,8 +242,8 @@ def test_dry_oscillator_event_by_event(case: str) -> None:
             sense = sense or -int(mp.sign(x))
             centre = -sense * sliding
 
-            def rate_after(s: Any, x: Any = x, v: Any = v, centre: Any = centre) -> Any:
-                return v * mp.cos(omega * s) - (x - centre) * omega * mp.sin(omega * s)
+            def rate_after(s: Any, state: Any = (x - centre, v)) -> Any:
+                return state[1] * mp.cos(omega * s) - state[0] * omega * mp.sin(omega * s)
 
             grid = [mp.mpf(i) / 50 / omega for i in range(1, 2000)]
             crossing = next((s for s in grid if (rate_after(s) - belt) * sense < 0), None)

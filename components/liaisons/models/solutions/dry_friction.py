@@ -65,7 +65,8 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         else:
             a, sine, cosine = start + direction * sliding, np.sin(omega * since), np.cos(omega * since)
             position = a * cosine + rate / omega * sine - direction * sliding
-            now = position, rate * cosine - a * omega * sine, -direction * at.stiffness * sliding
+            force = np.full_like(since, -direction * at.stiffness * sliding)
+            now = position, rate * cosine - a * omega * sine, force
         motion = np.where(since >= 0, now, motion)
     return {"x": at.support + motion[0], "x_dot": motion[1], "slip_force": motion[2]}
 
