@@ -301,7 +301,7 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
 def _contact_fields(model: Model) -> dict[str, object]:
     gaps = sum(not contact.friction for contact in model.contacts)
     counts = {"gaps": gaps, "frictions": len(model.contacts) - gaps, "operators": len(operators_of(model))}
-    return counts | {name: name for name in ("gap", "friction", "operator", "indicator")}
+    return {**counts, **{name: name for name in ("gap", "friction", "operator", "indicator")}}
 
 
 def _contact_tables(model: Model) -> list[str]:

@@ -146,7 +146,9 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def threshold(self, name: str) -> ca.SX:
         """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
-        value: Any = getattr(self, name) if name else 0.0
+        if not name:
+            return ca.SX(0)
+        value: Any = getattr(self, name)
         return ca.SX(value() if callable(value) else value)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
