@@ -51,7 +51,7 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
     model_c, *c_files = sources(model, fmi)
-    files = (*_HEADERS, *["knots.h"] * bool(model.table), *["unilateral.h"] * bool(model.contacts), *c_files)
+    files = (*_HEADERS, *["knots.h"] * bool(model.table), *["unilateral.h"] * bool(model.contact), *c_files)
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
@@ -63,7 +63,7 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
 def _for(model: Model, text: str) -> str:
     """A file of the runtime without what only models with contacts need, or with it."""
     blocks = r"#ifdef UNILATERAL\n(.*?)(?:#else\n(.*?))?#endif /\* UNILATERAL \*/\n"
-    return re.sub(blocks, lambda block: block[1] if model.contacts else block[2] or "", text, flags=re.DOTALL)
+    return re.sub(blocks, lambda block: block[1] if model.contact else block[2] or "", text, flags=re.DOTALL)
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
@@ -294,7 +294,7 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
         **({"columns": model.table.columns} if model.table else {}),
         **({"drawn": scalar_count(model.drawn)} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
-        **(_contact_fields(model) if model.contacts else {}),
+        **(_contact_fields(model) if model.contact else {}),
     }
 
 
@@ -350,7 +350,7 @@ def _tables(model: Model) -> list[str]:
         *_table("State", "state", [_row(row[s.name], row[s.derivative]) for s in model.states]),
         *_table("Dimension", "dimensions", [_row(_string(d.name), d.count) for d in model.dimensions]),
         *_table("char *const", "condition_texts", [_string(text) for text in model.condition_texts]),
-        *(_contact_tables(model) if model.contacts else []),
+        *(_contact_tables(model) if model.contact else []),
     ]
 
 

@@ -63,7 +63,7 @@ LOG_CATEGORIES = {
 
 def sources(model: Model, fmi: Fmi) -> tuple[str, ...]:
     """The C files that make up a binary."""
-    return (*_SOURCES, *["unilateral.c"] * bool(model.contacts), f"fmi{fmi}.c")
+    return (*_SOURCES, *["unilateral.c"] * bool(model.contact), f"fmi{fmi}.c")
 
 
 def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:

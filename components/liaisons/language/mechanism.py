@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Any, NoReturn, Self
+from typing import NoReturn, Self
 
 import casadi as ca
 import numpy as np
@@ -148,8 +148,8 @@ class Mechanism(MechanicalComponent, abstract=True):
         """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
         if not name:
             return ca.SX(0)
-        value: Any = getattr(self, name)
-        return ca.SX(value() if callable(value) else value)
+        value = getattr(self, name)
+        return call(self, name) if callable(value) else ca.SX(value)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
