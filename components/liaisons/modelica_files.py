@@ -40,8 +40,8 @@ def modelica(subject: Target | System, /, *, standard_library: bool = False) -> 
     of each active coordinate ``s`` as the input ``u_s[3]``; ``Flanges`` has connectors like those of the Modelica
     Standard Library.  A system is a model of its components with ``connect``.
 
-    :param subject: name, file or class of a component; ``"all"`` for the package ``Liaisons`` with all of them and
-        ``Examples``; or a system of components of the catalogue.
+    :param subject: name, file or class of a component; ``"all"`` for the package ``Liaisons`` with all of them that
+        have no unilateral liaisons, and ``Examples``; or a system of components of the catalogue.
     :param standard_library: with flanges and types of units of the Modelica Standard Library, instead of alone.
     :raises ProjectError: if it names no component.
     :raises ComponentError: if a component cannot be derived, or a connection cannot be said in Modelica.
@@ -77,10 +77,15 @@ def _composition(subject: System) -> Composition:
 
 
 def modelica_library(chosen: Collection[type[Component]], *, standard_library: bool = False) -> str:
-    """Text of the package ``Liaisons``: components, and as ``Examples`` their default experiments and some systems."""
+    """Text of the package ``Liaisons``: components, and as ``Examples`` their default experiments and some systems.
+
+    Those with unilateral liaisons or dry friction are left out.
+    """
     from liaisons.language import Experiment
+    from liaisons.mechanics.model import contact_names
     from liaisons.modelica_text import Composition, library_text, with_standard_library
 
+    chosen = [component for component in chosen if not contact_names(component)]
     classes = {component.__name__: component for component in chosen}
     systems = [
         Composition(name, {n: (classes[c], starts) for n, (c, starts) in parts.items()}, joined, Experiment(5.0))

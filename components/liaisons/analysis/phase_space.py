@@ -17,6 +17,7 @@ from liaisons.analysis.quantity import (
     equations_of,
     generators,
     require_independent,
+    require_smooth,
     turning_part,
 )
 from liaisons.errors import ComponentError, suggestion
@@ -128,6 +129,7 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     """
     V = phase_velocity(source)
     equations, owner = V.equations, V.equations.name
+    require_smooth(equations, "a flow")
     if not (duration > 0 and np.isfinite(duration)):
         raise ComponentError(f"{owner}: duration = {duration} must be finite and > 0")
     t, X = ca.SX.sym("t"), _phase(equations)

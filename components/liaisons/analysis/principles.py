@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.analysis.numeric import eigenproblem, frozen, instants
 from liaisons.analysis.phase_space import hamiltonian_field
-from liaisons.analysis.quantity import Quantity, Source, equations_of, require_coordinates
+from liaisons.analysis.quantity import Quantity, Source, equations_of, require_coordinates, require_smooth
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.equations import Equations
@@ -127,6 +127,7 @@ def vakonomic_equations(source: Source) -> Quantity:
     :raises ComponentError: for a constraint that is not linear in the rates.
     """
     equations = equations_of(source)
+    require_smooth(equations, "vakonomic motion")
     m, constraints = equations.mechanism, equations.constraints
     if ca.depends_on(constraints.matrix, m.free.q_dot):
         raise ComponentError(f"{equations.name}: vakonomic equations need constraints that are linear in the rates")

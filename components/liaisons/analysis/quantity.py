@@ -15,6 +15,7 @@ from liaisons.errors import ComponentError
 from liaisons.language.checks import scalar
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations, derive
+from liaisons.mechanics.model import refuse_contacts
 
 Source = type[Mechanism] | Equations
 """A mechanism, or the equations that were derived from it."""
@@ -94,6 +95,7 @@ def require_coordinates(equations: Equations, purpose: str, *, independent: bool
     """Raise a ComponentError unless free coordinates describe the motion, without constraints if ``independent``."""
     if independent:
         require_independent(equations, purpose)
+        require_smooth(equations, purpose)
     if orientations := [item.name for item in equations.mechanism.orientations]:
         raise ComponentError(
             f"{equations.name}: {purpose} needs coordinates; describe the mechanism by angles instead of the "
@@ -109,6 +111,11 @@ def require_independent(equations: Equations, purpose: str) -> None:
             f"{equations.name}: {purpose} needs independent coordinates; describe the mechanism without "
             f"the constraint {', '.join(kept)}"
         )
+
+
+def require_smooth(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError for unilateral liaisons and dry friction."""
+    refuse_contacts(type(equations.mechanism), purpose, "describe the mechanism without them")
 
 
 def generators(equations: Equations) -> ca.SX:

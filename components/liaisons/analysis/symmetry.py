@@ -18,6 +18,7 @@ from liaisons.analysis.quantity import (
     generators,
     largest,
     require_coordinates,
+    require_smooth,
     sample_states,
 )
 from liaisons.errors import ComponentError, suggestion
@@ -36,6 +37,7 @@ def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
     :raises ComponentError: for an unknown symbol or a value outside its domain.
     """
     equations = equations_of(source)
+    require_smooth(equations, "a conservation law")
     m, L = equations.mechanism, equations.lagrangian
     scale = ca.fabs(equations.kinetic_energy) + ca.fabs(equations.potential_energy)
     return {
@@ -56,6 +58,7 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
     :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, or for an unknown coordinate.
     """
     equations = equations_of(source)
+    require_smooth(equations, "a conservation law")
     m, owner = equations.mechanism, equations.name
     components = dict(field(m))
     sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {item.name: 3 for item in m.orientations}
@@ -119,6 +122,7 @@ def similarity(source: Source, **values: float) -> Similarity:
     :raises ComponentError: if T is not of degree 2 in the lengths, V vanishes or is not homogeneous.
     """
     equations = equations_of(source)
+    require_smooth(equations, "similarity")
     m, owner = equations.mechanism, equations.name
     names = [item.name for item in (*m.coordinates, *m.actives) if item.unit == "m" and item.name not in values]
     _require_lengths(equations, names, values)

@@ -21,13 +21,15 @@ from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, flat_model, o
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
 from liaisons.library import Target, component
-from liaisons.mechanics.model import Model
+from liaisons.mechanics.model import Model, refuse_contacts
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Subject: TypeAlias = "Target | Model | System"
 Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
+
+_WITHOUT_EVENTS = "a motion with exact derivatives", "give its .fmu file, whose runs are differentiated by differences"
 
 
 def motion_of(
@@ -139,10 +141,15 @@ def _is_file(subject: object) -> bool:
 def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
     """The model, and start values of a file that differ from the declared ones."""
     if isinstance(subject, System):
-        return flattening.composed(subject).flat(), {}
+        model = flattening.composed(subject)
+        refuse_contacts(model, *_WITHOUT_EVENTS)
+        return model.flat(), {}
     if not _is_file(subject):
-        return subject.flat() if isinstance(subject, Model) else flat_model(component(cast("Target", subject))), {}
+        of = subject if isinstance(subject, Model) else component(cast("Target", subject))
+        refuse_contacts(of, *_WITHOUT_EVENTS)
+        return of.flat() if isinstance(of, Model) else flat_model(of), {}
     model, starts = flattening.model_of(cast("str", subject))
+    refuse_contacts(model, *_WITHOUT_EVENTS)
     return model, {v.name: starts[v.name] for v in settable(model, {}).values() if starts[v.name] != v.start}
 
 

@@ -22,6 +22,7 @@ from liaisons.expressions import program
 from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.library import component as found_component
+from liaisons.mechanics.model import refuse_contacts
 from liaisons.results import Result
 
 _CHUNK = 16
@@ -82,7 +83,9 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if the compiler fails.
     """
-    model = flat_model(found_component(component))
+    of = found_component(component)
+    refuse_contacts(of, "an ensemble", "take sweep(), which runs its FMU")
+    model = flat_model(of)
     moving = named("operators", {} if operators is None else operators)
     moving = {name: operator_model(model, name, found_component(operator)) for name, operator in moving.items()}
     variables = settable(model, moving)

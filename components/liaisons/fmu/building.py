@@ -22,7 +22,7 @@ from liaisons.fmu.icon import icon_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.origin import signed
 from liaisons.fmu.wasm import binary_path, component, manifest
-from liaisons.mechanics.model import Model
+from liaisons.mechanics.model import Model, refuse_contacts
 
 Backend = Literal["native", "python", "auto"]
 Platforms = Literal["host", "all", "wasm"]
@@ -113,6 +113,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
+    refuse_contacts(model, "the Python back end", "take backend='native'", BuildError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
     members = _identified(python_members(flat, _NO_GUID), model)

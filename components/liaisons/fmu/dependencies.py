@@ -87,15 +87,31 @@ def shown_states(model: Model) -> tuple[Variable, ...]:
 
 
 def states_that_jump(model: Model) -> set[str]:
-    """States that a jump of the inputs changes, e.g. the work of an impulse."""
+    """States that an impact or a jump of the inputs changes, e.g. the work of an impulse."""
     states = shown_states(model)
     programs = _programs(model)
+    if model.contacts:  # momenta and work by impacts, coordinates by rounding
+        return {state.name for state in states if state.name.rpartition(".")[2] != "dissipated"}
     if programs:
         pattern = _between_entries(programs["jump"], 0, (1, 2))
     else:
         pattern = _between_variables(model.jump, states, {1: states, 2: model.inputs})
     pattern[np.diag_indices(len(states))] = False
     return {state.name for state, row in zip(states, pattern, strict=True) if row.any()}
+
+
+def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
+    """Outputs that change at events alone, and those that depend on them.
+
+    Contacts decide them from everything, at an event and at the start.
+    """
+    if not model.contacts:
+        return set(), set()
+    own = tuple(f"{contact.name}_" for contact in model.contacts)
+    modes = [i for i, name in enumerate(model.memory) if name.startswith(own)]
+    rows = _pattern(model.outputs_function, 4)[:, modes].nonzero()[0]  # with contacts there are no arrays
+    changing = {v.name for v in model.outputs if v.variability == "discrete" and v.causality == "output"}
+    return changing, changing | {model.outputs[row].name for row in rows}
 
 
 def _programs(model: Model) -> dict[str, RowProgram]:

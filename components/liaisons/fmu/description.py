@@ -7,7 +7,7 @@ construction; of very many numbers they are left out, which FMI defines as "all"
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, repeat
 from typing import Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from liaisons import units
-from liaisons.fmu.dependencies import between_numbers, initial, shown_states, states_that_jump
+from liaisons.fmu.dependencies import between_numbers, decided_at_events, initial, shown_states, states_that_jump
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
     SYMPLECTIC_STEPS,
@@ -45,7 +45,7 @@ _SOURCES = (
 # Capabilities of the back ends; others are false or 0.
 _BOTH = ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate")
 _NATIVE = (*_BOTH, "providesDirectionalDerivative")
-_MODEL_EXCHANGE: dict[str, str] = dict.fromkeys(("completedIntegratorStepNotNeeded", *_NATIVE), "true")
+_MODEL_EXCHANGE: dict[str, str] = dict.fromkeys(_NATIVE, "true")
 _CO_SIMULATION: dict[str, str] = {
     **dict.fromkeys(("canHandleVariableCommunicationStepSize", "canInterpolateInputs"), "true"),
     "maxOutputDerivativeOrder": "1",
@@ -72,13 +72,15 @@ def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     :param guid: that of the binary, ``"{...}"``.
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports.
     """
-    attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": "0"}
+    attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": str(len(model.indicators))}
     return document(element("fmiModelDescription", attributes, _parts(model, backend)))
 
 
 def _parts(model: Model, backend: Backend) -> Iterator[str]:
     if backend == "native":
-        for kind, capabilities in (("ModelExchange", _MODEL_EXCHANGE), ("CoSimulation", _CO_SIMULATION)):
+        no_step_events = {} if model.indicators else {"completedIntegratorStepNotNeeded": "true"}
+        kinds = {"ModelExchange": no_step_events | _MODEL_EXCHANGE, "CoSimulation": _CO_SIMULATION}
+        for kind, capabilities in kinds.items():
             files = chain.from_iterable(element("File", {"name": name}) for name in sources("2"))
             yield from element(kind, {"modelIdentifier": model.name, **capabilities}, element("SourceFiles", {}, files))
     else:
@@ -170,11 +172,13 @@ def general_attributes(variable: Variable, reference: int) -> dict[str, str]:
 
 
 def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
-    """Unit, range and nominal value of a variable.
+    """Unit, range and nominal value of a variable; integers and Booleans have none.
 
     :param nominal: where it declares none; 1 is FMI's default.
     """
     attributes = {}
+    if variable.type != "Real":
+        return attributes
     if variable.unit != units.ANY:
         unit = units.parse(variable.unit)
         attributes["unit"] = variable.unit
@@ -230,7 +234,7 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
             real = real | start_attribute(scalar) | reinit
             if variable.derivative_of:
                 real["derivative"] = str(references_of[variable.derivative_of][i])
-            yield from _scalar(general_attributes(scalar, reference), "Real", real)
+            yield from _scalar(general_attributes(scalar, reference), variable.type, real)
     for reference, setting in settings(model, "2").items():
         if backend == "native" or setting is not SYMPLECTIC_STEPS:
             yield from _scalar(general_attributes(setting.variable, reference), "Integer", integer_attributes(setting))
@@ -259,18 +263,26 @@ def _structure(model: Model) -> Iterator[str]:
     states = numbers(state.name for state in model.states)
     parameters, inputs = (numbers(v.name for v in variables) for variables in (model.parameters, model.inputs))
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
-    running = states + inputs, between_numbers(model.outputs_function, (1, 2)) if sparse else None
-    starting = parameters + inputs, between_numbers(initial(model), (2, 1)) if sparse else None
+    later, at_start = map(numbers, decided_at_events(model))
+    running = states + inputs, between_numbers(model.outputs_function, (1, 2)) if sparse else None, later
+    starting = parameters + inputs, between_numbers(initial(model), (2, 1)) if sparse else None, at_start
     first = first_reference(model) + len(parameters) + len(inputs)
     titles = {"Outputs": running, "Derivatives": running, "InitialUnknowns": starting}
-    for (title, (knowns, pattern)), names in zip(titles.items(), unknowns(model), strict=True):
+    for (title, (knowns, pattern, decided)), names in zip(titles.items(), unknowns(model), strict=True):
         if names:
-            lines = unknown_elements("Unknown", "index", numbers(names), first=first, knowns=knowns, pattern=pattern)
-            yield from element(title, {}, lines)
+            rows = {"first": first, "knowns": knowns, "pattern": pattern, "decided": decided}
+            yield from element(title, {}, unknown_elements("Unknown", "index", numbers(names), **rows))
 
 
 def unknown_elements(
-    title: str, attribute: str, references: list[int], *, first: int, knowns: list[int], pattern: csr_array | None
+    title: str,
+    attribute: str,
+    references: list[int],
+    *,
+    first: int,
+    knowns: list[int],
+    pattern: csr_array | None,
+    decided: Container[int] = (),
 ) -> Iterator[str]:
     """Elements of unknowns with their dependencies.
 
@@ -279,11 +291,12 @@ def unknown_elements(
     :param first: reference of the first row of the pattern.
     :param knowns: references of its columns.
     :param pattern: which unknowns depend on which knowns; None: no dependencies are written.
+    :param decided: references of unknowns without dependencies: events decide them, from all knowns.
     """
     columns = np.array(knowns)
     for unknown in references:
         attributes = {attribute: str(unknown)}
-        if pattern is not None:
+        if pattern is not None and unknown not in decided:
             start, end = pattern.indptr[unknown - first : unknown - first + 2]
             attributes["dependencies"] = " ".join(map(str, sorted(columns[pattern.indices[start:end]])))
         yield from element(title, attributes)

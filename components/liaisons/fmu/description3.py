@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from scipy.sparse import csr_array
 
-from liaisons.fmu.dependencies import at_start, shown_states, states_that_jump, while_running
+from liaisons.fmu.dependencies import at_start, decided_at_events, shown_states, states_that_jump, while_running
 from liaisons.fmu.description import (
     default_experiment,
     general_attributes,
@@ -25,7 +25,7 @@ from liaisons.fmu.description import (
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
-from liaisons.language.variables import Dimension
+from liaisons.language.variables import Dimension, NumberType
 from liaisons.mechanics.model import Model
 
 _STATES = ("canGetAndSetFMUState", "canSerializeFMUState")
@@ -36,6 +36,7 @@ _CO_SIMULATION = {
     **dict.fromkeys(("providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate", "hasEventMode"), "true"),
     **_BOTH,
 }
+_TYPES: dict[NumberType, str] = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean"}
 
 
 def model_description3(model: Model, *, token: str, arrays: bool = True) -> bytes:
@@ -51,8 +52,9 @@ def model_description3(model: Model, *, token: str, arrays: bool = True) -> byte
 
 def _parts(model: Model) -> Iterator[str]:
     identifier = {"modelIdentifier": model.name}
-    instants = {"mightReturnEarlyFromDoStep": "true"} if model.events.numel_out(0) else {}
-    yield from element("ModelExchange", identifier | _BOTH)
+    instants = {"mightReturnEarlyFromDoStep": "true"} if model.events.numel_out(0) or model.indicators else {}
+    completes = {"needsCompletedIntegratorStep": "true"} if model.indicators else {}
+    yield from element("ModelExchange", identifier | completes | _BOTH)
     yield from element("CoSimulation", identifier | _CO_SIMULATION | instants)
     yield from unit_definitions((*model.variables, TIME))
     yield from log_categories()
@@ -85,7 +87,7 @@ def _variables(model: Model) -> Iterator[str]:
             attributes["intermediateUpdate"] = "true"
         size = variable.dimension
         shape = element("Dimension", _extent(size, reference_of_size)) if size else ()
-        yield from element("Float64", attributes, shape)
+        yield from element(_TYPES[variable.type], attributes, shape)
     attributes = general_attributes(TIME, reference[TIME.name]) | real_attributes(TIME, 1.0)
     del attributes["initial"]
     yield from element("Float64", attributes | {"causality": "independent"})
@@ -109,10 +111,14 @@ def _references(model: Model) -> dict[str, int]:
 def _structure(model: Model) -> Iterator[str]:
     references = _references(model)
     first = references[model.outputs[0].name] if model.outputs else 0
-    running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model))
-    starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model))
+    later, beginning = decided_at_events(model)
+    running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model)), later
+    starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model)), beginning
     titles = {"Output": running, "ContinuousStateDerivative": running, "InitialUnknown": starting}
-    for (title, (variables, pattern)), names in zip(titles.items(), unknowns(model), strict=True):
+    titles["EventIndicator"] = running
+    groups = zip(titles.items(), (*unknowns(model), model.indicators), strict=True)
+    for (title, (variables, pattern, events)), names in groups:
         knowns = [references[variable.name] for variable in variables]
-        rows = [references[name] for name in names]
-        yield from unknown_elements(title, "valueReference", rows, first=first, knowns=knowns, pattern=pattern)
+        decided = {references[name] for name in events}
+        rows = {"first": first, "knowns": knowns, "pattern": pattern, "decided": decided}
+        yield from unknown_elements(title, "valueReference", [references[name] for name in names], **rows)

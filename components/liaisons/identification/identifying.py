@@ -22,6 +22,7 @@ from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target, component
 from liaisons.mechanics import Model
+from liaisons.mechanics.model import refuse_contacts
 
 Range = tuple[float | None, float | None]
 Data = Any
@@ -237,8 +238,10 @@ class _Unknowns:
 def _model(subject: Target | Model | System) -> Model:
     """Equations of what was measured, arrays element by element."""
     if isinstance(subject, System):
-        return flattening.composed(subject)
-    return subject.flat() if isinstance(subject, Model) else flat_model(component(subject))
+        subject = flattening.composed(subject)
+    of = subject if isinstance(subject, Model) else component(subject)
+    refuse_contacts(of, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
+    return of.flat() if isinstance(of, Model) else flat_model(of)
 
 
 def _started(name: str) -> str:

@@ -22,6 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.errors import ComponentError, LiaisonsError
 from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component
 from liaisons.language.variables import (
@@ -197,6 +198,27 @@ class Model:
             ),
             ports=tuple(element for p in self.ports for element in terminal(p)),
         )
+
+
+def contact_names(subject: Model | type[Component]) -> tuple[str, ...]:
+    """Names of unilateral liaisons and dry frictions."""
+    if isinstance(subject, Model):
+        return tuple(contact.name for contact in subject.contacts)
+    kinds = (getattr(subject, kind, ()) for kind in ("unilaterals", "dry_frictions"))
+    return tuple(item.name for items in kinds for item in items)
+
+
+def refuse_contacts(
+    subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
+) -> None:
+    """Raise an error for unilateral liaisons and dry friction.
+
+    :param task: what takes none, as ``"an ensemble"``.
+    """
+    if names := contact_names(subject):
+        name = subject.name if isinstance(subject, Model) else subject.__name__
+        which = ", ".join(names)
+        raise error(f"{name}: {task} takes no unilateral liaisons and no dry friction ({which}); {remedy}")
 
 
 def described(instance: Component) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from liaisons.language import Mechanism
 from liaisons.mechanics import assemble, derive
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
+from liaisons.mechanics.model import refuse_contacts
 from liaisons.mechanics.printing import of_mechanism
 from liaisons.modelica_text.text import (
     MOTION,
@@ -32,6 +33,7 @@ from liaisons.modelica_text.text import (
 
 def motion(component: type[Mechanism]) -> list[str]:
     """Lines of the model ``Motion``: q, s, their rates and accelerations, and forces Q from outside as unknowns."""
+    refuse_contacts(component, "Modelica text", "import its FMU")
     e = derive(component)
     m, section = e.mechanism, Section(Notation.from_model(assemble(component)))
     conditions = asserted((*m.parameters, *m.actives, *m.coordinates))

@@ -17,6 +17,7 @@ from liaisons.errors import PlanError, suggestion
 from liaisons.language import Chain, Mechanism, Orientation
 from liaisons.library import component, model
 from liaisons.mechanics import Model
+from liaisons.mechanics.model import refuse_contacts
 from liaisons.operators.goals import (
     Array,
     Goal,
@@ -207,6 +208,8 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     name = declared.__name__
     if not issubclass(declared, (Mechanism, Chain)):
         raise PlanError(f"{name} is an operator; plan the motion of a mechanism")
+    remedy = "plan for a mechanism without them, and simulate this one with that motion"
+    refuse_contacts(declared, "what is planned or held", remedy, PlanError)
     flat = model(declared, **chain_size(goal.component, goal.values)).flat()
     _check_moves(goal, name, flat)
     parameters, inputs = _values(goal, declared, flat)
