@@ -29,8 +29,10 @@ from liaisons import (
     sensitivities,
     unilateral,
 )
-from liaisons.mechanics import Model, assemble
+from liaisons.formulas import DisplayedEquations, Notation
+from liaisons.mechanics import Model, assemble, derive
 from liaisons.mechanics.model import Contact
+from liaisons.mechanics.printing import of_mechanism
 from liaisons.models import Pendulum
 
 T = np.linspace(0.0, 1.0, 5)
@@ -105,3 +107,17 @@ def test_model_is_refused(call: Callable[[Model, Path], Any], remedy: str, model
     with pytest.raises(LiaisonsError, match=rf"^Pendulum: .* unilateral .* \(gap, slip\); .*{remedy}"):
         call(model, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_equations_are_shown() -> None:
+    derived = derive(Sledge)
+    names = [variable.name for variable in derived.mechanism.layout().variables]
+    shown = DisplayedEquations("Sledge", of_mechanism(derived), Notation(names, {"belt", "floor", "gap", "slip"}))
+    assert [part.text() for part in map(shown.__getitem__, ("motion", "unilateral", "impacts", "dry_friction"))] == [
+        "Equations of motion: ṗₖ = ∂L/∂qₖ + Qₖ\n   ṗₓ = Qₓ + λ_slip − Fₓ\n  ṗ_z = Q_z + λ_gap − F_z",
+        "Unilateral liaisons: 0 ≤ g ⟂ λ ≥ 0\n  gap = z − floor",
+        "Impacts: 0 ≤ Λ ⟂ v⁺ + e v⁻ ≥ 0\n      v_gap = ż − floor˙\n      e_gap = 0\n  G_gap,gap = 1/m",
+        "Dry friction: |Q| ≤ S\n    slip = ẋ − belt˙\n  S_slip = grip · λ_gap",
+    ]
+    assert r"0  \leq  \Lambda  \perp  v^{+} + e v^{-}  \geq  0" in shown.latex()
+    assert "<mo>⟂</mo>" in "".join(shown.html())

@@ -92,6 +92,18 @@ def period(angle: float, rate: float, frequency: float) -> float:
     return float(2 * ellipkm1(-complement / k**2) / (k * frequency))
 
 
+def duration(start: tuple[float, float], end: tuple[float, float], frequency: float) -> float:
+    """Time [s] from one state (angle, rate) to another of the same motion, within a libration or a turn."""
+    first, last = _start(*start, frequency), _start(*end, frequency)
+    k, complement = first.modulus, first.complement
+    if complement > 0:
+        u_0, u_1 = (inverse(state.sine, state.speed, complement) for state in (first, last))
+        return float((u_1 - u_0) % (4 * ellipkm1(complement)) / frequency)
+    inverse_square, sense = -complement / k**2, np.sign(start[1])
+    u_0, u_1 = (inverse(sense * state.sine, state.cosine, inverse_square) for state in (first, last))
+    return float((u_1 - u_0) % (2 * ellipkm1(inverse_square)) / (k * frequency))
+
+
 def jacobi(u: ArrayLike, complement: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Jacobi's elliptic functions am, sn, cn, dn by the arithmetic-geometric mean.
 
