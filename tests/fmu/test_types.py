@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes as c
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
-from driver import Library, members
+from driver import ERROR, Instance, Library, members, reals
 from fmpy.validation import validate_fmu
 from handmade import indicated
 
@@ -65,3 +67,80 @@ def test_what_events_decide_depends_on_everything(library, root) -> None:
         unknowns = root.findall(f"ModelStructure/{part}")
         free = {names[u.attrib[attribute]] for u in unknowns if "dependencies" not in u.attrib}
         assert free == {"side_closed", "side_impacts"}
+
+
+# ---- calls ------------------------------------------------------------------------------------------------------
+
+
+def read_boolean(instance: Instance, name: str) -> bool:
+    values = instance.flags(1)
+    instance.do("GetBoolean", instance.refs([name]), 1, values, 1)
+    return bool(values[0])
+
+
+def test_values_are_those_of_their_types(library) -> None:
+    for theta in (0.9, -0.9):
+        instance = library.start(theta_0=theta)
+        assert read_boolean(instance, "side_closed") is (theta > 0)
+        assert instance.get_integer("side_impacts") == np.floor(4 * theta)
+        instance.step(0.0, 1.5)
+        assert read_boolean(instance, "side_closed") is bool(instance["theta"] > 0)
+        assert instance.get_integer("side_impacts") == np.floor(4 * instance["theta"])
+    assert instance.get_integer("input_reconstruction") == 1  # a setting, of the same type
+
+
+@pytest.mark.parametrize(
+    ("name", "function", "of_type", "is_one"),
+    [
+        ("side_closed", "GetFloat64", "floating-point", "Boolean"),
+        ("side_impacts", "GetFloat64", "floating-point", "integer"),
+        ("theta", "GetBoolean", "Boolean", "floating-point"),
+        ("side_impacts", "GetBoolean", "Boolean", "integer"),
+        ("theta", "GetInt32", "integer", "floating-point"),
+        ("side_closed", "GetInt32", "integer", "Boolean"),
+    ],
+)
+def test_values_of_another_type_are_refused(library, name, function, of_type, is_one) -> None:
+    instance = library.start()
+    reference = library.references[name]
+    buffer = {"GetFloat64": reals([0.0]), "GetBoolean": instance.flags(1), "GetInt32": (c.c_int32 * 1)()}[function]
+    message = f"value reference {reference} belongs to no {of_type} variable: {name} is {is_one}"
+    instance.refuse(message, function, instance.refs([name]), 1, buffer, 1)
+    instance.step(0.0, 0.1)
+
+
+def test_what_is_calculated_cannot_be_set(library) -> None:
+    instance = library.start()
+    said = "{} = 1: it is calculated; set parameters and inputs"
+    instance.refuse(said.format("side_closed"), "SetBoolean", instance.refs(["side_closed"]), 1, instance.flags(1), 1)
+    instance.set_integer("side_impacts", 1, ERROR, said.format("side_impacts"))
+    instance.set({"side_closed": 1}, ERROR, said.format("side_closed"))
+    unknown = (c.c_uint * 1)(999)
+    for way in ("Get", "Set"):
+        words = "value reference 999 belongs to no Boolean variable"
+        instance.refuse(words, f"{way}Boolean", unknown, 1, instance.flags(1), 1)
+
+
+def test_only_reals_have_derivatives(library) -> None:
+    instance = library.start()
+    unknown, known, numbers = instance.refs(["side_closed"]), instance.refs(["length"]), reals([1.0])
+    words = f"value reference {unknown[0]} belongs to no floating-point variable: side_closed is Boolean"
+    instance.refuse(words, "GetDirectionalDerivative", unknown, 1, known, 1, numbers, 1, reals([0.0]), 1)
+    instance.refuse(words, "GetOutputDerivatives", unknown, 1, (c.c_int32 * 1)(1), reals([0.0]), 1)
+    assert instance.directional(["side_indicator"], {"theta": 1.0}) == [1.0]
+
+
+def test_event_indicators_of_model_exchange(library) -> None:
+    instance = library.running(theta_0=0.25)
+    if library.fmi == "3":
+        count = c.c_size_t()
+        instance.do("GetNumberOfEventIndicators", c.byref(count))
+        assert count.value == 1
+    events = instance.flags(2)
+    pointers = [c.cast(c.byref(events, i * c.sizeof(events._type_)), c.POINTER(events._type_)) for i in range(2)]
+    for theta in (0.25, -0.5):
+        instance.do("SetContinuousStates", reals([theta, 0.0, 0.0, 0.0]), 4)
+        assert instance.vector("GetEventIndicators", 1) == [theta]
+        instance.do("CompletedIntegratorStep", True, *pointers)
+        assert [bool(flag) for flag in events] == [theta < 0, False]
+    instance.refuse("2 event indicators: there are 1", "GetEventIndicators", reals([0.0] * 2), 2)
