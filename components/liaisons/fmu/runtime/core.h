@@ -71,6 +71,22 @@ typedef struct { /* a structural size */
     size_t count;
 } Dimension;
 
+#ifdef UNILATERAL
+enum { MOST_CONTACTS = 16 };
+
+typedef struct { /* a unilateral liaison: where the memory has its mode and its account */
+    const char *name;
+    size_t closed, rests_from, impulse, impacts, loss;
+} Gap;
+
+typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1 */
+    const char *name;
+    size_t direction;
+    long normal;
+    size_t loss;
+} DryFriction;
+
+#endif /* UNILATERAL */
 typedef struct {
     const char *name, *guid;
     double tolerance; /* where the importer gives none */
@@ -103,6 +119,16 @@ typedef struct {
     /* adjoint derivatives: arguments, results, weights of the results -> derivatives of the weighted sum; or NULL */
     Function *start_reverse, *calculate_reverse, *remember_reverse;
     size_t most_arguments, most_results, integers, reals; /* work space of any of them */
+#ifdef UNILATERAL
+    size_t gaps, frictions, operators, indicators;
+    const Gap *gap;
+    const DryFriction *friction;
+    const size_t *operator;  /* where the memory sums the impulses of operators */
+    const size_t *indicator; /* indices of the event indicators among the numbers */
+    Function *contact;       /* (t, y, u, k) -> the numbers of Contacts in instance.h, one after the other */
+    Function *push;          /* (t, y, u, k, m, impulses, shifts) -> y, impulses of operators */
+    Function *indicate;      /* (t, y, u, k, m) -> event indicators */
+#endif /* UNILATERAL */
 } Model;
 
 extern const Model model;
