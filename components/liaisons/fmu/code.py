@@ -381,7 +381,7 @@ def _variables(model: Model) -> list[str]:
             _number(math.inf if variable.maximum is None else variable.maximum),
             int(variable.strict),
             _string(variable.domain()),
-            *([f"NUMBER_{variable.type.upper()}"] if model.contacts else []),
+            *([f"NUMBER_{variable.type.upper()}"] if model.contact else []),
         )
         for variable in variables
     ]

@@ -249,8 +249,8 @@ Status core_get_typed(Instance *, NumberType type, unsigned reference, double *v
 /* Refuse to set such a variable. */
 Status core_refuse_typed(Instance *, NumberType type, unsigned reference, double value);
 Status core_get_indicators(Instance *, double indicators[]);
-/* Whether an event indicator has fallen below 0. */
-int core_has_event(Instance *);
+/* Whether an event indicator is below 0. */
+int core_has_event(Instance *, double time);
 
 #endif /* UNILATERAL */
 /* saved states: plain bytes, valid in any process */

@@ -107,7 +107,7 @@ STATUS FMI(CompletedIntegratorStep)(INSTANCE instance, BOOLEAN no_way_back, BOOL
     NEED(event);
     NEED(terminate);
 #ifdef UNILATERAL
-    *event = core_has_event(core) != 0;
+    *event = core_has_event(core, core_time(core));
 #else
     *event = 0;
 #endif /* UNILATERAL */

@@ -364,20 +364,14 @@ Status core_refuse_typed(Instance *self, NumberType type, unsigned reference, do
 }
 
 Status core_get_indicators(Instance *self, double indicators[]) {
-    core_update(self);
-    for (size_t i = 0; i < self->model->indicators; i++) {
-        const size_t index = self->model->indicator[i];
-        indicators[i] = self->v.k[index];
-        if (!isfinite(indicators[i]))
-            return core_report(self, DISCARD, "%s = %s", core_name(self, index), core_spelled(indicators[i]));
-    }
-    return SUCCESS;
-}
-
-int core_has_event(Instance *self) {
-    core_update(self);
+    const double *values = self->contacts.indicators;
+    core_start(self);
+    evaluate(self, self->model->indicate, self->s->time, self->v.y, self->contacts.indicators);
     for (size_t i = 0; i < self->model->indicators; i++)
-        if (self->v.k[self->model->indicator[i]] < 0) return 1;
-    return 0;
+        if (!isfinite(values[i]))
+            return core_report(self, DISCARD, "%s = %s", core_name(self, self->model->indicator[i]),
+                               core_spelled(values[i]));
+    memcpy(indicators, values, self->model->indicators * sizeof *values);
+    return SUCCESS;
 }
 #endif /* UNILATERAL */
