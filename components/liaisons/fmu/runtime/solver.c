@@ -231,20 +231,22 @@ static int look(const Step *s, double part, double values[]) {
     return s->p->watch(s->p->context, s->t + part * s->h, s->at, values);
 }
 
-/* Where an indicator falls below 0 between parts a and b, in which it only falls (Illinois' rule of false position). */
+/* Where an indicator, which only falls between parts a and b, has the value MARGIN (Illinois' rule of false position). */
 static double fall(const Step *s, size_t which, double a, double at_a, double b, double at_b) {
-    double values[MOST_INDICATORS];
+    const double target = at_a > MARGIN ? MARGIN : 0;
+    double values[MOST_INDICATORS], left = at_a - target, right = at_b - target;
     for (int i = 0; i < MOST_TRIALS && b - a > 1e-15 * b; i++) {
-        const double part = a + (b - a) * at_a / (at_a - at_b);
+        const double part = a + (b - a) * left / (left - right);
         if (!(part > a && part < b) || !look(s, part, values)) break;
-        if (values[which] < 0) {
+        const double value = values[which] - target;
+        if (value < 0) {
             b = part;
-            at_b = values[which];
-            at_a /= 2;
+            right = value;
+            left /= 2;
         } else {
             a = part;
-            at_a = values[which];
-            at_b /= 2;
+            left = value;
+            right /= 2;
         }
     }
     return b;
@@ -310,7 +312,7 @@ static Signal shorten(const Problem *p, double t, double *h, const double *y, do
         FOR_EACH(j) step.at[j] = y[j] + *h * sum[j];
         if (!p->watch(p->context, t + *h, step.at, values)) return STOP;
         const double change = (MARGIN - values[which]) / slope;
-        if (!(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < away) || part + change > 1) break;
+        if (!(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < part / 4) || part + change > 1) break;
         part += change;
     }
     return GO_ON;
