@@ -347,7 +347,10 @@ def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
         live.page.click("#run")
         live.wait_until(lambda: live.time > refused + 0.1)
         assert live.text("#said") == ""
-        live.page.click("#reset")
+        live.enter("mass", -1)  # while it runs
+        live.page.wait_for_timeout(100)
+        assert re.search("^mass.* Reset to begin anew.$", live.text("#said"))
+        live.enter("mass", 1)
         live.enter("length", -1)
         said = live.text("#said")
         assert re.search("^length.* Reset to begin anew.$", said)

@@ -55,13 +55,13 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
-        **{name: _for(model, (runtime / name).read_text()).encode() for name in files},
+        **{name: fitting(model, (runtime / name).read_text()).encode() for name in files},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
 
 
-def _for(model: Model, text: str) -> str:
-    """A file of the runtime without what only models with contacts need, or with it."""
+def fitting(model: Model, text: str) -> str:
+    """C of the runtime without what only models with contacts need, or with it."""
     blocks = r"#ifdef UNILATERAL\n(.*?)(?:#else\n(.*?))?#endif /\* UNILATERAL \*/\n"
     return re.sub(blocks, lambda block: block[1] if model.contact else block[2] or "", text, flags=re.DOTALL)
 
@@ -301,6 +301,7 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
 def _contact_fields(model: Model) -> dict[str, object]:
     gaps = sum(not contact.friction for contact in model.contacts)
     counts = {"gaps": gaps, "frictions": len(model.contacts) - gaps, "operators": len(operators_of(model))}
+    counts["indicators"] = len(model.indicators)
     return {**counts, **{name: name for name in ("gap", "friction", "operator", "indicator")}}
 
 
@@ -380,6 +381,7 @@ def _variables(model: Model) -> list[str]:
             _number(math.inf if variable.maximum is None else variable.maximum),
             int(variable.strict),
             _string(variable.domain()),
+            *([f"NUMBER_{variable.type.upper()}"] if model.contact else []),
         )
         for variable in variables
     ]

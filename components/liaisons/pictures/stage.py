@@ -34,7 +34,7 @@ _STAR = _CIRCLE * np.resize([1, 0.35], (24, 1))
 TEETH = 24
 """Of the hatching of a floor."""
 
-SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.0025, "flash": 0.08}
+SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.0025, "flash": 0.06}
 """Default radius of each kind of shape, as a fraction of the extent of the picture."""
 
 
@@ -96,7 +96,7 @@ class Stage:
             if shape.kind == "ball":
                 yield from _ball(points[-1, 0], radius, colour)
             elif shape.kind == "flash" and radius:
-                yield Face(np.inf, points[-1, 0, :2] + radius * _STAR, colour)
+                yield Face(-np.inf, points[-1, 0, :2] + radius * _STAR, colour)
             elif shape.kind == "trail":
                 yield from _fading(points[:, 0], radius, colour)
             elif shape.kind == "spring":

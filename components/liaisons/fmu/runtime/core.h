@@ -27,6 +27,10 @@ typedef struct { /* (t, y, u, k) -> dy/dt, of all states, and of the coupled one
     Function *all, *coupled;
 } Motion;
 
+#ifdef UNILATERAL
+typedef enum { NUMBER_REAL, NUMBER_INTEGER, NUMBER_BOOLEAN } NumberType; /* all are calculated as doubles */
+
+#endif /* UNILATERAL */
 typedef struct { /* a number, or an array of numbers */
     const char *name;
     Kind kind;
@@ -37,6 +41,9 @@ typedef struct { /* a number, or an array of numbers */
     double start, minimum, maximum;
     int strict;         /* the bounds themselves are forbidden too */
     const char *domain; /* the allowed values in words; empty: all finite numbers */
+#ifdef UNILATERAL
+    NumberType type;
+#endif /* UNILATERAL */
 } Variable;
 
 typedef struct { /* a start value that is not that of its variable */
@@ -236,6 +243,16 @@ void core_enter_event_mode(Instance *);
 /* Book what a jump of the inputs brought in, if it is finite; *changed: states have.  *next: time event, or INFINITY. */
 Status core_update_discrete_states(Instance *, int *changed, double *next);
 
+#ifdef UNILATERAL
+/* The number of a variable that must be of this type; integers may be settings, too. */
+Status core_get_typed(Instance *, NumberType type, unsigned reference, double *value);
+/* Refuse to set such a variable. */
+Status core_refuse_typed(Instance *, NumberType type, unsigned reference, double value);
+Status core_get_indicators(Instance *, double indicators[]);
+/* Whether an event indicator is below 0. */
+int core_has_event(Instance *, double time);
+
+#endif /* UNILATERAL */
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);
 void core_save(const Instance *, void *bytes);

@@ -10,7 +10,5 @@ int core_settle(Instance *, double time);
 void core_uphold(Instance *, double time);
 /* A prescribed coordinate has jumped a little: bodies that it touches go with it. */
 void core_follow_gaps(Instance *);
-/* Whether an event indicator is below 0. */
-int core_has_event(Instance *, double time);
 
 #endif

@@ -59,7 +59,7 @@ class Page {
     if (this.machine.restart()) {
       this.#look();
       sideBySide(this.groups, this.now);
-    }
+    } else this.running = false;
     for (const part of this.machine.parts) for (const [name, source] of part.sources) if (source instanceof Hand) this.#show(part.prefix + name, source.aim);
     this.#tell();
     this.paint();

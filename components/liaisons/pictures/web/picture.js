@@ -204,7 +204,7 @@ export class View {
         remember(Math.round(shape.count(values)));
         const last = trail.findLastIndex((p, i) => i && p.now !== trail[i - 1].now);
         const strength = last < 0 ? 0 : 1 - (trail.length - 1 - last) / DRAWING.flash, p = at("at");
-        if (strength > 0) items.push({ depth: Infinity, paint: (c) => star(c, p, sizes.flash * unit * strength, colours.flash) });
+        if (strength > 0) items.push({ depth: -Infinity, paint: (c) => star(c, p, sizes.flash * unit * strength, colours.flash) });
       },
       spring: () => {
         const a = at("from"), b = at("to");
