@@ -422,10 +422,12 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
                             const double rate[]) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
+    /* An importer that solves the equations knows positions to its tolerance. */
+    const double lowest = self->s->use == USE_MODEL_EXCHANGE ? fmax(LOWEST, self->s->tolerance) : LOWEST;
     for (size_t i = 0; i < model->gaps; i++) {
         const double v = c->v[i], a = rate[i], height = v * v / (-2 * a);
         if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
-        if (height > (was_closed[i] ? LIFTED : LOWEST) * c->scale[i]) {
+        if (height > (was_closed[i] ? fmax(LIFTED, lowest) : lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
             if (self->s->step > flight || self->s->step <= 0) self->s->step = flight;
             continue;
