@@ -301,9 +301,13 @@ static Signal shorten(const Problem *p, double t, double *h, const double *y, do
     *crossed = 1;
     const double away = fmin(1e-3, part / 2);
     if (!look(&step, part - away, high) || !look(&step, part, low)) return STOP;
-    size_t which = 0; /* the one that falls */
-    for (size_t i = 1; i < p->indicators; i++)
-        if (low[i] < low[which]) which = i;
+    size_t which = 0; /* the one that is at 0 first */
+    double soonest = INFINITY;
+    for (size_t i = 0; i < p->indicators; i++) {
+        const double fallen = high[i] - low[i], until = fallen > 0 ? low[i] / fallen : INFINITY;
+        if (until < soonest) which = i;
+        soonest = fmin(soonest, until);
+    }
     const double slope = (low[which] - high[which]) / away;
     const size_t n = p->n;
     for (int i = 0; i < MOST_CORRECTIONS; i++) {
