@@ -224,8 +224,13 @@ def lives(name: str, fmu: Path, program: Path, seeds: Iterable[int], time_out: f
 
 def _life(kind: str, line: str) -> Life:
     seed, status, time, longest, lowest, off, gain, trace, said = line.split(" ", 8)
-    numbers = map(float, (time, longest, lowest, off, gain))
-    return Life(kind, int(seed), int(status), *numbers, trace == "1", said)
+    return Life(
+        kind,
+        *map(int, (seed, status)),
+        *map(float, (time, longest, lowest, off, gain)),
+        trace=trace == "1",
+        said=said,
+    )
 
 
 def main() -> None:
@@ -239,24 +244,26 @@ def main() -> None:
         program = compile_program([SOURCES / "contacts.c", SOURCES / "fmu.c"], folder / "contacts")
         for kind in options.kinds.split(","):
             seeds = range(options.first, options.first + options.count)
-            _show(kind, lives(kind, built(KINDS[kind], folder), program, seeds, time_out=3600))
+            sys.stdout.write(report(kind, lives(kind, built(KINDS[kind], folder), program, seeds, time_out=3600)))
 
 
-def _show(kind: str, found: list[Life]) -> None:
-    ended = sum(life.status <= 1 for life in found)
+def report(kind: str, found: list[Life]) -> str:
+    """A line on the lives of a kind, then one for each fault and for each reason of what was refused."""
     worst = max(found, key=lambda life: life.longest_call)
-    print(
-        f"{kind}: {len(found)} lives, {ended} to the end, longest call {worst.longest_call:.3g} s (seed {worst.seed}), "
+    lines = [
+        f"{kind}: {len(found)} lives, {sum(life.status <= 1 for life in found)} to the end, "
+        f"longest call {worst.longest_call:.3g} s (seed {worst.seed}), "
         f"lowest gap {min(life.lowest_gap for life in found):.3g}, "
         f"imbalance {max(life.imbalance for life in found):.3g}, gain {max(life.gain for life in found):.3g}"
-    )
-    for fault in sorted({fault for life in found for fault in life.faults}):
-        bad = [life for life in found if fault in life.faults]
-        print(f"  {fault}: {len(bad)}, such as {bad[0]}")
-    reasons = collections.Counter("".join(c for c in x.said if not c.isdigit()) for x in found if x.status > 1)
-    for reason, count in reasons.most_common(8):
-        some = next(x for x in found if x.status > 1 and "".join(c for c in x.said if not c.isdigit()) == reason)
-        print(f"  refused {count}: seed {some.seed}: {some.said}")
+    ]
+    first: dict[str, Life] = {}
+    count: collections.Counter[str] = collections.Counter()
+    for life in found:
+        said = "refused: " + "".join(c for c in life.said if not c.isdigit())
+        for what in (*life.faults, *[said] * (life.status > 1)):
+            first.setdefault(what, life)
+            count[what] += 1
+    return "\n".join([*lines, *(f"  {count[what]} such as {life}" for what, life in first.items()), ""])
 
 
 if __name__ == "__main__":

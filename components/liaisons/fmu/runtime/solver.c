@@ -236,10 +236,10 @@ static double fall(const Step *s, size_t which, double a, double at_a, double b,
     const double target = at_a > MARGIN ? MARGIN : 0;
     double values[MOST_INDICATORS], left = at_a - target, right = at_b - target;
     for (int i = 0; i < MOST_TRIALS && b - a > 1e-15 * b; i++) {
-        const double part = a + (b - a) * left / (left - right);
-        if (!(part > a && part < b) || !look(s, part, values)) break;
+        const double part = fmax(a + (b - a) * left / (left - right), a + 1e-15 * b); /* left may be 0 */
+        if (!(part < b) || !look(s, part, values)) break;
         const double value = values[which] - target;
-        if (value < 0) {
+        if (value <= 0) {
             b = part;
             right = value;
             left /= 2;

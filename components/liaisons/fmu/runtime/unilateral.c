@@ -489,8 +489,12 @@ static int settle(Instance *self, double time, int late) {
         int approaches = 0;
         for (size_t i = 0; i < gaps; i++) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
         if (!approaches) break;
-        if (++impacts > MOST_IMPACTS)
-            return core_because(self, "%s at t = %.9g: more than %d impacts at one instant", model->gap[0].name, time, MOST_IMPACTS);
+        if (++impacts > MOST_IMPACTS) {
+            Problem p = {0};
+            for (size_t i = 0; i < gaps && p.n < AT_ONCE; i++)
+                if (touching[i]) p.contact[p.n++] = i;
+            return refuse(self, &p, time, "more than 1000 impacts at one instant");
+        }
         if (!strike(self, time, touching, was_closed)) return 0;
     }
     for (size_t tries = 0;; tries++) {
