@@ -196,7 +196,8 @@ static int starts_in_time(Instance *self) {
 Status core_exit_initialization(Instance *self) {
     core_start(self);
 #ifdef UNILATERAL
-    if (self->refused) return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
+    if (self->refused && core_check_domains(self, self->s->time))
+        return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
 #endif /* UNILATERAL */
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->v.y, 0, t)
