@@ -2,7 +2,7 @@
 
     python tests/conformance/seeds.py [--count N] [--first N]
 
-runs so many lives of each kind, and prints a line for each kind, and the worst of all: 1e5 lives in a quarter of an hour.
+runs so many lives of each kind, and prints a line for each.
 """
 
 from __future__ import annotations
@@ -250,12 +250,12 @@ def main() -> None:
 def report(kind: str, found: list[Life]) -> str:
     """A line on the lives of a kind, then one for each fault and for each reason of what was refused."""
     worst = max(found, key=lambda life: life.longest_call)
-    lines = [
+    head = (
         f"{kind}: {len(found)} lives, {sum(life.status <= 1 for life in found)} to the end, "
         f"longest call {worst.longest_call:.3g} s (seed {worst.seed}), "
         f"lowest gap {min(life.lowest_gap for life in found):.3g}, "
         f"imbalance {max(life.imbalance for life in found):.3g}, gain {max(life.gain for life in found):.3g}"
-    ]
+    )
     first: dict[str, Life] = {}
     count: collections.Counter[str] = collections.Counter()
     for life in found:
@@ -263,7 +263,7 @@ def report(kind: str, found: list[Life]) -> str:
         for what in (*life.faults, *[said] * (life.status > 1)):
             first.setdefault(what, life)
             count[what] += 1
-    return "\n".join([*lines, *(f"  {count[what]} such as {life}" for what, life in first.items()), ""])
+    return "\n".join([head, *(f"  {count[what]} such as {life}" for what, life in first.items()), ""])
 
 
 if __name__ == "__main__":
