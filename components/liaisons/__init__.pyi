@@ -28,6 +28,8 @@ from .language import Box as Box
 from .language import Chain as Chain
 from .language import Coordinate as Coordinate
 from .language import Experiment as Experiment
+from .language import Flash as Flash
+from .language import Floor as Floor
 from .language import Friction as Friction
 from .language import Gravity as Gravity
 from .language import Input as Input
@@ -38,6 +40,7 @@ from .language import Operator as Operator
 from .language import Orientation as Orientation
 from .language import Parameter as Parameter
 from .language import Rod as Rod
+from .language import Rope as Rope
 from .language import Shapes as Shapes
 from .language import Size as Size
 from .language import Spring as Spring

@@ -30,20 +30,21 @@ from liaisons.mechanics.equations import Equations
 def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
     """Coordinates that L does not contain, and their momenta p = ∂L/∂q̇, which are constant (K eq. 32, 33).
 
-    A momentum changes only by friction, drives and loads; the operator may move the active coordinates.
+    A momentum changes only by friction, drives and loads; the operator may move the active coordinates.  Coordinates on
+    which unilateral liaisons or dry friction depend are none.
 
     :param values: parameters, or coordinates that are held, where they differ from their defaults.
     :returns: the momentum by the name of the coordinate, in the rates.
     :raises ComponentError: for an unknown symbol or a value outside its domain.
     """
     equations = equations_of(source)
-    require_smooth(equations, "a conservation law")
     m, L = equations.mechanism, equations.lagrangian
     scale = ca.fabs(equations.kinetic_energy) + ca.fabs(equations.potential_energy)
     return {
         item.name: Quantity(equations, equations.momenta[k])
         for k, item in enumerate(m.coordinates)
         if largest(equations, gradient(L, m.free.q[k]), scale, values) == 0
+        and not _moved_contacts(equations, ca.SX.eye(m.free.q_dot.shape[0])[:, k], values)
     }
 
 
@@ -55,10 +56,10 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
         ``lambda m: {"attitude": (0, 0, 1)}``.
     :param values: parameters where they differ from their defaults.
     :returns: the conserved quantity, in the rates.
-    :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, or for an unknown coordinate.
+    :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, bodies in contact would part or
+        slip, or for an unknown coordinate.
     """
     equations = equations_of(source)
-    require_smooth(equations, "a conservation law")
     m, owner = equations.mechanism, equations.name
     components = dict(field(m))
     sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {item.name: 3 for item in m.orientations}
@@ -77,7 +78,17 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
             f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in components.items())} is no symmetry: it changes L "
             f"by {change:.2g} of its terms; choose a field that leaves T and V as they are"
         )
+    if moved := _moved_contacts(equations, m.free.frame.T @ xi, values):
+        raise ComponentError(f"{owner}: the field moves {', '.join(moved)}, whose forces change what it would conserve")
     return Quantity(equations, ca.dot(xi, p))
+
+
+def _moved_contacts(equations: Equations, direction: ca.SX, values: Mapping[str, float]) -> list[str]:
+    """Names of unilateral liaisons and dry frictions that change, or slip, along a direction of the rates."""
+    m = equations.mechanism
+    along = ca.jacobian(m.contact_rates(), m.free.q_dot) @ direction
+    names = (item.name for item in (*m.unilaterals, *m.dry_frictions))
+    return [name for i, name in enumerate(names) if largest(equations, along[i], ca.SX(1), values)]
 
 
 def _components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from importlib.util import find_spec
@@ -24,6 +25,7 @@ from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
+from liaisons.mechanics.unilateral import operators_of
 
 _FMI_HEADERS = {
     "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -48,13 +50,20 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
-    model_c, *c_files = sources(fmi)
+    model_c, *c_files = sources(model, fmi)
+    files = (*_HEADERS, *["knots.h"] * bool(model.table), *["unilateral.h"] * bool(model.contact), *c_files)
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
-        **{name: (runtime / name).read_bytes() for name in (*_HEADERS, *["knots.h"] * bool(model.table), *c_files)},
+        **{name: fitting(model, (runtime / name).read_text()).encode() for name in files},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
+
+
+def fitting(model: Model, text: str) -> str:
+    """C of the runtime without what only models with contacts need, or with it."""
+    blocks = r"#ifdef UNILATERAL\n(.*?)(?:#else\n(.*?))?#endif /\* UNILATERAL \*/\n"
+    return re.sub(blocks, lambda block: block[1] if model.contact else block[2] or "", text, flags=re.DOTALL)
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
@@ -120,6 +129,9 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
         "remember": model.remember,
         "nominals": model.nominals,
         **({} if model.project is None else {"project": model.project}),
+        **({} if model.contact is None else {"contact": model.contact}),
+        **({} if model.push is None else {"push": model.push}),
+        **({} if model.indicate is None else {"indicate": model.indicate}),
     }
     return functions | _derivatives(model, "forward") | (_derivatives(model, "reverse") if adjoint else {})
 
@@ -187,7 +199,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     whole = model.derivatives if model.table is None else model.table.derivatives
     if not whole.is_a("SXFunction"):
         return [(whole, whole)] * len(_ACTIVITIES)
-    t, y, u, k = map(ca.SX, whole.sx_in())
+    t, y, u, k, *m = map(ca.SX, whole.sx_in())
     effects = _activities(model)
     effect_of_number = [effects[variable.name] for variable in model.inputs for _ in range(variable.count)]
     zeros = {activity: tuple(bool(effect & ~activity) for effect in effect_of_number) for activity in _ACTIVITIES}
@@ -196,9 +208,11 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     for activity, suffix in reversed(_ACTIVITIES.items()):
         if (is_zero := zeros[activity]) not in pairs:
             inputs = stack(ca.SX(0) if zero else u[i] for i, zero in enumerate(is_zero))
-            rates = ca.densify(ca.cse(whole.call([t, y, inputs, k], True, False)[0]))
-            every = ca.Function(f"derivatives{suffix}", [t, y, u, k], [rates])
-            motion = ca.Function(f"motion{suffix}", [t, y, u, k], [rates[:count]]) if count < rates.numel() else every
+            rates = ca.densify(ca.cse(whole.call([t, y, inputs, k, *m], True, False)[0]))
+            every = ca.Function(f"derivatives{suffix}", [t, y, u, k, *m], [rates])
+            motion = (
+                ca.Function(f"motion{suffix}", [t, y, u, k, *m], [rates[:count]]) if count < rates.numel() else every
+            )
             pairs[is_zero] = every, motion
     return [pairs[zeros[activity]] for activity in _ACTIVITIES]
 
@@ -280,7 +294,45 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
         **({"columns": model.table.columns} if model.table else {}),
         **({"drawn": scalar_count(model.drawn)} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
+        **(_contact_fields(model) if model.contact else {}),
     }
+
+
+def _contact_fields(model: Model) -> dict[str, object]:
+    gaps = sum(not contact.friction for contact in model.contacts)
+    counts = {"gaps": gaps, "frictions": len(model.contacts) - gaps, "operators": len(operators_of(model))}
+    counts["indicators"] = len(model.indicators)
+    return {**counts, **{name: name for name in ("gap", "friction", "operator", "indicator")}}
+
+
+def _contact_tables(model: Model) -> list[str]:
+    slot = {name: i for i, name in enumerate(model.memory)}
+    gaps = [c.name for c in model.contacts if not c.friction]
+    first = scalar_count((*model.parameters, *model.inputs))
+    index = index_ranges(model.outputs)
+
+    def loss(name: str) -> int:
+        part, dot, _ = name.rpartition(".")
+        return slot[f"{part}{dot}impact_loss"]
+
+    ends = ("closed", "rests_from", "impulse", "impacts")
+    gap_rows = [_row(_string(name), *(slot[f"{name}_{end}"] for end in ends), loss(name)) for name in gaps]
+    friction_rows = [
+        _row(
+            _string(c.name),
+            slot[f"{c.name}_direction"],
+            gaps.index(c.normal) if c.normal else -1,
+            loss(c.name),
+        )
+        for c in model.contacts
+        if c.friction
+    ]
+    return [
+        *_table("Gap", "gap", gap_rows),
+        *_table("DryFriction", "friction", friction_rows),
+        *_table("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in operators_of(model)]),
+        *_table("size_t", "indicator", [str(first + index[name].start) for name in model.indicators]),
+    ]
 
 
 def _tables(model: Model) -> list[str]:
@@ -299,6 +351,7 @@ def _tables(model: Model) -> list[str]:
         *_table("State", "state", [_row(row[s.name], row[s.derivative]) for s in model.states]),
         *_table("Dimension", "dimensions", [_row(_string(d.name), d.count) for d in model.dimensions]),
         *_table("char *const", "condition_texts", [_string(text) for text in model.condition_texts]),
+        *(_contact_tables(model) if model.contact else []),
     ]
 
 
@@ -328,6 +381,7 @@ def _variables(model: Model) -> list[str]:
             _number(math.inf if variable.maximum is None else variable.maximum),
             int(variable.strict),
             _string(variable.domain()),
+            *([f"NUMBER_{variable.type.upper()}"] if model.contact else []),
         )
         for variable in variables
     ]
@@ -375,7 +429,7 @@ def _fmi_header(name: str) -> bytes:
 
 
 def _build_description(model: Model, fmi: Fmi) -> bytes:
-    files = (line for name in sources(fmi) for line in element("SourceFile", {"name": name}))
+    files = (line for name in sources(model, fmi) for line in element("SourceFile", {"name": name}))
     inside = [*element("SourceFileSet", {"language": "C99"}, files), *element("Library", {"name": "m"})]
     configuration = element("BuildConfiguration", {"modelIdentifier": model.name}, inside)
     # FMI 2.0 took the file over without a version of its own.

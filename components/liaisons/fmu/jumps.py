@@ -58,6 +58,7 @@ def jump_effects(model: Model) -> Jumps:
 
     Sparsity is not enough: it has terms that cancel.
     """
+    model = model.relaxed or model
     inputs = index_ranges(model.inputs)
     numbers = [i for a in model.active for i in zip(inputs[a.rate], inputs[a.acceleration], strict=True)]
     a, states = len(numbers), model.start.numel_out(0)

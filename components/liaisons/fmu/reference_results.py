@@ -44,6 +44,7 @@ WIDEST = 16
 _DIGITS = 9
 _BOOKED = ("work", "dissipated")
 _SSP = "http://ssp-standard.org/SSP1/"
+_CONTACTS = "contacts have no integration that is independent of the FMU"
 _GIVEN_UP = "it leads to a singularity, or there is too much to integrate while an FMU is built"
 _ABOUT = """\
 {name}_out.csv: results of the default experiment, every {interval:g} s, {starts}.
@@ -81,9 +82,9 @@ class _GivenUpError(Exception):
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def trajectory(model: Model) -> Trajectory | None:
-    """Integrate the default experiment; None where it leads to a singularity or takes too long."""
+    """Integrate the default experiment; None where it leads to a singularity, has contacts, or takes too long."""
     count = model.derivatives.numel_in(1)
-    if count * INTERVALS > WORK:
+    if model.contacts or count * INTERVALS > WORK:
         return None
     model = _with_reference_starts(model)
     u, k = start_vectors(model)
@@ -221,7 +222,8 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
             starts=" and ".join([*own, "all else at its start value"]),
             tolerance=TOLERANCE,
         ).encode()
-    return {f"{FOLDER}/fmi-ls-manifest.xml": _manifest(related), **members}
+    why = _CONTACTS if model.contacts else _GIVEN_UP
+    return {f"{FOLDER}/fmi-ls-manifest.xml": _manifest(related, why), **members}
 
 
 def _moved(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
@@ -273,7 +275,7 @@ def _rounded(column: NDArray) -> NDArray:
     return np.array(rounded)
 
 
-def _manifest(related: list[dict[str, str]]) -> bytes:
+def _manifest(related: list[dict[str, str]], why: str) -> bytes:
     attributes = {
         "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
         "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
@@ -287,5 +289,5 @@ def _manifest(related: list[dict[str, str]]) -> bytes:
         "description": "Description of the model with its equations",
     }
     lines = [line for attributes in related for line in element("Related", attributes)]
-    nothing = [] if related else [f"<!-- No results of the default experiment: {_GIVEN_UP}. -->"]
+    nothing = [] if related else [f"<!-- No results of the default experiment: {why}. -->"]
     return document(element("fmiReferences", attributes, [*nothing, *lines, *element("Related", page)]))

@@ -23,6 +23,8 @@ class LaTeX(Printer):
         "−": "-",
         "·": r" \cdot ",
         "≤": r" \leq ",
+        "≥": r" \geq ",
+        "⟂": r" \perp ",
         "≠": r" \neq ",
         "=": " = ",
         "<": " < ",

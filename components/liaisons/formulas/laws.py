@@ -9,7 +9,9 @@ from functools import partial
 from liaisons.formulas.notation import Letter
 from liaisons.formulas.printing import Printer
 
-_PART = re.compile(r"(?P<letter>[^\W\d_])(?P<dots>[˙¨])?(?:_(?P<below>\w))?(?:\^(?P<above>−?\w))?|(?P<sign>[^\s\w])|\d")
+_PART = re.compile(
+    r"(?P<letter>[^\W\d_])(?P<dots>[˙¨])?(?:_(?P<below>\w))?(?:\^(?P<above>−?\w|[+−]))?|(?P<sign>[^\s\w])|\d"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,23 @@ LAWS = {
     ),
     "internal": Law("Internal states", "They are no coordinates; the component gives their rates."),
     "constraints": Law("Constraints", "Kept by the multipliers λ, and put right after each step."),
+    "unilateral": Law(
+        "Unilateral liaisons",
+        "Bodies can part, g > 0, and then feel no force λ.",
+        "0 ≤ g ⟂ λ ≥ 0",
+    ),
+    "impacts": Law(
+        "Impacts",
+        "Of all that is in contact and does not separate; v is the rate of g, e the coefficient of restitution. "
+        "Impulses Λ make v jump by G Λ, G = C A⁻¹ Cᵀ, C = ∂v/∂q̇ (Moreau).",
+        "0 ≤ Λ ⟂ v^+ + e v^− ≥ 0",
+    ),
+    "dry_friction": Law(
+        "Dry friction",
+        "While the force Q that it takes is at most S, the relative velocity is 0; else Q is against it, and is K, or "
+        "S where there is no K.",
+        "|Q| ≤ S",
+    ),
     "forces": Law(
         "Forces of the operators",
         "What it takes to prescribe s (M eq. 27); the power is λ ṡ.",

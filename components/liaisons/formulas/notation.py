@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from html import unescape
 
-from liaisons.mechanics.model import Model
+from liaisons.mechanics.model import Model, contact_names
 
 # Letters that everybody uses for these words; a declaration may have another one.
 _LETTERS = {
@@ -51,7 +51,7 @@ class Notation:
     """How each variable is written: its letter, dots, subscripts.  No two variables are written alike.
 
     :param names: names of variables, by rank: factors of a product stand in this order.
-    :param active: those that an operator prescribes, whose forces are called λ.
+    :param active: those that an operator prescribes, and contacts, whose forces are called λ.
     :param symbols: what is declared for some of them: a letter, ``"m_1"`` with a subscript.
     """
 
@@ -72,7 +72,8 @@ class Notation:
     def from_model(cls, model: Model) -> Notation:
         """That of a model's variables."""
         symbols = {v.name: v.symbol for v in model.variables if v.symbol}
-        return cls([v.name for v in model.variables], {active.value for active in model.active}, symbols)
+        upheld = {*(active.value for active in model.active), *contact_names(model)}
+        return cls([v.name for v in model.variables], upheld, symbols)
 
     def rank(self, name: str) -> int:
         """Index among the names; behind all of them for others."""

@@ -34,7 +34,21 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
-from liaisons.language.shapes import Ball, Box, Rod, Shape, Shapes, Spring, Trail, Wire, circle, turned
+from liaisons.language.shapes import (
+    Ball,
+    Box,
+    Flash,
+    Floor,
+    Rod,
+    Rope,
+    Shape,
+    Shapes,
+    Spring,
+    Trail,
+    Wire,
+    circle,
+    turned,
+)
 from liaisons.language.variables import Dimension, Experiment, Terminal, Variable
 
 __all__ = [
@@ -46,6 +60,8 @@ __all__ = [
     "Coordinate",
     "Dimension",
     "Experiment",
+    "Flash",
+    "Floor",
     "Friction",
     "Gravity",
     "Input",
@@ -57,6 +73,7 @@ __all__ = [
     "Parameter",
     "ParameterArray",
     "Rod",
+    "Rope",
     "Shape",
     "Shapes",
     "Size",

@@ -79,9 +79,7 @@ def shapes_of(instance: object) -> Sequence[Shape]:
     shapes = call(instance, "picture")
     if isinstance(shapes, Sequence) and all(isinstance(shape, Shape) for shape in shapes):
         return shapes
-    raise ComponentError(
-        f"{type(instance).__name__}.picture returns {shapes!r}; return a list of Rod, Ball, Box, Wire, Spring, Trail"
-    )
+    raise ComponentError(f"{type(instance).__name__}.picture returns {shapes!r}; return a list of Rod, Ball, Box, ...")
 
 
 def components_of(instance: object, name: str) -> Mapping[str, ca.SX]:

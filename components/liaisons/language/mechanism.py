@@ -146,8 +146,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def threshold(self, name: str) -> ca.SX:
         """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
-        value = getattr(self, name) if name else 0.0
-        return ca.SX(value() if callable(value) else value)
+        return ca.SX(call(self, name) if name else 0)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.

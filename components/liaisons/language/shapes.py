@@ -101,7 +101,46 @@ class Trail(Drawn):
     at: VariableReference
 
 
-Shape: TypeAlias = Rod | Ball | Box | Wire | Spring | Trail
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Rope(Drawn):
+    """A rope between two points; slack, it hangs in a curve of its length [m]."""
+
+    start: VariableReference
+    end: VariableReference
+    length: Number
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Floor(Drawn):
+    """A square plane about a point, hatched behind; a wall is one with another normal.
+
+    :param normal: direction towards the bodies, by axis.
+    :param width: [m].
+    """
+
+    at: VariableReference
+    normal: VariableReference
+    width: Number
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Flash(Drawn):
+    """A flash at a point, after each impact at a unilateral liaison.
+
+    :param liaison: its name.
+    """
+
+    at: VariableReference
+    liaison: str
+
+    def document(self, named: Named) -> dict[str, Any]:
+        return {"shape": "flash", "at": _point(self.at, named), "count": f"{self.liaison}_impacts"}
+
+
+Shape: TypeAlias = Rod | Ball | Box | Wire | Spring | Trail | Rope | Floor | Flash
 Shapes: TypeAlias = Sequence[Shape]
 
 _AXES = ("x", "y", "z")
@@ -127,7 +166,7 @@ def circle(centre: VariableReference, radius: Number, across: tuple[ca.SX, ca.SX
     return Wire([position(2 * pi * i / count) for i in range(count)], closed=True)
 
 
-_POINTS = {"start": "from", "end": "to", "at": "at"}
+_POINTS = {"start": "from", "end": "to", "at": "at", "normal": "normal"}
 
 
 def _point(position: VariableReference, named: Named) -> list[float | str]:

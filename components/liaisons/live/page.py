@@ -111,7 +111,7 @@ def _component(
     :param before: names of the components that are stepped before it.
     """
     description: ModelDescription = fmpy.read_model_description(part.fmu.path, validate=False)
-    variables = {v.name: v for v in description.modelVariables if v.type == "Real"}
+    variables = {v.name: v for v in description.modelVariables if v.type == "Real" or v.causality == "output"}
     fed = {variable for name, variable in feeds if name == part.name}
     free = [
         [port.name for port in triple]
@@ -151,6 +151,7 @@ def _variable(v: ScalarVariable, part: SystemComponent, *, read: bool, hidden: b
     entry = {
         "name": v.name,
         "reference": v.valueReference,
+        "type": None if v.type == "Real" else v.type,
         "unit": v.unit,
         "start": start,
         "read": read,

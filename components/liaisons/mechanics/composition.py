@@ -18,7 +18,8 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Terminal, TerminalMember, Variable
 from liaisons.mechanics.energy_accounting import function
-from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Equation, Model, State
+from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Contact, Equation, Model, State
+from liaisons.mechanics.unilateral import with_modes
 
 
 def compose(
@@ -38,7 +39,7 @@ def compose(
     :param starts: start values of parameters and inputs where they differ from the models', ``{"swing.theta_0": 0.1}``.
     :raises ComponentError: for an unknown variable, or inputs that depend on each other in a way that is not linear.
     """
-    parts = [_named(part, model.flat()) for part, model in models.items()]
+    parts = [_named(part, (model.relaxed or model).flat()) for part, model in models.items()]
     longest = max((part.experiment for part in parts), key=lambda e: e.stop_time)
     values = {variable: float(value) for variable, value in (starts or {}).items()}
     _check(name, parts, connections, values)
@@ -50,7 +51,8 @@ def compose(
 
     inner = (replace(v, causality="output", start=None) for v in _all(parts, "inputs") if v.name in connections)
     conditions = joined.conditions()
-    return Model(
+    contacts = _all(parts, "contacts")
+    whole = Model(
         name=name,
         description="composition of " + ", ".join(f"{part} ({model.name})" for part, model in models.items()),
         documentation=_documentation(models, connections),
@@ -66,7 +68,9 @@ def compose(
         ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_equations(models, connections)),
+        contacts=contacts,
     )
+    return with_modes(whole) if contacts else whole
 
 
 def _equations(models: Mapping[str, Model], connections: Mapping[str, str]) -> Iterator[Equation]:
@@ -98,6 +102,7 @@ def _named(part: str, model: Model) -> Model:
         },
         states=tuple(State(full(s.name), full(s.derivative)) for s in model.states),
         memory=tuple(map(full, model.memory)),
+        contacts=tuple(Contact(full(c.name), c.friction, c.normal and full(c.normal)) for c in model.contacts),
         condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),
         active=tuple(ActiveInput(full(a.value), full(a.rate), full(a.acceleration)) for a in model.active),
         ports=tuple(

@@ -53,11 +53,10 @@ def definitions(
     # When an operator makes σ̇ jump, p is continuous; the jump of the energy is the work of an impulse.
     impulse = energy - energy_booked
     landing = impulse if landed is None else ca.substitute(energy, y, landed) - energy_booked
-    booked = {
-        "work": work + impulse,
-        "dissipated": dissipated,
-        "energy_balance": energy - energy_start - (work + impulse) + dissipated,
-    }
+    balance = energy - energy_start - (work + impulse) + dissipated
+    if "impact_loss" in remembered:
+        balance += memory[remembered.index("impact_loss")]
+    booked = {"work": work + impulse, "dissipated": dissipated, "energy_balance": balance}
     booked |= {name: mismatches[i] for i, name in enumerate(remembered[len(MEMORY) :])}
     z = [booked.get(variable.name, value) for variable, value in zip(layout.outputs, outputs, strict=True)]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)

@@ -17,6 +17,7 @@ from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_mechanism
+from liaisons.mechanics.unilateral import contact_expressions, contacts_of, relaxed_layout, with_modes
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
@@ -30,8 +31,11 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     """
     equations = derive(component)
     m = equations.mechanism
-    layout = m.layout()
+    contacts, layout = contacts_of(m), m.layout()
     symbols = {v.name: ca.SX.sym(v.name) for v in layout.parameters} | equations.symbols
+    if contacts:
+        layout = relaxed_layout(m, layout)
+        symbols |= {f"{c.name}_multiplier": m.contact_force(c.name) for c in contacts}
 
     # The vectors of Model.
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
@@ -65,8 +69,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         name: signature and function(name.removesuffix("_function"), *signature) for name, signature in booked.items()
     }
     shown = mechanism_picture(m, read | symbols)
-    return Model(
-        **described(m),
+    model = Model(
+        **(described(m) | vars(layout)),
         memory=memory_of(layout),
         **functions,
         conditions=function("conditions", [t, y, u, k], distances),
@@ -77,7 +81,9 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         picture=shown.document,
         drawn=shown.variables,
         draw=function("draw", [t, y, u, k], stack(shown.expressions)) if shown.expressions else None,
+        contacts=contacts,
     )
+    return with_modes(model) if contacts else model
 
 
 def _outputs(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca.SX]:
@@ -90,6 +96,7 @@ def _outputs(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca
     names = [*passive, *(item.name for item in m.rheonomic_constraints)]
     outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
     outputs |= {f"{name}_residual": residuals[i] for i, name in enumerate(names)}
+    outputs |= contact_expressions(m)
     return outputs | {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
 
 

@@ -114,7 +114,13 @@ class Model:
     * ``conditions``  (t, y, u, k) → (c,)           each entry must stay > 0 (a singularity lies at 0)
     * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted; where they
       recur (k, t) → (times,), the first one after t among them
+    * ``contact``     (t, y, u, k) → (c,)           what modes of contacts are chosen by, without contact forces
+    * ``push``        (t, y, u, k, m, Λ, ν) → (y, I)  state after impulses Λ of contacts, moved along gaps by ν;
+      impulses of operators
+    * ``indicate``    (t, y, u, k, m) → (c,)        event indicators, below 0 where the mode of a contact ends
     * ``draw``        (t, y, u, k) → (d,)           what only the picture needs, or the next event; when it is read
+
+    With contacts ``derivatives`` and ``conditions`` take m, too: it holds the modes.
     """
 
     name: str
@@ -149,6 +155,10 @@ class Model:
     draw: ca.Function | None = None
     table: LookupTable | None = None  # made of the first parameters
     contacts: tuple[Contact, ...] = ()
+    contact: ca.Function | None = None
+    push: ca.Function | None = None
+    indicate: ca.Function | None = None
+    relaxed: Model | None = None  # with the contact forces as inputs
 
     @property
     def indicators(self) -> tuple[str, ...]:

@@ -9,17 +9,16 @@ from typing import Any, final
 import casadi as ca
 
 from liaisons import units
-from liaisons.errors import ComponentError
+from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.rows import Vector, keys, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.checks import shapes_of
-from liaisons.language.component import Component
-from liaisons.language.shapes import Named, Rod, Shape, Spring
+from liaisons.language.mechanical import MechanicalComponent
+from liaisons.language.shapes import Flash, Named, Rod, Rope, Shape, Spring
 from liaisons.language.variables import Variable, element
 
-VERSION = "1.0"
-"""Of the form of ``resources/picture.json``."""
+_NEWER = {"rope", "floor", "flash"}  # than version 1.0 of resources/picture.json
 
 MOST_LINKS = 200
 """Of a longer chain the first ones are drawn."""
@@ -47,12 +46,16 @@ class Drawing:
             self.names[identity] = element(_DRAWN, len(self.expressions))
         return self.names[identity]
 
-    def add(self, m: Component, shapes: Iterable[Shape], named: Named) -> None:
+    def add(self, m: MechanicalComponent, shapes: Iterable[Shape], named: Named) -> None:
         """Append shapes to the content of the file.
 
-        :raises ComponentError: if one holds what is no scalar.
+        :raises ComponentError: if one holds what is no scalar, or names no unilateral liaison.
         """
+        liaisons = [liaison.name for liaison in m.unilaterals]
         for shape in shapes:
+            if isinstance(shape, Flash) and shape.liaison not in liaisons:
+                text = f"Flash: {shape.liaison!r} is no unilateral liaison{suggestion(shape.liaison, liaisons)}"
+                raise ComponentError(f"{type(m).__name__}.picture: {text}")
             try:
                 self.shapes.append(shape.document(named))
             except (AttributeError, IndexError, NotImplementedError, TypeError, RuntimeError) as error:
@@ -65,7 +68,8 @@ class Drawing:
     @property
     def document(self) -> Mapping[str, Any]:
         """Content of the file."""
-        return {"version": VERSION, "shapes": self.shapes}
+        newer = any(shape["shape"] in _NEWER for shape in self.shapes)
+        return {"version": "1.1" if newer else "1.0", "shapes": self.shapes}
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -75,7 +79,7 @@ class Drawing:
         return tuple(Variable(name, units.ANY, text, "local", "continuous") for name in names)
 
 
-def mechanism_picture(m: Component, variables: Mapping[str, ca.SX]) -> Drawing:
+def mechanism_picture(m: MechanicalComponent, variables: Mapping[str, ca.SX]) -> Drawing:
     """Drawing of a mechanism by its method ``picture``.
 
     :param variables: expressions by name.
@@ -148,5 +152,5 @@ class _Link:
 
 def _hangs(shape: Shape, m: Chain) -> bool:
     """Whether a shape depends on the joint, which the first link of a free end lacks."""
-    places = (shape.start, shape.end) if isinstance(shape, Rod | Spring) else ()
+    places = (shape.start, shape.end) if isinstance(shape, Rod | Spring | Rope) else ()
     return any(ca.depends_on(ca.SX(component), m.w) for position in places for component in position.values())

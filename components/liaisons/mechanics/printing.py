@@ -48,6 +48,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *_rows("motion", momentum_rates, m.free.frame @ balances[: len(rates), 0]),
         *_rows("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
         *_constraints(equations),
+        *_contacts(equations),
         *_rows("forces", [f"{name}_force" for name in adapted], balances[len(rates) :, 0]),
         *_effective_mass(_theta(equations, balances[len(rates) :, 0]), actives),
         *_rows("points", equations.points, stack(equations.points.values())),
@@ -175,6 +176,10 @@ def _applied(equations: Equations) -> tuple[ca.SX, ca.SX]:
     rigid = list(constraints.holonomic)
     on_active = ca.jacobian(constraints.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
     on_active -= equations.friction.against(s_dot) + ca.jacobian(points, s).T @ equations.point_loads
+    rates = m.contact_rates()
+    if rates.shape[0]:
+        on_free += ca.jacobian(rates, free.q_dot).T @ m.contact_forces
+        on_active += ca.jacobian(rates, s_dot).T @ m.contact_forces
     return on_free, on_active
 
 
@@ -203,6 +208,25 @@ def _constraints(equations: Equations) -> Iterator[Equation]:
         yield Equation("constraints", "0", ca.SX(getattr(m, item.name)))
     for item in m.rheonomic_constraints:
         yield Equation("constraints", item.name, ca.SX(getattr(m, item.name)))
+
+
+def _contacts(equations: Equations) -> Iterator[Equation]:
+    """Unilateral liaisons with rate v, restitution e and compliance G = C A⁻¹ Cᵀ, and thresholds of dry friction."""
+    m = equations.mechanism
+    gaps = [item.name for item in m.unilaterals]
+    yield from (Equation("unilateral", name, ca.SX(getattr(m, name))) for name in gaps)
+    rates = m.contact_rates()[: len(gaps), 0]
+    C = ca.jacobian(rates, m.free.q_dot)
+    G = C @ solve_symmetric(equations.mass_matrix, C.T) if gaps else ca.SX(0, 0)
+    for i, item in enumerate(m.unilaterals):
+        yield Equation("impacts", f"v_{item.name}", rates[i])
+        yield Equation("impacts", f"e_{item.name}", m.threshold(item.restitution or ""))
+        yield from (Equation("impacts", f"G[{item.name},{gaps[k]}]", G[i, k]) for k in range(i, len(gaps)))
+    for item in m.dry_frictions:
+        yield Equation("dry_friction", item.name, ca.SX(getattr(m, item.name)))
+        normal = m.contact_force(item.normal) if item.normal else ca.SX(1)
+        for letter, threshold in zip("SK", dict.fromkeys((item.static, item.sliding)), strict=False):
+            yield Equation("dry_friction", f"{letter}_{item.name}", m.threshold(threshold) * normal)
 
 
 def _rows(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:

@@ -21,6 +21,7 @@ _MOST = 10_000
 
 Shape = Mapping[str, Any]
 _POINTS, _LISTS = ("from", "to", "at"), ("points", "axes")
+_TRIPLES, _NUMBERS = ("size", "normal"), ("radius", "length", "width", "count")
 _KINDS = {
     "rod": ("from", "to"),
     "ball": ("at",),
@@ -28,6 +29,9 @@ _KINDS = {
     "wire": ("points",),
     "spring": ("from", "to"),
     "trail": ("at",),
+    "rope": ("from", "to", "length"),
+    "floor": ("at", "normal", "width"),
+    "flash": ("at", "count"),
 }
 
 
@@ -96,7 +100,7 @@ class Picture:
                 return rename(value)
             return [coordinates(item) for item in value] if isinstance(value, list) else float(value)
 
-        numbers = {*_POINTS, *_LISTS, "size", "radius"}
+        numbers = {*_POINTS, *_LISTS, *_TRIPLES, *_NUMBERS}
         return Picture(
             tuple({k: coordinates(v) if k in numbers else v for k, v in shape.items()} for shape in self.shapes)
         )
@@ -124,12 +128,12 @@ def _check(shape: Shape) -> None:
     for member, least, most in (("points", 2, math.inf), ("axes", 3, 3)):
         if member in shape and not (isinstance(shape[member], list) and least <= len(shape[member]) <= most):
             raise ValueError(f"{member} of a {shape['shape']} are {shown(shape[member])}: {least} triples are needed")
-    triples = [*_points(shape), *shape.get("axes", ()), *([shape["size"]] if "size" in shape else [])]
+    triples = [*_points(shape), *shape.get("axes", ()), *(shape[member] for member in _TRIPLES if member in shape)]
     for triple in triples:
         if not isinstance(triple, list) or len(triple) != 3:
             raise ValueError(f"{shown(triple)} in a {shape['shape']} is no triple")
     numbers = [number for triple in triples for number in triple]
-    for number in [*numbers, shape["radius"]] if "radius" in shape else numbers:
+    for number in [*numbers, *(shape[member] for member in _NUMBERS if member in shape)]:
         if isinstance(number, str) and number:
             continue
         if isinstance(number, bool) or not isinstance(number, (int, float)):

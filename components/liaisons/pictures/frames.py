@@ -18,6 +18,11 @@ from liaisons.pictures.declared import LARGEST, Picture
 RATE = 30
 """Frames a second."""
 
+FLASH = 6
+"""Frames that a flash lasts."""
+THICKNESS = 0.04
+"""Of a floor, as a fraction of its width."""
+
 _SKEW = 1e-3
 """Invisible deviation of the axes of a box from orthonormal vectors."""
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
@@ -31,10 +36,12 @@ Signal = Callable[[str], NDArray]
 class Moving:
     """One shape at n frames.
 
-    :param kind: ``"rod"``, ``"ball"``, ``"box"``, ``"wire"``, ``"spring"`` or ``"trail"``.
-    :param points: (n, k, 3) [m]: both ends of a rod or spring, the centre of a ball, box or trail, all of a wire.
-    :param axes: (n, 3, 3), unit vectors, of a box.
-    :param size: (n, 3) [m] of a box; (n, 1), the radius, of a rod or ball that has one.
+    :param kind: ``"rod"``, ``"ball"``, ``"box"``, ``"wire"``, ``"spring"``, ``"trail"``, ``"floor"`` or ``"flash"``; a
+        rope is a wire.
+    :param points: (n, k, 3) [m]: both ends of a rod or spring, all points of a wire, else the centre.
+    :param axes: (n, 3, 3), unit vectors, of a box or floor, whose third is its normal.
+    :param size: (n, 3) [m] of a box or floor; (n, 1), the radius, of a rod or ball that has one; of a flash its
+        strength, 1 at the impact.
     :param closed: whether the last point of a wire is joined to the first.
     """
 
@@ -51,7 +58,7 @@ class Moving:
 
     @property
     def corners(self) -> NDArray:
-        """Corners of a box, (n, 8, 3); none of other shapes."""
+        """Corners of a box or floor, (n, 8, 3); none of other shapes."""
         if self.axes is None or self.size is None:
             return self.points[:, :0]
         return self.points + _CORNERS @ (self.axes * self.size[:, :, None] / 2)
@@ -83,16 +90,16 @@ def frames(
     :param shifts: of each shape along x [m]; else as the groups need at the first of the times.
     :raises SimulationError: if a coordinate is not finite, or the axes of a box are no right-handed unit vectors.
     """
-    shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
     values = np.stack([signal(name) for name in picture.variables] or [np.zeros(len(time))], axis=1)
     invalid = np.argwhere(~(abs(values) <= LARGEST))  # not-a-number, too
-    if shapes and len(invalid):
+    if picture.shapes and len(invalid):
         frame, column = invalid[0]
         value = f"{values[frame, column]:g}" if np.isfinite(values[frame, column]) else "not finite"
         raise SimulationError(
             f"{title}: {picture.variables[column]} in its picture is {value} at t = {time[frame]:g} s: "
             "nothing to draw there"
         )
+    shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
     for axes in (shape.axes for shape in shapes if shape.axes is not None):
         skew = np.abs(axes @ np.swapaxes(axes, 1, 2) - np.eye(3)).max(axis=(1, 2))
         wrong = np.flatnonzero((skew > _SKEW) | (np.linalg.det(axes) < 0))
@@ -127,11 +134,54 @@ def _moving(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
         return np.stack([signal(x) if isinstance(x, str) else np.full(count, float(x)) for x in coordinates], axis=-1)
 
     ends = [shape[member] for member in ("from", "to", "at") if member in shape] or shape["points"]
+    points = np.stack([columns(point) for point in ends], axis=1)
+    if shape["shape"] == "rope":
+        return Moving("wire", _hanging(points, columns([shape["length"]])))
+    if shape["shape"] == "floor":
+        axes = _upright(columns(shape["normal"]))
+        edges = columns([shape["width"]]) * (1, 1, THICKNESS)
+        return Moving("floor", points - axes[:, 2:] * edges[:, None, 2:] / 2, axes, edges)
+    if shape["shape"] == "flash":
+        return Moving("flash", points, size=_strength(columns([shape["count"]])))
     size = shape.get("size") or ([shape["radius"]] if "radius" in shape else None)
     return Moving(
         shape["shape"],
-        np.stack([columns(point) for point in ends], axis=1),
+        points,
         axes=np.stack([columns(axis) for axis in shape["axes"]], axis=1) if "axes" in shape else None,
         size=None if size is None else columns(size),
         closed=shape.get("closed", False),
     )
+
+
+def _hanging(ends: NDArray, length: NDArray) -> NDArray:
+    """Points (n, 17, 3) of a rope of a length (n, 1): a parabola below the line between its ends (n, 2, 3)."""
+    part = np.linspace(0, 1, 17)[:, None]
+    straight = ends[:, :1] + part * (ends[:, 1:] - ends[:, :1])
+
+    def curve(sag: NDArray) -> NDArray:
+        return straight - sag[:, None] * 4 * part * (1 - part) * np.array([0, 0, 1])
+
+    sag = np.zeros_like(length)
+    for k in range(2, 30):  # the curve is the longer, the deeper it hangs, and longer than twice its sag
+        deeper = sag + length / 2**k
+        short = np.linalg.norm(np.diff(curve(deeper), axis=1), axis=2).sum(axis=1, keepdims=True) <= length
+        sag = np.where(short, deeper, sag)
+    return curve(sag)
+
+
+def _upright(normal: NDArray) -> NDArray:
+    """Axes (n, 3, 3), the third along a normal (n, 3)."""
+
+    def unit(vectors: NDArray) -> NDArray:
+        return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+    third = unit(normal)
+    first = unit(np.cross(np.eye(3)[np.argmin(np.abs(third).max(axis=0))], third))  # the same axis at all times
+    return np.stack([first, np.cross(third, first), third], axis=1)
+
+
+def _strength(count: NDArray) -> NDArray:
+    """From 1 where a count (n, 1) has changed to 0 after the frames of a flash, (n, 1)."""
+    frame, whole = np.arange(len(count))[:, None], np.round(count)
+    last = np.maximum.accumulate(np.where(np.diff(whole, axis=0, prepend=whole[:1]) != 0, frame, -FLASH))
+    return np.maximum(1 - (frame - last) / FLASH, 0)

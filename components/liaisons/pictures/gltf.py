@@ -41,13 +41,13 @@ def glb(frames: Frames, name: str) -> bytes:
 
 def _add(scene: _Scene, shape: Moving, stage: Stage) -> None:
     centre = shape.points[:, 0]
-    if shape.kind == "box":
-        scene.add_node("box", scene.mesh("box"), centre, _quaternions(shape.axes), shape.size)
+    if shape.axes is not None:
+        scene.add_node(shape.kind, scene.mesh(shape.kind), centre, _quaternions(shape.axes), shape.size)
     elif shape.kind == "trail":
         if len(centre) > 1:
             scene.add_node("trail", scene.primitive("trail", mode=_LINE_STRIP, POSITION=centre))
-    elif shape.kind == "ball":
-        scene.add_node("ball", scene.mesh("ball"), centre, scale=np.repeat(stage.radius(shape), 3, axis=1))
+    elif shape.kind in ("ball", "flash"):
+        scene.add_node(shape.kind, scene.mesh(shape.kind), centre, scale=np.repeat(stage.radius(shape), 3, axis=1))
     else:
         radius = stage.radius(shape)
         for start, end in pairwise(np.moveaxis(shape.path, 1, 0)):
@@ -165,10 +165,9 @@ def _from_z(unit: NDArray) -> NDArray:
     return _continuous(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
-def _quaternions(axes: NDArray | None) -> NDArray:
+def _quaternions(axes: NDArray) -> NDArray:
     from scipy.spatial.transform import Rotation
 
-    assert axes is not None  # as for all boxes
     return _continuous(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat())
 
 
@@ -234,4 +233,6 @@ _MESHES: dict[str, Callable[[], Mesh]] = {
     "spring": _coil,
     "ball": _sphere,
     "box": _cube,
+    "floor": _cube,
+    "flash": _sphere,
 }

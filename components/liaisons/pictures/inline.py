@@ -12,7 +12,8 @@ from importlib.resources import files
 from typing import Any
 
 from liaisons.pictures.camera import FACING
-from liaisons.pictures.stage import COILS, LIGHT, SIZES
+from liaisons.pictures.frames import FLASH, THICKNESS
+from liaisons.pictures.stage import COILS, LIGHT, SIZES, TEETH
 
 
 def page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
@@ -25,7 +26,9 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
     """
     folder = files("liaisons.pictures") / "web"
     style = (folder / "page.css").read_text(encoding="utf-8")
-    constants = f"const DRAWING = {json.dumps({'sizes': SIZES, 'coils': COILS, 'facing': FACING, 'light': LIGHT})};"
+    floor = {"thickness": THICKNESS, "teeth": TEETH}
+    shared = {"sizes": SIZES, "coils": COILS, "facing": FACING, "light": LIGHT, "floor": floor, "flash": FLASH}
+    constants = f"const DRAWING = {json.dumps(shared)};"
     sources = [(folder / name).read_text(encoding="utf-8") for name in modules]
     script = "\n".join([constants, *map(_inlined, sources)])
     policy = (

@@ -57,13 +57,12 @@ def _bodies(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
     stage = Stage(shown)
     for shape in shown.shapes:
         points = shape.path @ _UP.T
-        if shape.kind == "box":
-            assert shape.axes is not None  # as for all boxes
+        if shape.axes is not None:
             assert shape.size is not None
             rotation = (shape.axes @ _UP.T).reshape(-1, 9)
-            yield "box", "box", {**_centred(points[:, 0], *shape.size.T[:, :, None]), "T": rotation}
-        elif shape.kind == "ball":
-            yield "ball", "sphere", _centred(points[:, 0], *3 * [2 * stage.radius(shape)])
+            yield shape.kind, "box", {**_centred(points[:, 0], *shape.size.T[:, :, None]), "T": rotation}
+        elif shape.kind in ("ball", "flash"):
+            yield shape.kind, "sphere", _centred(points[:, 0], *3 * [2 * stage.radius(shape)])
         elif shape.kind == "spring":
             wire = {"height": SIZES["wire"] * stage.extent, "extra": float(stage.coils(shape))}
             yield "spring", "spring", {**_between(points, stage.radius(shape)), **wire}

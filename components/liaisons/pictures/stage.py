@@ -22,13 +22,19 @@ COLOURS = {
     "ball": "#c8532b",
     "box": "#4f83b5",
     "trail": "#c8532b",
+    "floor": "#8593a0",
+    "flash": "#f2b632",
 }
 LIGHT = (-0.35, -0.6, 0.72)
 """Direction to the light."""
 _ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 _CIRCLE = np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
 
-SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.0025}
+_STAR = _CIRCLE * np.resize([1, 0.35], (24, 1))
+TEETH = 24
+"""Of the hatching of a floor."""
+
+SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.0025, "flash": 0.06}
 """Default radius of each kind of shape, as a fraction of the extent of the picture."""
 
 
@@ -76,14 +82,21 @@ class Stage:
 
     def _faces(self, frames: Frames, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
         for shape in frames.shapes:
-            if shape.kind == "box":
-                yield from _box(camera.see(shape.points[k, 0] - self.middle[k]), shape, k, camera, opacity)
+            if shape.axes is not None:
+                floor = shape.kind == "floor"
+                paint = self._hatching if floor and frames.plane is not None else _box
+                faces = paint(camera.see(shape.points[k, 0] - self.middle[k]), shape, k, camera, opacity)
+                # No body is behind a floor: it hides all, or nothing.
+                depth = np.copysign(np.inf, -1e-9 - camera.axes[2] @ shape.axes[k, 2])
+                yield from (face._replace(depth=depth) if floor else face for face in faces)
                 continue
             first = max(0, k + 1 - _TRAIL) if shape.kind == "trail" else k
             points = camera.see(shape.path[first : k + 1] - self.middle[k])
             radius, colour = self.radius(shape)[k, 0], (*rgb(shape.kind), opacity)
             if shape.kind == "ball":
                 yield from _ball(points[-1, 0], radius, colour)
+            elif shape.kind == "flash" and radius:
+                yield Face(-np.inf, points[-1, 0, :2] + radius * _STAR, colour)
             elif shape.kind == "trail":
                 yield from _fading(points[:, 0], radius, colour)
             elif shape.kind == "spring":
@@ -92,9 +105,23 @@ class Stage:
             else:
                 yield from _lines(points[-1], radius, colour)
 
+    def _hatching(self, centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
+        """A floor that is seen from its side."""
+        assert shape.axes is not None  # as for all floors
+        assert shape.size is not None
+        up = camera.see(shape.axes[k, 2])
+        step = shape.size[k, 0] / TEETH
+        along = step * np.array([up[1], -up[0], 0])
+        edge = centre + shape.size[k, 2] / 2 * up + np.arange(-TEETH / 2, TEETH / 2 + 1)[:, None] * along
+        radius, colour = SIZES["wire"] * self.extent, (*rgb("floor"), opacity)
+        yield _line(edge[0], edge[-1], radius, colour)
+        yield from (_line(a, a - along - shape.size[k, 2] * up, radius / 2, colour) for a in edge[1:])
+
     def radius(self, shape: Moving) -> NDArray:
-        """Radius [m] of a shape that is no box, (n, 1)."""
+        """Radius [m] of a shape without axes, (n, 1); of a flash 0 when it is over."""
         default = np.broadcast_to(SIZES[shape.kind] * self.extent, (len(shape.points), 1))
+        if shape.kind == "flash":
+            return default * shape.size
         return default if shape.size is None else np.where(shape.size > 0, shape.size, default)
 
     def coils(self, spring: Moving) -> int:
@@ -135,7 +162,7 @@ def _box(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float)
         a, b, face = seen[(i + 1) % 3], seen[(i + 2) % 3], centre + side * seen[i]
         light = 0.55 + 0.45 * max(0.0, float(side * shape.axes[k, i] @ np.array(LIGHT)))
         corners = np.array([face + a + b, face + a - b, face - a - b, face - a + b])[:, :2]
-        yield Face(face[2], corners, (*(light * c for c in rgb("box")), opacity))
+        yield Face(face[2], corners, (*(light * c for c in rgb(shape.kind)), opacity))
 
 
 def _zigzag(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:

@@ -20,6 +20,7 @@ Form = Literal["portable", "full"]
 Units = Mapping[str, UnitDefinition]
 
 _PORTABLE = {"Enumeration": "Integer"}  # SSP enumerations need names of items, which masters refuse
+_SHOWN = {"input": ("Real",), "output": ("Real", "Integer", "Boolean")}
 _FULL = {"Real": "Float64", "Integer": "Int32"}  # of FMI 2.0; FMI 3.0 and SSP 2.0 have the same names
 
 
@@ -49,7 +50,7 @@ def outer(parts: Iterable[SystemComponent], connections: Collection[Connection])
         (part.name, name): connector(part, name)[0]
         for part in parts
         for key, entry in part.fmu.variables.entries.items()
-        if entry.like.type == "Real" and entry.like.causality in {"input", "output"}
+        if entry.like.type in _SHOWN.get(entry.like.causality, ())
         for whole in [part.fmu.variables.whole(key)]
         if whole or entry.size <= LONGEST
         for name in ([key] if whole else entry.names())

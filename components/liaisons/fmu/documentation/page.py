@@ -186,6 +186,7 @@ def _variable(variable: Variable, printer: MathML) -> tuple[str, ...]:
     size = "" if variable.dimension is None else f"[1…{variable.dimension.name or variable.count}]"
     starts = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]  # those of an array may be alike
     kind = variable.causality + (", tunable" if variable.variability == "tunable" else "")
+    kind += "" if variable.type == "Real" else f", {variable.type}"
     return (
         f"<math>{printer.name(variable.name)}</math>",
         f"<code>{escape(variable.name)}{size}</code>",
@@ -262,7 +263,7 @@ def _experiment(model: Model) -> list[str]:
     )
     starts = ", ".join(f"<code>{name}</code> = {value:g}" for name, value in e.reference.items())
     own = [f"<p>Nothing would happen there by itself; the reference results have {starts}.</p>"] if starts else []
-    return [*_table(("", ""), rows), f"<p>{_RESULTS}</p>", *own]
+    return [*_table(("", ""), rows), *([] if model.contacts else [f"<p>{_RESULTS}</p>"]), *own]
 
 
 def _sources(sections: dict[str, list[str]]) -> list[str]:

@@ -27,6 +27,10 @@ typedef struct { /* (t, y, u, k) -> dy/dt, of all states, and of the coupled one
     Function *all, *coupled;
 } Motion;
 
+#ifdef UNILATERAL
+typedef enum { NUMBER_REAL, NUMBER_INTEGER, NUMBER_BOOLEAN } NumberType; /* all are calculated as doubles */
+
+#endif /* UNILATERAL */
 typedef struct { /* a number, or an array of numbers */
     const char *name;
     Kind kind;
@@ -37,6 +41,9 @@ typedef struct { /* a number, or an array of numbers */
     double start, minimum, maximum;
     int strict;         /* the bounds themselves are forbidden too */
     const char *domain; /* the allowed values in words; empty: all finite numbers */
+#ifdef UNILATERAL
+    NumberType type;
+#endif /* UNILATERAL */
 } Variable;
 
 typedef struct { /* a start value that is not that of its variable */
@@ -64,6 +71,22 @@ typedef struct { /* a structural size */
     size_t count;
 } Dimension;
 
+#ifdef UNILATERAL
+enum { MOST_CONTACTS = 16 };
+
+typedef struct { /* a unilateral liaison: where the memory has its mode and its account */
+    const char *name;
+    size_t closed, rests_from, impulse, impacts, loss;
+} Gap;
+
+typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1 */
+    const char *name;
+    size_t direction;
+    long normal;
+    size_t loss;
+} DryFriction;
+
+#endif /* UNILATERAL */
 typedef struct {
     const char *name, *guid;
     double tolerance; /* where the importer gives none */
@@ -96,6 +119,16 @@ typedef struct {
     /* adjoint derivatives: arguments, results, weights of the results -> derivatives of the weighted sum; or NULL */
     Function *start_reverse, *calculate_reverse, *remember_reverse;
     size_t most_arguments, most_results, integers, reals; /* work space of any of them */
+#ifdef UNILATERAL
+    size_t gaps, frictions, operators, indicators;
+    const Gap *gap;
+    const DryFriction *friction;
+    const size_t *operator;  /* where the memory sums the impulses of operators */
+    const size_t *indicator; /* indices of the event indicators among the numbers */
+    Function *contact;       /* (t, y, u, k) -> the numbers of Contacts in instance.h, one after the other */
+    Function *push;          /* (t, y, u, k, m, impulses, shifts) -> y, impulses of operators */
+    Function *indicate;      /* (t, y, u, k, m) -> event indicators */
+#endif /* UNILATERAL */
 } Model;
 
 extern const Model model;
@@ -210,6 +243,16 @@ void core_enter_event_mode(Instance *);
 /* Book what a jump of the inputs brought in, if it is finite; *changed: states have.  *next: time event, or INFINITY. */
 Status core_update_discrete_states(Instance *, int *changed, double *next);
 
+#ifdef UNILATERAL
+/* The number of a variable that must be of this type; integers may be settings, too. */
+Status core_get_typed(Instance *, NumberType type, unsigned reference, double *value);
+/* Refuse to set such a variable. */
+Status core_refuse_typed(Instance *, NumberType type, unsigned reference, double value);
+Status core_get_indicators(Instance *, double indicators[]);
+/* Whether an event indicator is below 0. */
+int core_has_event(Instance *, double time);
+
+#endif /* UNILATERAL */
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);
 void core_save(const Instance *, void *bytes);

@@ -2,6 +2,9 @@
 #include <string.h>
 
 #include "instance.h"
+#ifdef UNILATERAL
+#include "unilateral.h"
+#endif /* UNILATERAL */
 
 Status core_set_time(Instance *self, double time) {
     if (!isfinite(time)) return core_report(self, DISCARD, "time = %s: set a finite number", core_spelled(time));
@@ -60,11 +63,18 @@ void core_enter_event_mode(Instance *self) {
 Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     const char *before = (const char *)self->step.backup + ((const char *)self->v.y - (const char *)self->s);
     *changed = 0;
+#ifdef UNILATERAL
+    self->s->jumped = 1; /* an event of a contact, perhaps */
+#endif /* UNILATERAL */
     if (self->s->jumped) {
         memcpy(self->step.backup, self->s, self->layout.moving_size);
         core_compare(self);
         core_jump(self);
+#ifdef UNILATERAL
+        if (!core_settle(self, self->s->time) || !core_check_finite(self, self->v.y, 0, self->s->time)
+#else
         if (!core_check_finite(self, self->v.y, 0, self->s->time)
+#endif /* UNILATERAL */
             || (!core_remember(self) && !core_because_infinite(self))) {
             memcpy(self->s, self->step.backup, self->layout.moving_size);
             self->known.current = 0;
@@ -75,6 +85,10 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
         self->known.current = 0;
     }
     *next = core_next_instant(self, self->v.k, self->s->time);
+#ifdef UNILATERAL
+    for (const Gap *gap = self->model->gap; gap < self->model->gap + self->model->gaps; gap++)
+        if (self->v.m[gap->rests_from] > self->s->time) *next = fmin(*next, self->v.m[gap->rests_from]);
+#endif /* UNILATERAL */
     return SUCCESS;
 }
 

@@ -210,8 +210,17 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference referenc
     if (n == 0) return fmi3OK;
     NEED(references);
     NEED(values);
+#ifdef UNILATERAL
+    for (size_t i = 0; i < n; i++) {
+        double value = 0;
+        const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], &value);
+        if (status != SUCCESS) return (fmi3Status)status;
+        values[i] = value < INT32_MAX ? (int)value : INT32_MAX;
+    }
+#else
     for (size_t i = 0; i < n; i++)
         if (core_get_setting(core, references[i], &values[i]) != SUCCESS) return fmi3Error;
+#endif /* UNILATERAL */
     return fmi3OK;
 }
 
@@ -288,7 +297,30 @@ NONE_OF(Int16)
 NONE_OF(UInt16)
 NONE_OF(UInt32)
 NONE_OF(Int64)
+#ifdef UNILATERAL
+fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                          fmi3Boolean values[], size_t count) {
+    ENTER(GetInt32);
+    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Boolean") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    return get_booleans(core, references, n, values);
+}
+
+fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                          const fmi3Boolean values[], size_t count) {
+    ENTER(SetInt32);
+    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Boolean") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    return (fmi3Status)core_refuse_typed(core, NUMBER_BOOLEAN, references[0], values[0]);
+}
+
+#else
 NONE_OF(Boolean)
+#endif /* UNILATERAL */
 NONE_OF(String)
 
 fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, size_t sizes[],
@@ -455,6 +487,10 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
     ENTER(GetNumberOf);
     NEED(n);
+#ifdef UNILATERAL
+    *n = model.indicators;
+#else
     *n = 0;
+#endif /* UNILATERAL */
     return fmi3OK;
 }

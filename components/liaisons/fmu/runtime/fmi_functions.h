@@ -37,6 +37,20 @@ STATUS FMI(Terminate)(INSTANCE instance) {
 
 void FMI(FreeInstance)(INSTANCE instance) { fmi_free_instance(instance); }
 
+#ifdef UNILATERAL
+/* ---- Booleans ---------------------------------------------------------------------------------------------- */
+
+static STATUS get_booleans(Instance *core, const unsigned references[], size_t n, BOOLEAN values[]) {
+    for (size_t i = 0; i < n; i++) {
+        double value = 0;
+        const Status status = core_get_typed(core, NUMBER_BOOLEAN, references[i], &value);
+        if (status != SUCCESS) return (STATUS)status;
+        values[i] = value != 0;
+    }
+    return (STATUS)SUCCESS;
+}
+
+#endif /* UNILATERAL */
 /* ---- saved states ------------------------------------------------------------------------------------------ */
 
 STATUS FMI(GetFMUState)(INSTANCE instance, void **state) {
@@ -92,7 +106,11 @@ STATUS FMI(CompletedIntegratorStep)(INSTANCE instance, BOOLEAN no_way_back, BOOL
     ENTER(CompletedIntegratorStep);
     NEED(event);
     NEED(terminate);
+#ifdef UNILATERAL
+    *event = core_has_event(core, core_time(core));
+#else
     *event = 0;
+#endif /* UNILATERAL */
     *terminate = 0;
     return (STATUS)SUCCESS;
 }
@@ -134,7 +152,14 @@ STATUS FMI(GetNominalsOfContinuousStates)(INSTANCE instance, double nominals[], 
 }
 
 STATUS FMI(GetEventIndicators)(INSTANCE instance, double indicators[], size_t n) {
+#ifdef UNILATERAL
+    ENTER(GetEventIndicators);
+    if (fmi_check_count(&fmu->common, n, model.indicators, "event indicators") != SUCCESS) return (STATUS)ERROR;
+    NEED(indicators);
+    return (STATUS)core_get_indicators(core, indicators);
+#else
     (void)indicators;
     ENTER(GetEventIndicators);
     return (STATUS)fmi_check_count(&fmu->common, n, 0, "event indicators");
+#endif /* UNILATERAL */
 }

@@ -5,6 +5,9 @@
 #include "instance.h"
 #include "solver.h"
 #include "symplectic.h"
+#ifdef UNILATERAL
+#include "unilateral.h"
+#endif /* UNILATERAL */
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
@@ -50,6 +53,12 @@ static void lay_out(Instance *self) {
     self->scratch.condition = cut(&rest, model->start_conditions);
     self->scratch.instant = cut(&rest, model->events);
     self->call.reals = cut(&rest, model->reals);
+#ifdef UNILATERAL
+    const size_t contacts = model->gaps + model->frictions;
+    self->contacts.numbers = cut(&rest, contacts * (contacts + 7));
+    self->contacts.operators = cut(&rest, model->operators);
+    self->contacts.indicators = cut(&rest, contacts);
+#endif /* UNILATERAL */
     self->movers.given = rest;
 }
 
@@ -60,6 +69,9 @@ Instance *core_new(const Model *model, const Options *options) {
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
     const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + SOLVER_COLUMNS * n
                            + model->start_conditions + model->events + model->reals + ORDER * model->inputs;
+#ifdef UNILATERAL
+    const size_t contacts = model->gaps + model->frictions, touching = contacts * (contacts + 8) + model->operators;
+#endif /* UNILATERAL */
     Instance *self = calloc(1, sizeof *self);
     if (self == NULL) return NULL;
     self->model = model;
@@ -78,7 +90,11 @@ Instance *core_new(const Model *model, const Options *options) {
     self->prescribed.count = prescribed;
     self->prescribed.list = calloc(prescribed + 1, sizeof *self->prescribed.list);
     self->prescribed.warned = calloc(model->active_rows + 1, sizeof *self->prescribed.warned);
+#ifdef UNILATERAL
+    self->d.y = calloc(scratch + touching + 1, sizeof *self->d.y);
+#else
     self->d.y = calloc(scratch + 1, sizeof *self->d.y);
+#endif /* UNILATERAL */
     self->call.arguments = calloc(model->most_arguments, sizeof *self->call.arguments);
     self->call.results = calloc(model->most_results, sizeof *self->call.results);
     self->call.integers = calloc(model->integers + 1, sizeof *self->call.integers);
@@ -179,6 +195,9 @@ static int starts_in_time(Instance *self) {
 
 Status core_exit_initialization(Instance *self) {
     core_start(self);
+#ifdef UNILATERAL
+    if (self->refused) return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
+#endif /* UNILATERAL */
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->v.y, 0, t)
         || !core_check_conditions(self, t, self->v.y, self->model->start_conditions)
@@ -212,6 +231,9 @@ void core_start(Instance *self) {
     self->call.results[1] = self->v.m;
     self->model->start(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
     self->s->unstarted = 0;
+#ifdef UNILATERAL
+    self->refused = !core_settle(self, self->s->time);
+#endif /* UNILATERAL */
 }
 
 int core_remember(Instance *self) {
@@ -224,6 +246,9 @@ int core_remember(Instance *self) {
 
 void core_jump(Instance *self) {
     core_leap(self);
+#ifdef UNILATERAL
+    core_follow_gaps(self);
+#endif /* UNILATERAL */
     evaluate(self, self->model->jump, self->s->time, self->v.y, self->d.y);
     memcpy(self->v.y, self->d.y, self->model->states * sizeof *self->v.y);
     self->s->jumped = 0;

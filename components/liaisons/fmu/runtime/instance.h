@@ -132,6 +132,16 @@ typedef struct {
     char *name;      /* of a number that is named in a message */
 } Words;
 
+#ifdef UNILATERAL
+typedef struct { /* gaps first, then dry friction; without contact forces */
+    double *numbers, *operators, *indicators;
+    const double *v, *a, *G;                      /* rates, accelerations, their change by forces */
+    const double *rate_scale, *acceleration_scale; /* what they are made of */
+    const double *gap, *scale, *restitution;
+    const double *stick, *slide; /* thresholds of dry friction */
+} Contacts;
+
+#endif /* UNILATERAL */
 struct Instance {
     const Model *model;
     Options options;
@@ -148,6 +158,10 @@ struct Instance {
     Scratch scratch;
     Call call;
     Words words;
+#ifdef UNILATERAL
+    Contacts contacts;
+    int refused; /* the start, for the reason in words */
+#endif /* UNILATERAL */
 };
 
 typedef struct { /* consecutive numbers */

@@ -5,7 +5,12 @@
 #include <stddef.h>
 
 typedef enum { GO_ON, STOP } Signal; /* GO_ON is 0, which generated functions return */
+#ifdef UNILATERAL
+typedef enum { REACHED, STOPPED, STUCK, EXHAUSTED, CROSSED } Outcome;
+typedef int Watch(void *context, double t, const double y[], double indicators[]); /* 0: it cannot be there */
+#else
 typedef enum { REACHED, STOPPED, STUCK, EXHAUSTED } Outcome;
+#endif /* UNILATERAL */
 typedef Signal Rates(void *context, double t, const double y[], double f[]); /* f = dy/dt */
 
 typedef struct {
@@ -15,9 +20,17 @@ typedef struct {
     Rates *rates, *coupled_rates;                          /* of all, and of the coupled ones, which cost less */
     Signal (*accept)(void *context, double t, double y[]); /* called after each step; may correct y */
     void *context;
+#ifdef UNILATERAL
+    size_t indicators; /* an event is where one of them falls below 0 */
+    Watch *watch;
+#endif /* UNILATERAL */
 } Problem;
 
+#ifdef UNILATERAL
+enum { SOLVER_COLUMNS = 26, MOST_STEPS = 100000, FEW_STEPS = 8192 };
+#else
 enum { SOLVER_COLUMNS = 14, MOST_STEPS = 100000, FEW_STEPS = 8192 };
+#endif /* UNILATERAL */
 
 typedef struct { /* towards an end; all 0 at the beginning */
     long steps, last; /* taken, and taken when it was looked at */
@@ -32,6 +45,9 @@ int solver_is_exhausted(Pace *, double t, double end);
  * to try, 0 if unknown, and on return the one to go on with.  work holds SOLVER_COLUMNS * n numbers.
  * STOPPED: one of the functions said so.  STUCK: no step is small enough.  EXHAUSTED: it takes more than
  * MOST_STEPS, the rejected ones among them.  All three leave *t, y, low where they got. */
+#ifdef UNILATERAL
+/* CROSSED: an event indicator has; the last step ends there. */
+#endif /* UNILATERAL */
 Outcome solver_advance(const Problem *problem, double *t, double end, double y[], double low[], double *step,
                        double work[]);
 

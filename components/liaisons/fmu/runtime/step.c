@@ -5,6 +5,9 @@
 #include "inputs.h"
 #include "solver.h"
 #include "symplectic.h"
+#ifdef UNILATERAL
+#include "unilateral.h"
+#endif /* UNILATERAL */
 
 /* ---- motion of the states ---------------------------------------------------------------------------------- */
 
@@ -44,17 +47,33 @@ static Signal intermediate_update(Instance *self, double t) {
 static Signal accept(void *context, double t, double y[]) {
     Instance *self = context;
     const Model *model = self->model;
+#ifdef UNILATERAL
+#else
     if (model->conditions == 0 && model->project == NULL && self->options.step_finished == NULL) return GO_ON;
+#endif /* UNILATERAL */
     if (!move_inputs(self, t)) return STOP;
     if (model->project != NULL) { /* back onto constraints and unit quaternions */
         evaluate(self, model->project, self->step.start + t, y, self->d.y);
         memcpy(y, self->d.y, model->states * sizeof *y);
         memset(self->v.low, 0, model->states * sizeof *self->v.low);
     }
+#ifdef UNILATERAL
+    core_uphold(self, self->step.start + t);
+#endif /* UNILATERAL */
     if (!core_check_conditions(self, self->step.start + t, y, model->conditions)) return STOP;
     return self->options.step_finished == NULL ? GO_ON : intermediate_update(self, t);
 }
 
+#ifdef UNILATERAL
+/* Event indicators at a time and state inside the step; 0 if inputs leave their domain there. */
+static int watch(void *context, double t, const double y[], double values[]) {
+    Instance *self = context;
+    if (!move_inputs(self, t)) return 0;
+    evaluate(self, self->model->indicate, self->step.start + t, y, values);
+    return 1;
+}
+
+#endif /* UNILATERAL */
 /* Why no step from a time inside the communication step is small enough. */
 static int explain_stuck(Instance *self, double t) {
     const Model *model = self->model;
@@ -171,7 +190,12 @@ static int move_states(Instance *self) {
     const double start = self->step.start;
     const int moves = self->movers.count > 0;
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
+#ifdef UNILATERAL
+                             moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
+                             self->model->gaps + self->model->frictions, watch};
+#else
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self};
+#endif /* UNILATERAL */
     double t = 0, event = start, end = 0;
     Pace pace = {0, 0, 0};
     while (t < self->step.reach) {
@@ -193,11 +217,26 @@ static int move_states(Instance *self) {
             return 0;
         case EXHAUSTED:
             return explain_exhausted(self, t, "solver steps");
+#ifdef UNILATERAL
+        case CROSSED:
+            if (self->options.use == USE_CO_SIMULATION_WITH_EVENTS && self->options.early) {
+                self->step.reach = t; /* the importer handles the event */
+                return 1;
+            }
+            if (!move_inputs(self, t) || !core_settle(self, start + t)) {
+                self->step.curable = t > 0;
+                return 0;
+            }
+            break;
+#endif /* UNILATERAL */
         case REACHED:
             if (t == self->step.reach) break;
             self->step.curable = 1;
             if (!move_inputs(self, t)) return 0;
             pass_instant(self, event);
+#ifdef UNILATERAL
+            if (!core_settle(self, event)) return 0;
+#endif /* UNILATERAL */
             break;
         }
     }
@@ -264,6 +303,9 @@ static int advance(Instance *self, double time, double size) {
         core_jump(self);
         if (!core_check_finite(self, self->v.y, 0, time)) return 0;
     }
+#ifdef UNILATERAL
+    if (!core_settle(self, time)) return 0;
+#endif /* UNILATERAL */
     core_depart(self);
     core_reconstruct(self, size);
     if (self->options.request_inputs != NULL) core_request_inputs(self, time, size);
@@ -284,8 +326,14 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->events > 0 && !with_events
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
+#ifdef UNILATERAL
+    if (self->step.reach < size && with_events && core_has_event(self, self->s->time)) self->s->limit = self->s->time;
+#endif /* UNILATERAL */
     core_arrive(self);
     if (arrives && leaps) leap_to_inputs(self);
+#ifdef UNILATERAL
+    if (arrives && leaps && !core_settle(self, self->s->time)) return 0;
+#endif /* UNILATERAL */
     self->step.curable = self->model->states > 0;
     if (!core_check_finite(self, self->v.y, 0, self->s->time)) return 0;
     if (!core_remember(self)) return core_because_infinite(self);

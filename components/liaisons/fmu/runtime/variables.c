@@ -32,6 +32,18 @@ size_t core_index_of_state(const Model *model, size_t i, int derivative) {
     return model->variables[derivative ? state->derivative : state->variable].first + i;
 }
 
+#ifdef UNILATERAL
+static Status check_type(const Instance *self, NumberType type, unsigned reference) {
+    static const char *const NAMES[] = {"floating-point", "integer", "Boolean"};
+    if (reference - self->layout.first >= self->layout.references)
+        return core_report(self, ERROR, "value reference %u belongs to no %s variable", reference, NAMES[type]);
+    const Variable *variable = core_variable_at(self->model, span_of(self, reference).first);
+    if (variable->type == type) return SUCCESS;
+    return core_report(self, ERROR, "value reference %u belongs to no %s variable: %s is %s", reference, NAMES[type],
+                       variable->name, NAMES[variable->type]);
+}
+
+#endif /* UNILATERAL */
 Status core_check_references(const Instance *self, const unsigned references[], size_t n, size_t count) {
     size_t numbers = n;
     for (size_t i = 0; i < n; i++) {
@@ -40,6 +52,9 @@ Status core_check_references(const Instance *self, const unsigned references[], 
                                "value reference %u belongs to no floating-point variable; they are %u to %lu",
                                references[i], self->layout.first,
                                (unsigned long)(self->layout.first + self->layout.references - 1));
+#ifdef UNILATERAL
+        if (check_type(self, NUMBER_REAL, references[i]) != SUCCESS) return ERROR;
+#endif /* UNILATERAL */
         numbers += span_of(self, references[i]).count - 1;
     }
     if (numbers == count) return SUCCESS;
@@ -92,6 +107,9 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     Rest rest = {references, n, count};
     Span run;
     *self->v.t = self->s->time;
+#ifdef UNILATERAL
+    if (core_check_references(self, references, n, count) != SUCCESS) return ERROR;
+#endif /* UNILATERAL */
     if (self->known.current && !self->layout.by_variable) { /* nothing is as fast as to take them one by one */
         for (size_t i = 0; i < n; i++) {
             const size_t index = references[i] - self->layout.first;
@@ -304,6 +322,10 @@ Status core_get_setting(const Instance *self, unsigned reference, int *value) {
 
 Status core_set_settings(Instance *self, const unsigned references[], size_t n, const int values[]) {
     for (size_t i = 0; i < n; i++) {
+#ifdef UNILATERAL
+        if (references[i] - self->layout.first < self->layout.references)
+            return core_refuse_typed(self, NUMBER_INTEGER, references[i], values[i]);
+#endif /* UNILATERAL */
         const size_t which = setting(self, references[i]);
         if (which == SETTINGS) return ERROR;
         if (values[i] < 0 || values[i] > SETTING[which].most)
@@ -318,3 +340,38 @@ Status core_set_settings(Instance *self, const unsigned references[], size_t n, 
 const Dimension *core_dimension(const Instance *self, unsigned reference) {
     return reference - 1 < self->model->dimension_rows ? &self->model->dimensions[reference - 1] : NULL;
 }
+#ifdef UNILATERAL
+
+/* ---- integers, Booleans, event indicators ------------------------------------------------------------------ */
+
+Status core_get_typed(Instance *self, NumberType type, unsigned reference, double *value) {
+    if (type == NUMBER_INTEGER && reference - self->layout.first >= self->layout.references) {
+        int setting_value = 0;
+        const Status status = core_get_setting(self, reference, &setting_value);
+        *value = setting_value;
+        return status;
+    }
+    if (check_type(self, type, reference) != SUCCESS) return ERROR;
+    const Span number = span_of(self, reference);
+    update(self, number);
+    *value = self->v.k[number.first];
+    return isfinite(*value) ? SUCCESS : core_refuse_infinite(self, &reference, value, 1, "");
+}
+
+Status core_refuse_typed(Instance *self, NumberType type, unsigned reference, double value) {
+    if (check_type(self, type, reference) != SUCCESS) return ERROR;
+    return refuse(self, span_of(self, reference).first, CALCULATED, value);
+}
+
+Status core_get_indicators(Instance *self, double indicators[]) {
+    const double *values = self->contacts.indicators;
+    core_start(self);
+    evaluate(self, self->model->indicate, self->s->time, self->v.y, self->contacts.indicators);
+    for (size_t i = 0; i < self->model->indicators; i++)
+        if (!isfinite(values[i]))
+            return core_report(self, DISCARD, "%s = %s", core_name(self, self->model->indicator[i]),
+                               core_spelled(values[i]));
+    memcpy(indicators, values, self->model->indicators * sizeof *values);
+    return SUCCESS;
+}
+#endif /* UNILATERAL */

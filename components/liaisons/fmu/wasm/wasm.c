@@ -294,8 +294,15 @@ static const CompletedStep *complete_step(Self *self, int no_way_back) {
     RETURN(CompletedStep, fmi3CompletedIntegratorStep(self->fmu, no_way_back, &c.enter_event_mode, &c.terminate), c);
 }
 
+#ifdef UNILATERAL
+/* A vector as long as there are states, or event indicators. */
+#else
 /* A vector as long as there are states, or of event indicators, of which there are none. */
+#endif /* UNILATERAL */
 static const Items *get_vector(GetVector *function, Self *self, size_t n) {
+#ifdef UNILATERAL
+    if (function == fmi3GetEventIndicators) n = model.indicators;
+#endif /* UNILATERAL */
     double *values = room(n * sizeof *values);
     return items(function(self->fmu, values, n), values, n);
 }

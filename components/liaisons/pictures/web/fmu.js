@@ -35,11 +35,11 @@ export class Fmu {
     this.capacity = 0;
   }
 
-  /** Values of the variables with these references. */
-  get(references) {
-    const [first, second] = this.#places(references);
-    this.#check(this.c.fmi2GetReal(this.instance, first, references.length, second));
-    return new Float64Array(this.c.memory.buffer, second, references.length).slice();
+  /** Values of the variables of a type with these references. */
+  get(references, type = "Real") {
+    const [first, second] = this.#places(references), numbers = type === "Real" ? Float64Array : Int32Array;
+    this.#check(this.c[`fmi2Get${type}`](this.instance, first, references.length, second));
+    return new numbers(this.c.memory.buffer, second, references.length).slice();
   }
 
   set(references, values) {

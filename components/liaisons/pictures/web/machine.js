@@ -3,6 +3,7 @@
 import { Fmu, Refusal } from "./fmu.js";
 import { Hand } from "./sources.js";
 
+const TYPES = ["Real", "Integer", "Boolean"];
 const INTERPOLATE = 2; // the inputs that are set before a step belong to its end
 
 export class Machine {
@@ -30,6 +31,7 @@ export class Machine {
     this.time = 0;
     this.steps = 0;
     this.broken = "";
+    this.again = false;
     try {
       for (const part of this.parts) this.#begin(part);
       for (let round = 0; round < 2; round += 1) for (const part of this.parts) this.#feed(part); // loops need two
@@ -73,8 +75,10 @@ export class Machine {
     const found = new Float64Array(this.signals.length);
     let place = 0;
     for (const part of this.parts) {
-      found.set(part.fmu.get(part.references), place);
-      place += part.read.length;
+      for (const [type, references] of part.references) {
+        found.set(part.fmu.get(references, type), place);
+        place += references.length;
+      }
     }
     return found;
   }
@@ -82,10 +86,12 @@ export class Machine {
   #part(component, module) {
     const reference = Object.fromEntries(component.variables.map((v) => [v.name, v.reference]));
     const starts = new Map(component.variables.filter((v) => v.start !== undefined).map((v) => [v.name, v.start]));
-    const read = component.variables.filter((v) => v.read);
+    const byType = TYPES.map((type) => [type, component.variables.filter((v) => v.read && (v.type ?? "Real") === type)])
+      .filter(([, read]) => read.length);
     return {
       ...component, reference, starts, sources: new Map(), fmu: new Fmu(module, component.guid),
-      read, references: read.map((v) => v.reference), interpolates: component.reconstruction === INTERPOLATE,
+      read: byType.flatMap(([, read]) => read), references: byType.map(([type, read]) => [type, read.map((v) => v.reference)]),
+      interpolates: component.reconstruction === INTERPOLATE,
     };
   }
 

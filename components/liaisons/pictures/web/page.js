@@ -59,7 +59,7 @@ class Page {
     if (this.machine.restart()) {
       this.#look();
       sideBySide(this.groups, this.now);
-    }
+    } else this.running = false;
     for (const part of this.machine.parts) for (const [name, source] of part.sources) if (source instanceof Hand) this.#show(part.prefix + name, source.aim);
     this.#tell();
     this.paint();
@@ -67,7 +67,7 @@ class Page {
 
   toggle(running = !this.running) {
     if (running && this.machine.broken && !this.machine.again) this.reset();
-    this.machine.broken = "";
+    else this.machine.broken = "";
     this.running = running && !this.machine.broken;
     this.#tell();
   }
@@ -144,7 +144,7 @@ class Page {
   #account() {
     const sum = (name, values) => this.machine.parts.reduce((s, p) => s + (values[this.machine.place.get(p.prefix + name)] ?? 0), 0);
     if (!this.machine.parts.some((p) => this.machine.place.has(`${p.prefix}energy`))) return;
-    const work = sum("work", this.now), gain = sum("energy", this.now) - sum("energy", this.first), lost = sum("dissipated", this.now);
+    const work = sum("work", this.now), gain = sum("energy", this.now) - sum("energy", this.first), lost = sum("dissipated", this.now) + sum("impact_loss", this.now);
     const rounding = 1e-9 * Math.max(sum("kinetic_energy", this.now), Math.abs(sum("energy", this.now)), 1e-30);
     this.largest = Math.max(this.times.length > 1 ? this.largest : 0, Math.abs(work), Math.abs(gain), Math.abs(gain + lost), rounding);
     const bar = (id, from, to) => {

@@ -19,10 +19,19 @@ export function shapesOf(picture, place, prefix = "", shift = { x: 0 }) {
   return picture.shapes.map((shape) => {
     const found = { ...shape };
     for (const member of ["from", "to", "at"]) if (shape[member]) found[member] = point(shape[member]);
-    if (shape.points) found.points = shape.points.map(point);
+    if (shape.points) {
+      const points = shape.points.map(point);
+      found.curve = (values) => points.map((p) => p(values));
+    }
     if (shape.axes) found.axes = shape.axes.map(direction);
     if (shape.size) found.size = shape.size.map(number);
-    if (shape.radius !== undefined) found.radius = number(shape.radius);
+    for (const member of ["radius", "length", "width", "count"]) if (shape[member] !== undefined) found[member] = number(shape[member]);
+    if (shape.length !== undefined) found.curve = (values) => hanging(found.from(values), found.to(values), found.length(values));
+    if (shape.normal) {
+      const { at, width } = found, normal = direction(shape.normal), thickness = (values) => DRAWING.floor.thickness * width(values);
+      const axes = [0, 1, 2].map((i) => (values) => upright(normal(values))[i]);
+      Object.assign(found, { axes, size: [width, width, thickness], at: (values) => along(at(values), axes[2](values), -thickness(values) / 2) });
+    }
     return found;
   });
 }
@@ -30,7 +39,7 @@ export function shapesOf(picture, place, prefix = "", shift = { x: 0 }) {
 /** All points of the shapes now, the corners of boxes among them. */
 function pointsOf(shapes, values) {
   return shapes.flatMap((s) => {
-    const found = [s.from, s.to, s.at, ...(s.points ?? [])].filter(Boolean).map((p) => p(values));
+    const found = [...[s.from, s.to, s.at].filter(Boolean).map((p) => p(values)), ...(s.curve?.(values) ?? [])];
     const edges = (s.axes ?? []).map((axis, i) => [axis(values), s.size[i](values) / 2]);
     return edges.reduce((all, [axis, half]) => all.flatMap((p) => [along(p, axis, half), along(p, axis, -half)]), found);
   });
@@ -58,7 +67,7 @@ export function palette() {
   return {
     of, rod: of("--rod"), wire: of("--wire"), spring: of("--spring"), faint: of("--faint"), edge: of("--edge"),
     ball: of("--ball"), ballLight: of("--ball-light"),
-    box: (light) => mixed("--box", light, "black"), trail: (part) => mixed("--ball", part, "transparent"),
+    box: (light) => mixed("--box", light, "black"), floor: (light) => mixed("--wire", light, "black"), flash: of("--flash"), trail: (part) => mixed("--ball", part, "transparent"),
   };
 }
 
@@ -67,7 +76,32 @@ const along = (a, direction, length) => a.map((x, i) => x + direction[i] * lengt
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const middle = (a, b) => a.map((x, i) => (x + b[i]) / 2);
 
-/* global DRAWING: sizes as fractions of the extent, numbers of coils, views of planes, the light; from inline.py */
+const cross = (a, b) => [0, 1, 2].map((i) => a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]);
+
+/** A rope of a length between two points: a parabola below the line between them, as frames.py has it. */
+function hanging(a, b, length) {
+  const curve = (sag) => Array.from({ length: 17 }, (_, i) => {
+    const part = i / 16;
+    return along(along(a, minus(b, a), part), [0, 0, -4 * part * (1 - part)], sag);
+  });
+  let sag = 0;
+  for (let k = 2; k < 30; k += 1) {
+    const deeper = sag + length / 2 ** k, points = curve(deeper);
+    if (points.slice(1).reduce((sum, p, i) => sum + Math.hypot(...minus(p, points[i])), 0) <= length) sag = deeper;
+  }
+  return curve(sag);
+}
+
+/** Axes, the third along a normal. */
+function upright(normal) {
+  const unit = (v) => v.map((x) => x / (Math.hypot(...v) || 1));
+  const third = unit(normal), sizes = third.map(Math.abs), smallest = sizes.indexOf(Math.min(...sizes));
+  const first = unit(cross([0, 1, 2].map((i) => Number(i === smallest)), third));
+  return [first, cross(third, first), third];
+}
+
+/* global DRAWING: sizes as fractions of the extent, numbers of coils, views of planes, the light, the thickness of a
+   floor as a fraction of its width and its teeth, frames of a flash; from inline.py */
 
 const PIECES = 16; // of a trail, each paler than the next
 
@@ -147,6 +181,15 @@ export class View {
       depth: (a[2] + b[2]) / 2 + bias,
       paint: (c) => path(c, [a, b], width, colour),
     });
+    const remember = (now) => {
+      if (!trail.length || time > trail.at(-1).time) trail.push({ time, now });
+      while (trail.length > 400) trail.shift();
+    };
+    const curve = () => {
+      const seen = shape.curve(values).map((p) => this.see(p));
+      if (shape.closed) seen.push(seen[0]);
+      seen.slice(1).forEach((p, i) => line(seen[i], p, Math.max(2 * sizes.wire * unit, 1.5), colours.wire, -1e-3));
+    };
     const draws = {
       rod: () => line(at("from"), at("to"), Math.max(radius ? 2 * radius : 2 * sizes.rod * unit, 2), colours.rod),
       ball: () => {
@@ -154,10 +197,14 @@ export class View {
         items.push({ depth: p[2] + 1e-3, paint: (c) => ball(c, p, r, colours) });
       },
       box: () => this.#box(items, shape, values, colours),
-      wire: () => {
-        const seen = shape.points.map((p) => this.see(p(values)));
-        if (shape.closed) seen.push(seen[0]);
-        seen.slice(1).forEach((p, i) => line(seen[i], p, Math.max(2 * sizes.wire * unit, 1.5), colours.wire, -1e-3));
+      wire: curve,
+      rope: curve,
+      floor: () => (this.plane ? this.#hatching(items, shape, values, colours) : this.#box(items, shape, values, colours)),
+      flash: () => {
+        remember(Math.round(shape.count(values)));
+        const last = trail.findLastIndex((p, i) => i && p.now !== trail[i - 1].now);
+        const strength = last < 0 ? 0 : 1 - (trail.length - 1 - last) / DRAWING.flash, p = at("at");
+        if (strength > 0) items.push({ depth: -Infinity, paint: (c) => star(c, p, sizes.flash * unit * strength, colours.flash) });
       },
       spring: () => {
         const a = at("from"), b = at("to");
@@ -165,9 +212,7 @@ export class View {
         items.push({ depth: (a[2] + b[2]) / 2, paint: (c) => spring(c, a, b, sizes.spring * unit, shape.coils, colours.spring) });
       },
       trail: () => {
-        const now = shape.at(values);
-        if (!trail.length || time > trail.at(-1).time) trail.push({ time, now });
-        while (trail.length > 400) trail.shift();
+        remember(shape.at(values));
         const seen = trail.map((p) => this.see(p.now)), piece = Math.ceil(seen.length / PIECES);
         for (let i = 0; i + 1 < seen.length; i += piece) {
           const part = seen.slice(i, i + piece + 1), colour = colours.trail((0.7 * (i + piece)) / seen.length);
@@ -190,9 +235,21 @@ export class View {
           along(along(face, axes[j], a * half[j]), axes[k], b * half[k]),
         ));
         const light = 0.55 + 0.45 * Math.max(0, side * dot(axis, DRAWING.light));
-        items.push({ depth: this.see(face)[2], paint: (c) => polygon(c, corners, colours.box(light), colours.edge) });
+        items.push({ depth: shape.normal ? -dot(axes[2], eye) * Infinity : this.see(face)[2], paint: (c) => polygon(c, corners, colours[shape.shape](light), colours.edge) });
       }
     });
+  }
+
+  /** A floor that is seen from its side. */
+  #hatching(items, shape, values, colours) {
+    const { teeth, thickness } = DRAWING.floor, normal = shape.axes[2](values), width = shape.width(values);
+    const ground = this.see(shape.at(values)), end = this.see(along(shape.at(values), normal, width));
+    const up = [end[0] - ground[0], end[1] - ground[1]], line = Math.max(this.scale * this.extent * DRAWING.sizes.wire, 0.8);
+    const point = (across, height) => [ground[0] - across * up[1] + height * up[0], ground[1] + across * up[0] + height * up[1]];
+    items.push({ depth: -Infinity, paint: (c) => {
+      path(c, [point(-0.5, thickness / 2), point(0.5, thickness / 2)], 2 * line, colours.wire);
+      for (let k = 0; k < teeth; k += 1) path(c, [point((k + 1) / teeth - 0.5, thickness / 2), point(k / teeth - 0.5, -thickness / 2)], line, colours.wire);
+    } });
   }
 
   /** Direction from the mechanism to the eye. */
@@ -262,6 +319,16 @@ function ball(c, [x, y], radius, colours) {
   c.fillStyle = light;
   c.beginPath();
   c.arc(x, y, radius, 0, 2 * Math.PI);
+  c.fill();
+}
+
+function star(c, [x, y], radius, colour) {
+  c.fillStyle = colour;
+  c.beginPath();
+  for (let k = 0; k < 24; k += 1) {
+    const r = k % 2 ? 0.35 * radius : radius, angle = (Math.PI * k) / 12;
+    c.lineTo(x + r * Math.cos(angle), y + r * Math.sin(angle));
+  }
   c.fill();
 }
 

@@ -1,0 +1,14 @@
+/* Unilateral liaisons and dry friction: see unilateral.c.  What returns 0 has noted a reason. */
+#ifndef LIAISONS_UNILATERAL_H
+#define LIAISONS_UNILATERAL_H
+
+#include "instance.h"
+
+/* Impacts, then modes, at the present state and an instant; a gap that overlaps by more than rounding is refused. */
+int core_settle(Instance *, double time);
+/* Put what is held back to 0 after a step of the solver. */
+void core_uphold(Instance *, double time);
+/* A prescribed coordinate has jumped a little: bodies that it touches go with it. */
+void core_follow_gaps(Instance *);
+
+#endif
