@@ -29,10 +29,8 @@ from liaisons import (
     sensitivities,
     unilateral,
 )
-from liaisons.formulas import DisplayedEquations, Notation
-from liaisons.mechanics import Model, assemble, derive
+from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import Contact
-from liaisons.mechanics.printing import of_mechanism
 from liaisons.models import Pendulum
 
 T = np.linspace(0.0, 1.0, 5)
@@ -85,6 +83,8 @@ def model() -> Model:
         (lambda: analysis.vakonomic_equations(Sledge), "describe the mechanism without them"),
         (lambda: analysis.virial(Sledge, T, PATH), "describe the mechanism without them"),
         (lambda: analysis.similarity(Sledge), "describe the mechanism without them"),
+        (lambda: analysis.noether(Sledge, lambda _: {"x": 1}), "describe the mechanism without them"),
+        (lambda: analysis.cyclic_coordinates(Sledge), "describe the mechanism without them"),
     ],
 )
 def test_class_is_refused(call: Callable[[], Any], remedy: str) -> None:
@@ -105,42 +105,3 @@ def test_model_is_refused(call: Callable[[Model, Path], Any], remedy: str, model
     with pytest.raises(LiaisonsError, match=rf"^Pendulum: .* unilateral .* \(gap, slip\); .*{remedy}"):
         call(model, tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_equations_are_shown() -> None:
-    derived = derive(Sledge)
-    names = [variable.name for variable in derived.mechanism.layout().variables]
-    shown = DisplayedEquations("Sledge", of_mechanism(derived), Notation(names, {"belt", "floor", "gap", "slip"}))
-    assert [part.text() for part in map(shown.__getitem__, ("motion", "unilateral", "impacts", "dry_friction"))] == [
-        "Equations of motion: ṗₖ = ∂L/∂qₖ + Qₖ\n   ṗₓ = Qₓ + λ_slip − Fₓ\n  ṗ_z = Q_z + λ_gap − F_z",
-        "Unilateral liaisons: 0 ≤ g ⟂ λ ≥ 0\n  gap = z − floor",
-        "Impacts: 0 ≤ Λ ⟂ v⁺ + e v⁻ ≥ 0\n      v_gap = ż − floor˙\n      e_gap = 0\n  G_gap,gap = 1/m",
-        "Dry friction: |Q| ≤ S\n    slip = ẋ − belt˙\n  S_slip = grip · λ_gap",
-    ]
-    assert r"0  \leq  \Lambda  \perp  v^{+} + e v^{-}  \geq  0" in shown.latex()
-    assert "<mo>⟂</mo>" in "".join(shown.html())
-
-
-def test_what_contacts_conserve() -> None:
-    """Two balls on a line push each other: only their common momentum is constant, though L has neither place."""
-
-    class Pair(Mechanism):
-        """Two balls on a line."""
-
-        mass = Parameter(2.0, "kg", "mass", above=0)
-        x_1 = Coordinate("m", "place of the first")
-        x_2 = Coordinate("m", "place of the second", start=1.0)
-        y = Coordinate("m", "height of both")
-
-        def kinetic_energy(self) -> ca.SX:
-            return self.mass * (self.dot(self.x_1) ** 2 + self.dot(self.x_2) ** 2 + self.dot(self.y) ** 2)
-
-        @unilateral("m", "distance")
-        def gap(self) -> ca.SX:
-            return self.x_2 - self.x_1
-
-    assert list(analysis.cyclic_coordinates(Pair)) == ["y"]
-    total = analysis.noether(Pair, lambda _: {"x_1": 1, "x_2": 1})
-    assert total.evaluate(x_1_dot=3.0, x_2_dot=1.0) == pytest.approx(2 * 2.0 * (3.0 + 1.0))
-    with pytest.raises(LiaisonsError, match=r"^Pair: the field moves gap, whose forces change"):
-        analysis.noether(Pair, lambda _: {"x_1": 1})

@@ -89,7 +89,7 @@ RUNS: dict[str, tuple[Any, dict[str, Any], float, tuple[str, ...]]] = {
 @pytest.mark.parametrize("case", RUNS)
 def test_motion_is_its_closed_form(case: str, of: Any) -> None:
     component, start, stop_time, names = RUNS[case]
-    result = run(of(component), stop_time, 0.037, **start)
+    result = run(of(component), stop_time, 0.037, record=[*names, "energy_balance"], **start)
     exact = component.exact(result.time, **start)
     for name in names:
         np.testing.assert_allclose(result[name], exact[name], rtol=0, atol=EXACT, err_msg=name)
@@ -124,7 +124,7 @@ def test_ball_stays_on_a_shaken_table_up_to_the_acceleration_of_gravity(fmu: Any
 
 def test_string_that_stays_taut_is_the_pendulum(of: Any) -> None:
     start = {"x_0": np.sin(1.2), "z_0": -np.cos(1.2)}
-    result = run(of(StringPendulum), 5.0, 0.05, **start)
+    result = run(of(StringPendulum), 5.0, 0.05, record=["x", "z", "slack_force"], **start)
     exact = Pendulum.exact(result.time, theta_0=1.2)
     np.testing.assert_allclose(np.arctan2(result["x"], -result["z"]), exact["theta"], rtol=0, atol=EXACT)
     np.testing.assert_allclose(result["slack_force"], exact["tension"], rtol=0, atol=1e-9)
@@ -135,7 +135,8 @@ def test_operator_who_pulls_the_string_taut_gives_the_work_of_the_tug(of: Any, b
     """Without weight, at rest at 0.75 m; the string is drawn in at v = 0.5 m/s: speed (1 + e) v, work m (1 + e) v²."""
     start = {"x_0": 0.0, "z_0": -0.75, "gravity": 0.0, "bounce": bounce, "mass": 2.0}
     drawn = {"length": lambda t: (1 - 0.5 * t, -0.5, 0.0)}
-    result = run(of(StringPendulum), 0.8, 0.01, inputs=drawn, **start)
+    names = ["z_dot", "work", "impact_loss", "length_impulse"]
+    result = run(of(StringPendulum), 0.8, 0.01, inputs=drawn, record=names, **start)
     after = result.time > 0.5
     np.testing.assert_allclose(result["z_dot"][after], (1 + bounce) * 0.5, rtol=0, atol=EXACT)
     np.testing.assert_allclose(result["work"][after], 2 * (1 + bounce) * 0.25, rtol=0, atol=EXACT)
@@ -154,7 +155,7 @@ def test_marks_of_stick_slip(of: Any) -> None:
 
 def test_balls_apart_are_struck_one_after_the_other(of: Any) -> None:
     start = ROW | {"bounce": 1.0, "x_3_0": 1.1 + 1e-6}
-    result = run(of(BallRow), 2.0, 0.1, **start)
+    result = run(of(BallRow), 2.0, 0.1, record=["x_1_dot", "x_2_dot", "x_3_dot"], **start)
     values = {name: start[name] for name in ("mass_1", "mass_3", "bounce")}
     for i, rate in enumerate(BallRow.sequence(**values)[-1], 1):
         assert result[f"x_{i}_dot"][-1] == pytest.approx(rate, abs=1e-9)
