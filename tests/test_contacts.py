@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import casadi as ca
 import numpy as np
@@ -21,9 +22,11 @@ from liaisons import (
     build,
     dry_friction,
     ensemble,
+    equations,
     gradient,
     hold,
     identify,
+    linearize,
     modelica,
     plan,
     sensitivities,
@@ -42,6 +45,7 @@ class Sledge(Mechanism):
     """Body on a belt that moves up and along."""
 
     mass = Parameter(2.0, "kg", "mass", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
     grip = Parameter(0.5, "1", "coefficient of friction", minimum=0)
     x = Coordinate("m", "place of the sledge")
     z = Coordinate("m", "height of the sledge", start=1.0)
@@ -51,7 +55,7 @@ class Sledge(Mechanism):
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "z": self.z})
 
-    @unilateral("m", "distance of sledge and belt")
+    @unilateral("m", "distance of sledge and belt", restitution="bounce")
     def gap(self) -> ca.SX:
         return self.z - self.floor
 
@@ -83,8 +87,6 @@ def model() -> Model:
         (lambda: analysis.vakonomic_equations(Sledge), "describe the mechanism without them"),
         (lambda: analysis.virial(Sledge, T, PATH), "describe the mechanism without them"),
         (lambda: analysis.similarity(Sledge), "describe the mechanism without them"),
-        (lambda: analysis.noether(Sledge, lambda _: {"x": 1}), "describe the mechanism without them"),
-        (lambda: analysis.cyclic_coordinates(Sledge), "describe the mechanism without them"),
     ],
 )
 def test_class_is_refused(call: Callable[[], Any], remedy: str) -> None:
@@ -105,3 +107,69 @@ def test_model_is_refused(call: Callable[[Model, Path], Any], remedy: str, model
     with pytest.raises(LiaisonsError, match=rf"^Pendulum: .* unilateral .* \(gap, slip\); .*{remedy}"):
         call(model, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_equations_are_shown() -> None:
+    shown = equations(Sledge)
+    assert [part.text() for part in map(shown.__getitem__, ("motion", "unilateral", "impacts", "dry_friction"))] == [
+        "Equations of motion: ṗₖ = ∂L/∂qₖ + Qₖ\n   ṗₓ = Qₓ + λ_slip − Fₓ\n  ṗ_z = Q_z + λ_gap − F_z",
+        "Unilateral liaisons: 0 ≤ g ⟂ λ ≥ 0\n  gap = z − floor",
+        "Impacts: 0 ≤ Λ ⟂ v⁺ + e v⁻ ≥ 0\n      v_gap = ż − floor˙\n      e_gap = bounce\n  G_gap,gap = 1/m",
+        "Dry friction: |Q| ≤ S\n    slip = ẋ − belt˙\n  S_slip = grip · λ_gap",
+    ]
+    assert r"0  \leq  \Lambda  \perp  v^{+} + e v^{-}  \geq  0" in shown.latex()
+
+
+def test_page_in_the_fmu(fmu: Callable[..., Path]) -> None:
+    with ZipFile(fmu(Sledge)) as archive:
+        page, names = archive.read("documentation/index.html").decode(), archive.namelist()
+    assert "<mo>⟂</mo>" in page
+    assert "<td>output, Boolean</td>" in page
+    assert "Moreau</b> J. J. Moreau" in page  # the source of the rule
+    assert not [name for name in names if name.endswith("_out.csv")]  # what falls through the belt is no reference
+    assert "Reference results" not in page
+
+
+def test_runs_of_the_fmu_are_differentiated(fmu: Callable[..., Path]) -> None:
+    """z = 1 - 2 t until 0.5 s, then 2 e (t - 0.5) with e = 0.5."""
+    found = sensitivities(fmu(Sledge), ["bounce", "z_0"], stop_time=0.9, step_size=0.3, record="z", z_dot_0=-2.0)
+    assert found.method == "differences"
+    assert found["z"] == pytest.approx([1.0, 0.4, 0.1, 0.4], abs=1e-12)
+    assert found.derivative("z", "bounce") == pytest.approx([0.0, 0.0, 0.2, 0.8], abs=1e-8)
+    assert found.derivative("z", "z_0") == pytest.approx([1.0, 1.0, -0.5, -0.5], abs=1e-8)
+
+
+def test_linear_in_the_mode_of_the_point(fmu: Callable[..., Path]) -> None:
+    """In the air z' = p_z/m; on the belt what leaves gap = 0 or slip = 0 is brought back by the rate 10/s twice."""
+    rate = np.diag([0.5, 0.5], k=2)[:, :4]
+    opened = linearize(fmu(Sledge), {"z_0": 1.0}, inputs=())
+    assert opened.states[:4] == ("x", "z", "p_x", "p_z")
+    assert opened.A[:4, :4] == pytest.approx(rate, abs=1e-9)
+    closed = linearize(fmu(Sledge), {"z_0": 0.0, "z_force": -1.0}, inputs=(), outputs="gap_force")
+    assert closed.A[2:4, :4] == pytest.approx(np.array([[0, 0, -20, 0], [0, -200, 0, -20]]), rel=1e-6)
+    assert closed.values["gap_force"] == pytest.approx(1.0)
+
+
+def test_what_contacts_conserve() -> None:
+    """Two balls on a line push each other: only their common momentum is constant, though L has neither place."""
+
+    class Pair(Mechanism):
+        """Two balls on a line."""
+
+        mass = Parameter(2.0, "kg", "mass", above=0)
+        x_1 = Coordinate("m", "place of the first")
+        x_2 = Coordinate("m", "place of the second", start=1.0)
+        y = Coordinate("m", "height of both")
+
+        def kinetic_energy(self) -> ca.SX:
+            return self.mass * (self.dot(self.x_1) ** 2 + self.dot(self.x_2) ** 2 + self.dot(self.y) ** 2)
+
+        @unilateral("m", "distance")
+        def gap(self) -> ca.SX:
+            return self.x_2 - self.x_1
+
+    assert list(analysis.cyclic_coordinates(Pair)) == ["y"]
+    total = analysis.noether(Pair, lambda _: {"x_1": 1, "x_2": 1})
+    assert total.evaluate(x_1_dot=3.0, x_2_dot=1.0) == pytest.approx(2 * 2.0 * (3.0 + 1.0))
+    with pytest.raises(LiaisonsError, match=r"^Pair: the field moves gap, whose forces change"):
+        analysis.noether(Pair, lambda _: {"x_1": 1})

@@ -85,8 +85,9 @@ def _runs(fmu: Fmu) -> Iterator[Verdict]:
     )
     if "energy_balance" in fine.names:
         scale = sum(np.max(np.abs(fine[name])) for name in ("kinetic_energy", "potential_energy", "work"))
+        lost = " - impact_loss" if "impact_loss" in fine.names else ""
         yield verdict(
-            "energy = energy at start + work - dissipated",
+            f"energy = energy at start + work - dissipated{lost}",
             error=np.max(np.abs(fine["energy_balance"])),
             tolerance=10 * tolerance * scale * stop_time,
             unit="J",

@@ -95,6 +95,9 @@ typedef struct { /* the communication step under way */
     int curable;          /* it fails, and a shorter one would not */
     /* The last step that was discarded; from NAN there was none since a step, a reset, a saved state led elsewhere. */
     double discarded_from, discarded_size;
+#ifdef UNILATERAL
+    int event; /* it ends early at an event of a contact, which the importer is to handle */
+#endif /* UNILATERAL */
 } Step;
 
 typedef struct { /* the inputs that move inside the step */

@@ -149,7 +149,7 @@ int solver_is_exhausted(Pace *pace, double t, double end) {
 #ifdef UNILATERAL
 /* ---- events, on the dense output of order 7 (II.6) ---- */
 
-enum { EXTRA = 3, DENSE = 7, MOST_INDICATORS = 16, DEEPEST = 12, MOST_CORRECTIONS = 4 };
+enum { EXTRA = 3, DENSE = 7, MOST_INDICATORS = 16, DEEPEST = 12, MOST_TRIALS = 60, MOST_CORRECTIONS = 4 };
 
 /* Where an event is an indicator has this value: a gap of 0; what is below is an event, and not by rounding. */
 static const double MARGIN = 1e-13;
@@ -231,43 +231,45 @@ static int look(const Step *s, double part, double values[]) {
     return s->p->watch(s->p->context, s->t + part * s->h, s->at, values);
 }
 
-static int falls(const Step *s, const double values[]) {
-    for (size_t i = 0; i < s->p->indicators; i++)
-        if (values[i] < 0) return 1;
-    return 0;
-}
-
-/* Where the first of them falls below 0 between parts at which none has, and one has. */
-static double bisect(const Step *s, double a, double b) {
-    double values[MOST_INDICATORS];
-    while (b - a > 1e-15 * b) {
-        const double middle = a + (b - a) / 2;
-        if (middle <= a || middle >= b) break;
-        if (!look(s, middle, values) || falls(s, values)) b = middle;
-        else a = middle;
+/* Where an indicator, which only falls between parts a and b, has the value MARGIN (Illinois' rule of false position). */
+static double fall(const Step *s, size_t which, double a, double at_a, double b, double at_b) {
+    const double target = at_a > MARGIN ? MARGIN : 0;
+    double values[MOST_INDICATORS], left = at_a - target, right = at_b - target;
+    for (int i = 0; i < MOST_TRIALS && b - a > 1e-15 * b; i++) {
+        const double part = a + (b - a) * left / (left - right);
+        if (!(part > a && part < b) || !look(s, part, values)) break;
+        const double value = values[which] - target;
+        if (value < 0) {
+            b = part;
+            right = value;
+            left /= 2;
+        } else {
+            a = part;
+            left = value;
+            right /= 2;
+        }
     }
     return b;
 }
 
-/* The first crossing between two parts; 2 if there is none.  An interval is left where an indicator is far above its
- * distance from a straight line, which is measured off the middle, so that no period hides between. */
+/* The first crossing between two parts; 2 if there is none.  An interval is left where each indicator is far above its
+ * distance from a straight line, or so near to it that it only rises or only falls.  The distance is measured off the
+ * middle, so that no period hides between. */
 static double scan(const Step *s, double a, const double at_a[], double b, const double at_b[], int depth) {
     static const double OFF = 0.4871;
     const double middle = a + OFF * (b - a);
-    double values[MOST_INDICATORS];
-    int safe = 1;
+    double values[MOST_INDICATORS], first = 2;
+    int clear = 1;
     if (!look(s, middle, values)) return 2;
-    for (size_t i = 0; i < s->p->indicators; i++) {
-        const double bend = fabs(values[i] - (at_a[i] + OFF * (at_b[i] - at_a[i])));
-        safe &= fmin(values[i], fmin(at_a[i], at_b[i])) > 4 * bend && values[i] > 0 && at_b[i] > 0;
+    for (size_t i = 0; i < s->p->indicators && clear; i++) {
+        const double bend = fabs(values[i] - (at_a[i] + OFF * (at_b[i] - at_a[i]))), low = fmin(at_a[i], at_b[i]);
+        const int far = fmin(low, values[i]) > 4 * bend, straight = fabs(at_b[i] - at_a[i]) > 8 * bend || bend == 0;
+        clear = far || straight || (depth == 0 && low >= 0 && values[i] >= 0);
+        if (at_b[i] < 0 && (straight || depth == 0)) first = fmin(first, fall(s, i, a, at_a[i], b, at_b[i]));
     }
-    if (safe) return 2;
-    if (depth == 0) {
-        if (falls(s, values)) return bisect(s, a, middle);
-        return falls(s, at_b) ? bisect(s, middle, b) : 2;
-    }
-    const double left = scan(s, a, at_a, middle, values, depth - 1);
-    return left < 2 ? left : scan(s, middle, values, b, at_b, depth - 1);
+    if (clear || depth == 0) return first;
+    first = scan(s, a, at_a, middle, values, depth - 1);
+    return first < 2 ? first : scan(s, middle, values, b, at_b, depth - 1);
 }
 
 /* The part of an accepted step at which an event is; 2 if there is none. */
@@ -310,7 +312,7 @@ static Signal shorten(const Problem *p, double t, double *h, const double *y, do
         FOR_EACH(j) step.at[j] = y[j] + *h * sum[j];
         if (!p->watch(p->context, t + *h, step.at, values)) return STOP;
         const double change = (MARGIN - values[which]) / slope;
-        if (!(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < away) || part + change > 1) break;
+        if (!(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < part / 4) || part + change > 1) break;
         part += change;
     }
     return GO_ON;

@@ -220,7 +220,8 @@ static int move_states(Instance *self) {
 #ifdef UNILATERAL
         case CROSSED:
             if (self->options.use == USE_CO_SIMULATION_WITH_EVENTS && self->options.early) {
-                self->step.reach = t; /* the importer handles the event */
+                self->step.reach = t;
+                self->step.event = 1;
                 return 1;
             }
             if (!move_inputs(self, t) || !core_settle(self, start + t)) {
@@ -304,6 +305,7 @@ static int advance(Instance *self, double time, double size) {
         if (!core_check_finite(self, self->v.y, 0, time)) return 0;
     }
 #ifdef UNILATERAL
+    self->step.event = 0;
     if (!core_settle(self, time)) return 0;
 #endif /* UNILATERAL */
     core_depart(self);
@@ -327,7 +329,7 @@ static int advance(Instance *self, double time, double size) {
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
 #ifdef UNILATERAL
-    if (self->step.reach < size && with_events && core_has_event(self, self->s->time)) self->s->limit = self->s->time;
+    if (self->step.event) self->s->limit = self->s->time;
 #endif /* UNILATERAL */
     core_arrive(self);
     if (arrives && leaps) leap_to_inputs(self);

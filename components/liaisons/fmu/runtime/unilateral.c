@@ -415,7 +415,7 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
         const double v = c->v[i], a = rate[i], height = v * v / (-2 * a);
         if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
         if (height > (was_closed[i] ? LIFTED : LOWEST) * c->scale[i]) {
-            const double flight = -2 * v / a; /* the next impact must not be stepped over */
+            const double flight = -2.5 * v / a; /* the next impact lies inside a step */
             if (self->s->step > flight || self->s->step <= 0) self->s->step = flight;
             continue;
         }

@@ -1,0 +1,100 @@
+"""FMUs with unilateral liaisons in systems: their Boolean and integer outputs, and their events in Model Exchange."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from making import exchange_only, wired
+
+from liaisons import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, System
+from liaisons.fmu import build
+from liaisons.language import unilateral
+from liaisons.mechanics import assemble
+from liaisons.results import Result
+
+KEPT, HEIGHT, G = 0.5, 1.0, 9.81
+LOWEST = 1e-12 * (1 + 2 * HEIGHT)  # bounces, at most; the scale of the gap is less than this
+RECORD = [f"ball.{name}" for name in ("gap_closed", "gap_impacts", "gap_impulse", "energy_balance")]
+TIGHT = 1e-9
+"""Of the energy; the tolerance of the FMU is 1e-8, its share in each step 2e-10."""
+
+
+class WatchedBall(Mechanism):
+    """Ball above a table that an operator moves."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    bounce = Parameter(KEPT, "1", "coefficient of restitution", minimum=0, maximum=1)
+    gravity = Gravity()
+    height = Coordinate("m", "height of the ball", start=HEIGHT)
+    table = ActiveCoordinate("m", "height of the table")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.height) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.height
+
+    @unilateral("m", "distance of ball and table", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.height - self.table
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("contacts")
+
+
+@pytest.fixture(scope="module", params=["CS 2", "CS 3", "ME 2", "ME 3"])
+def ball(request: pytest.FixtureRequest, folder: Path) -> Path:
+    kind, fmi = request.param.split()
+    path = build(assemble(WatchedBall), folder, backend="native", fmi=fmi)
+    if kind == "CS":
+        return path
+    target = folder / f"exchange{fmi}"
+    target.mkdir()
+    return exchange_only(path, target)
+
+
+@pytest.fixture
+def watched(ball: Path, fmu: Callable[[str], Path]) -> System:
+    """A ball, and an FMU of another make that reads its integer and its Boolean: ``seen = level + 10 armed``."""
+    links = ("ball.gap_impacts -> watch.level", "ball.gap_closed -> watch.armed")
+    return wired(*links, ball=ball, watch=fmu("discrete"))
+
+
+@pytest.mark.parametrize("step_size", [0.01, 0.1, 0.7])
+def test_impacts_are_seen_at_every_step_size(ball: Path, step_size: float) -> None:
+    """It falls for T = sqrt(2 h/g), bounces for 2 T e, 2 T e², ..., and rests after T (1 + e)/(1 - e)."""
+    result = wired(ball=ball).simulate(stop_time=2.1, step_size=step_size, record=RECORD)
+    fall = np.sqrt(2 * HEIGHT / G)
+    rest, flying = fall * (1 + KEPT) / (1 - KEPT), result["ball.gap_closed"] == 0
+    assert flying.tolist() == (result.time < rest).tolist()
+    bounces = rest - 2 * fall * KEPT ** np.arange(1, 30) / (1 - KEPT)
+    assert result["ball.gap_impacts"][flying].tolist() == np.searchsorted(bounces, result.time[flying]).tolist()
+    lowest = np.sqrt(2 * G * LOWEST)  # speed of a bounce from which on they are summed: the force carries the ball
+    assert 0 <= G * rest - result["ball.gap_impulse"][-1] <= 2 * lowest / (1 - KEPT)
+    assert np.max(np.abs(result["ball.energy_balance"])) < TIGHT * G * HEIGHT
+
+
+def test_types_are_connected_recorded_and_kept_in_files(watched: System, folder: Path) -> None:
+    result = watched.simulate(stop_time=1.5, step_size=0.01)
+    last = result["ball.gap_impacts"][-1]
+    assert (result["ball.gap_closed"][-1], result["watch.seen"][-1]) == (1, last + 10)
+    assert set(np.unique(result["ball.gap_closed"])) == {0, 1}
+    result.to_csv(folder / "watched.csv")
+    result.to_parquet(folder / "watched.parquet")
+    for read in (Result.from_csv(folder / "watched.csv"), Result.from_parquet(folder / "watched.parquet")):
+        for name in ("ball.gap_closed", "ball.gap_impacts"):
+            assert read[name].tolist() == result[name].tolist()
+
+
+def test_types_are_kept_in_archives(watched: System, folder: Path) -> None:
+    watched.write_ssp(folder / "watched.ssp", form="full")
+    again = System.from_ssp(folder / "watched.ssp")
+    one, other = (system.simulate(stop_time=1.5, step_size=0.05) for system in (watched, again))
+    for name in ("ball.gap_closed", "ball.gap_impacts", "watch.seen"):
+        assert one[name].tolist() == other[name].tolist()
