@@ -19,7 +19,7 @@ from scipy.special import ellipj, ellipk
 
 from liaisons.language import Experiment
 from liaisons.language.variables import Causality, Dimension, Variable
-from liaisons.mechanics.model import ActiveInput, Contact, Model, State
+from liaisons.mechanics.model import ActiveInput, Model, State
 
 GRAVITY = 9.81
 NOTHING = ca.SX(0, 1)
@@ -244,26 +244,6 @@ def _model(
         events=function("events", [k], events),
         experiment=Experiment(stop_time=5.0, step_size=0.1, tolerance=1e-8),
         **{"inputs": (), "memory": (), **more},
-    )
-
-
-def indicated() -> Model:
-    """The pendulum with an event indicator, a Boolean and an integer: which side it is on, and how many quarters."""
-    model = pendulum()
-    arguments = model.outputs_function.sx_in()
-    (z,) = model.outputs_function.call(arguments, True, False)
-    theta = arguments[1][0]
-    more = {
-        Variable("side_closed", "1", "theta > 0", "output", "discrete", type="Boolean"): theta > 0,
-        Variable("side_impacts", "1", "quarters of theta", "output", "discrete", type="Integer"): ca.floor(4 * theta),
-        Variable("side_indicator", "1", "theta", "local", "continuous"): theta,
-    }
-    return replace(
-        model,
-        name="HandIndicated",
-        outputs=(*model.outputs, *more),
-        outputs_function=ca.Function("outputs", arguments, [ca.densify(ca.vertcat(z, *more.values()))]),
-        contacts=(Contact("side"),),
     )
 
 

@@ -110,8 +110,8 @@ def native(path: Path, plan: Mapping[str, Any], count: int, moved: Triple) -> tu
     variables, size = component["variables"], plan["step_size"]
     reference = {v["name"]: v["reference"] for v in variables}
     start = {v["name"]: v["start"] for v in variables if "start" in v}
-    shown = [v for v in variables if v.get("read")]
-    references = [v["reference"] for v in shown]
+    shown = sorted((v for v in variables if v.get("read")), key=lambda v: "type" in v)  # real ones first
+    references = [v["reference"] for v in shown if "type" not in v]
     with tempfile.TemporaryDirectory() as folder:
         fmpy.extract(path, folder)
         description = fmpy.read_model_description(folder)
@@ -136,13 +136,14 @@ def native(path: Path, plan: Mapping[str, Any], count: int, moved: Triple) -> tu
         fmu.setupExperiment(tolerance=plan["tolerance"], startTime=0.0)
         fmu.enterInitializationMode()
         fmu.exitInitializationMode()
+        get = {"Integer": fmu.getInteger, "Boolean": fmu.getBoolean}
         largest: dict[str, float] = {}
         values: list[float] = []
         for k in range(count + 1):
             if k > 0:
                 move((k - 1) * size + size)
                 fmu.doStep(currentCommunicationPoint=(k - 1) * size, communicationStepSize=size)
-            values = fmu.getReal(references)
+            values = [*fmu.getReal(references), *(get[v["type"]]([v["reference"]])[0] for v in shown if "type" in v)]
             for v, value in zip(shown, values, strict=True):
                 unit = v.get("unit", "")
                 largest[unit] = max(largest.get(unit, 0.0), abs(value))

@@ -99,10 +99,10 @@ def test_a_viewer_of_glb_sees_all_shapes_where_they_are(name: str, moved: Moved,
             (primitive,) = document["meshes"][document["nodes"][node]["mesh"]]["primitives"]
             positions = document["accessors"][primitive["attributes"]["POSITION"]]
             low, high = np.array(positions["min"]), np.array(positions["max"])
-            if shape.kind == "box":
+            if shape.axes is not None:
                 corners = np.array(list(product(*zip(low, high, strict=True))))
                 assert placed(node, corners) == pytest.approx(shape.corners, abs=1e-6)
-            elif shape.kind == "ball":
+            elif shape.kind in ("ball", "flash"):
                 assert low == pytest.approx(-high)
                 assert placed(node, np.zeros((1, 3))) == pytest.approx(shape.points, abs=1e-6)
             elif shape.kind != "trail":
@@ -336,12 +336,11 @@ def test_omedit_reads_the_places_of_all_shapes(name: str, moved: Moved, tmp_path
     expected = []
     for shape in seen.shapes:
         places = shape.points[..., [0, 2, 1]] * (1, 1, -1)  # y is up
-        if shape.kind == "box":
-            assert shape.axes is not None
+        if shape.axes is not None:
             assert shape.size is not None
             first = shape.axes[:, 0, [0, 2, 1]] * (1, 1, -1) * shape.size[:, :1] / 2
             expected.append(("box", places[:, 0] - first, places[:, 0] + first))
-        elif shape.kind == "ball":
+        elif shape.kind in ("ball", "flash"):
             expected.append(("sphere", places[:, 0], places[:, 0]))
         elif shape.kind == "wire":
             ends = np.concatenate([places, places[:, :1]], axis=1) if shape.closed else places

@@ -25,7 +25,9 @@ from liaisons.errors import BuildError, SimulationError
 from liaisons.language.shapes import Ball, Box, Shapes
 from liaisons.library import catalogue
 from liaisons.live import live_page
+from liaisons.pictures import Picture
 from liaisons.pictures.camera import Camera
+from liaisons.pictures.frames import frames
 
 from . import _browser as tools
 from .conftest import Fmu, Moved
@@ -345,6 +347,19 @@ def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
         live.page.click("#run")
         live.wait_until(lambda: live.time > refused + 0.1)
         assert live.text("#said") == ""
+        live.enter("mass", -1)  # while it runs
+        live.page.wait_for_timeout(100)
+        assert re.search("^mass.* Reset to begin anew.$", live.text("#said"))
+        live.enter("mass", 1)
+        live.enter("length", -1)
+        said = live.text("#said")
+        assert re.search("^length.* Reset to begin anew.$", said)
+        live.page.click("#run")  # it cannot begin
+        assert (live.text("#said"), live.text("#run")) == (said, "Start")
+        live.enter("length", 1)
+        assert live.text("#said") == ""
+        live.page.click("#run")
+        live.wait_until(lambda: live.time > 0)
         assert live.complaints == []
 
 
@@ -620,3 +635,54 @@ def test_an_fmu_without_sources(fmu: Fmu, monkeypatch: pytest.MonkeyPatch, zig: 
         SimulationError, match=rf"Ramp\.fmu: a live page needs the C sources of FMI 2\.0 inside, {cure}$"
     ):
         live_page(fmu(catalogue()["Ramp"], "python"))
+
+
+CONTACTS = [
+    {"shape": "rope", "from": ["pivot_x", 0, "pivot_z"], "to": ["bob_x", 0, "bob_z"], "length": 1.5},
+    {"shape": "floor", "at": [0.5, 0, -1], "normal": [1, 0, 2], "width": "length"},
+    {"shape": "flash", "at": ["bob_x", 0, "bob_z"], "count": "theta"},
+]
+
+
+@in_a_browser
+def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: Fmu, tmp_path: Path) -> None:
+    document = json.dumps({"version": "1.1", "shapes": CONTACTS}).encode()
+    turning = changed(
+        fmu(catalogue()["Pendulum"]),
+        tmp_path / "turning.fmu",
+        lambda name, was: document if name == "resources/picture.json" else was,
+    )
+    with opened(turning) as live:
+        live.enter("theta_dot_0", 9.0)
+        live.run(1)
+        values, curve, corners = live.evaluate(
+            """() => {
+            const { machine, view, now } = window.page, [rope, floor] = view.shapes;
+            return [machine.signals.map((name, i) => [name, now[i]]), rope.curve(now),
+              [floor.at(now), ...floor.axes.map((axis) => axis(now)), floor.size.map((size) => size(now))]];
+        }"""
+        )
+        lit, angles = live.evaluate(
+            """() => {
+            const { page } = window, lit = [], angles = [page.now[page.machine.place.get("theta")]];
+            page.view.context.fill = () => { lit[lit.length - 1] = true; };
+            for (let k = 0; k < 40; k += 1) {
+              page.step();
+              lit.push(false);
+              page.paint();
+              angles.push(page.now[page.machine.place.get("theta")]);
+            }
+            return [lit, angles];
+        }"""
+        )
+        assert live.complaints == []
+    seen = frames(Picture(tuple(CONTACTS)), np.zeros(1), lambda name: np.array([dict(values)[name]]), title="it")
+    rope, floor, _ = seen.shapes
+    assert np.array(curve) == pytest.approx(rope.points[0], abs=1e-12)
+    assert floor.axes is not None
+    assert floor.size is not None
+    assert np.array(corners) == pytest.approx(np.array([floor.points[0, 0], *floor.axes[0], floor.size[0]]), abs=1e-12)
+    turns = frames(Picture(tuple(CONTACTS[2:])), np.arange(41.0), lambda _: np.array(angles), title="it")
+    assert turns.shapes[0].size is not None
+    assert lit == (turns.shapes[0].size[1:, 0] > 0).tolist()
+    assert 10 < sum(lit) < 40
