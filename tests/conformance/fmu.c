@@ -48,28 +48,33 @@ static Group read_group(FILE *file) {
     return group;
 }
 
-/* Words, in this order: version, token, step size, number of states; then of parameters, inputs, outputs, other reals,
- * integers and structural sizes: title, number of variables, number of their elements, references and sizes, values. */
+/* Words, in this order: version, token, step size, numbers of states and event indicators; then of parameters, inputs,
+ * outputs, other reals, integers, structural sizes, integers and Booleans that are calculated: title, number of
+ * variables, number of their elements, references and sizes, values. */
 static Plan read_plan(const char *name) {
     Plan plan;
-    unsigned long states;
+    unsigned long states, indicators;
     FILE *file = fopen(name, "r");
     if (file == NULL) fail("cannot be opened", name);
-    if (fscanf(file, "%d %63s %lf %lu", &plan.version, plan.token, &plan.step, &states) != 4) fail("plan", "head");
+    if (fscanf(file, "%d %63s %lf %lu %lu", &plan.version, plan.token, &plan.step, &states, &indicators) != 5)
+        fail("plan", "head");
     plan.states = states;
+    plan.indicators = indicators;
     plan.parameters = read_group(file);
     plan.inputs = read_group(file);
     plan.outputs = read_group(file);
     plan.locals = read_group(file);
     plan.integers = read_group(file);
     plan.sizes = read_group(file);
+    plan.counts = read_group(file);
+    plan.truths = read_group(file);
     fclose(file);
     return plan;
 }
 
 void free_plan(Plan *plan) {
     Group *groups[] = {&plan->parameters, &plan->inputs, &plan->outputs, &plan->locals, &plan->integers,
-                       &plan->sizes};
+                       &plan->sizes, &plan->counts, &plan->truths};
     for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
         free(groups[i]->references);
         free(groups[i]->sizes);

@@ -61,8 +61,8 @@ typedef struct {
     int version; /* 2 or 3 */
     char token[64];
     double step;
-    size_t states;
-    Group parameters, inputs, outputs, locals, integers, sizes;
+    size_t states, indicators;
+    Group parameters, inputs, outputs, locals, integers, sizes, counts, truths;
 } Plan;
 
 /* The last one, with early return and intermediate update, is of FMI 3.0. */

@@ -137,14 +137,27 @@ static int set_reals(void) {
 
 static int get_integers(void) {
     size_t n = below(3), count;
-    unsigned *references = references_of(&it.library->plan.integers, n, &count);
+    const Plan *plan = &it.library->plan;
+    unsigned *references = references_of(plan->counts.n > 0 && one_in(2) ? &plan->counts : &plan->integers, n, &count);
     count = values_of(n);
     int *values = take(count * sizeof *values);
+    if (it.wild) expect(MAY_FAIL);
     return CALL(GetInteger, (component(), given(references, n), n, given(values, n)), GetInt32,
                 (component(), given(references, n), n, given(values, count), count));
 }
 
+static int set_counts(void) {
+    size_t n = below(3), count;
+    unsigned *references = references_of(&it.library->plan.counts, n, &count);
+    count = values_of(n);
+    int *values = take(count * sizeof *values);
+    if (n > 0) expect(FAILS);
+    return CALL(SetInteger, (component(), given(references, n), n, given(values, n)), SetInt32,
+                (component(), given(references, n), n, given(values, count), count));
+}
+
 static int set_integers(void) {
+    if (it.library->plan.counts.n > 0 && one_in(2)) return set_counts();
     size_t n = below(3), count;
     unsigned *references = references_of(&it.library->plan.integers, n, &count);
     int *values = integer_settings(n);
@@ -153,6 +166,27 @@ static int set_integers(void) {
     if (n > 0 && TWO) expect(MAY_FAIL); /* constants are among them */
     if (n > 0 && it.phase > INITIALIZATION) expect(FAILS);
     return CALL(SetInteger, (component(), given(references, n), n, given(values, n)), SetInt32,
+                (component(), given(references, n), n, given(values, count), count));
+}
+
+/* Booleans that are calculated; they are int in FMI 2.0, bool in FMI 3.0. */
+static int get_booleans(void) {
+    size_t n = below(3), count;
+    unsigned *references = references_of(&it.library->plan.truths, n, &count);
+    count = values_of(n);
+    void *values = take(count * sizeof(int));
+    if (it.wild) expect(MAY_FAIL);
+    return CALL(GetBoolean, (component(), given(references, n), n, given(values, n)), GetBoolean,
+                (component(), given(references, n), n, given(values, count), count));
+}
+
+static int set_booleans(void) {
+    size_t n = below(3), count;
+    unsigned *references = references_of(&it.library->plan.truths, n, &count);
+    count = values_of(n);
+    void *values = memset(take(count * sizeof(int)), 0, count * sizeof(int));
+    if (n > 0) expect(FAILS);
+    return CALL(SetBoolean, (component(), given(references, n), n, given(values, n)), SetBoolean,
                 (component(), given(references, n), n, given(values, count), count));
 }
 
@@ -199,7 +233,6 @@ static size_t nothing(void) {
     NONE_OF(set_##Type, values_of(n),                                                                      \
             CALL(Set##Type, (component(), references, n, a), Set##Type, (component(), references, n, a, count)))
 
-NO_TYPE_OF_BOTH(Boolean)
 NO_TYPE_OF_BOTH(String)
 NO_TYPE(Float32)
 NO_TYPE(Int8)
@@ -502,8 +535,10 @@ static int get_nominals(void) {
 }
 
 static int get_event_indicators(void) {
-    const size_t n = length_of(0);
-    return BOTH(GetEventIndicators, (component(), given(take(n * sizeof(double)), n), n));
+    const size_t n = length_of(it.library->plan.indicators);
+    double *indicators = take(n * sizeof *indicators);
+    if (it.wild) expect(MAY_FAIL);
+    return finite(BOTH(GetEventIndicators, (component(), given(indicators, n), n)), indicators, n);
 }
 
 static int get_number_of_states3(void) {
@@ -514,7 +549,10 @@ static int get_number_of_states3(void) {
 }
 
 static int get_number_of_indicators3(void) {
-    return F3.GetNumberOfEventIndicators(component(), given(take(sizeof(size_t)), 1));
+    size_t *n = take(sizeof *n);
+    const int status = F3.GetNumberOfEventIndicators(component(), given(n, 1));
+    if (status == fmi3OK && *n != it.library->plan.indicators) now.fault = "there is another number of indicators";
+    return status;
 }
 
 /* ---- all of them ----------------------------------------------------------------------------------------------- */
@@ -535,11 +573,25 @@ static size_t look(Fmu *fmu, unsigned phase, double *seen) {
         for (size_t i = 0, at = 0; i < it.all.n; at += it.all.sizes[i++])
             read_reals(fmu, &it.all.references[i], 1, it.all.sizes[i], seen + at);
     seen += it.all.count;
-    for (size_t i = 0; i < plan->integers.n; i++) {
-        int value = -1;
-        unsigned *reference = &plan->integers.references[i];
-        CALL(GetInteger, (fmu->component, reference, 1, &value), GetInt32, (fmu->component, reference, 1, &value, 1));
+    const Group *integers[] = {&plan->integers, &plan->counts};
+    for (size_t g = 0; g < 2; g++)
+        for (size_t i = 0; i < integers[g]->n; i++) {
+            int value = -1;
+            unsigned *reference = &integers[g]->references[i];
+            CALL(GetInteger, (fmu->component, reference, 1, &value), GetInt32, (fmu->component, reference, 1, &value, 1));
+            *seen++ = value;
+        }
+    for (size_t i = 0; i < plan->truths.n; i++) {
+        int value = 0; /* a bool is its first byte */
+        unsigned *reference = &plan->truths.references[i];
+        CALL(GetBoolean, (fmu->component, reference, 1, &value), GetBoolean,
+             (fmu->component, reference, 1, (fmi3Boolean *)&value, 1));
         *seen++ = value;
+    }
+    if (phase & (EVENT | CONTINUOUS) && plan->indicators > 0) {
+        if (BOTH(GetEventIndicators, (fmu->component, seen, plan->indicators)) != 0)
+            memset(seen, 0, plan->indicators * sizeof *seen);
+        seen += plan->indicators;
     }
     if (TWO && phase & (STEP | TERMINATED)) F2.GetRealStatus(fmu->component, fmi2LastSuccessfulTime, seen++);
     if (phase & (EVENT | CONTINUOUS) && plan->states > 0) {
@@ -575,8 +627,8 @@ static Operation OPERATIONS[] = { /* names in FMI 2.0 and in FMI 3.0 */
     OPERATION("SetReal", "SetFloat64", set_reals),
     OPERATION("GetInteger", "GetInt32", get_integers),
     OPERATION("SetInteger", "SetInt32", set_integers),
-    ALIKE(GetBoolean, get_Boolean),
-    ALIKE(SetBoolean, set_Boolean),
+    ALIKE(GetBoolean, get_booleans),
+    ALIKE(SetBoolean, set_booleans),
     ALIKE(GetString, get_String),
     ALIKE(SetString, set_String),
     OPERATION(NULL, "GetUInt64", get_uint64_3),

@@ -72,8 +72,11 @@ def plan_text(description: ModelDescription) -> str:
     groups = [group(title, reals(description, title)) for title in ("parameter", "input", "output")]
     groups.append(group("local", reals(description, "local", "calculatedParameter", "independent")))
     for title, types in (("integer", {"Integer", "Int32"}), ("size", {"UInt64"})):
-        groups.append(group(title, [v for v in description.modelVariables if v.type in types]))
-    head = f"{major_version(description)} {token} {step_size(description)!r} {states}"
+        groups.append(group(title, [v for v in description.modelVariables if v.type in types and not calculated(v)]))
+    for title, types in (("count", {"Integer", "Int32"}), ("truth", {"Boolean"})):
+        groups.append(group(title, [v for v in description.modelVariables if v.type in types and calculated(v)]))
+    numbers = f"{step_size(description)!r} {states} {description.numberOfEventIndicators}"
+    head = f"{major_version(description)} {token} {numbers}"
     return "\n".join([head, *groups, *calls(major_version(description)), ""])
 
 
@@ -136,6 +139,11 @@ def step_size(description: ModelDescription) -> float:
 def reals(description: ModelDescription, *causalities: str) -> list[ModelVariable]:
     """The variables of type Real or Float64 with these causalities."""
     return [v for v in description.modelVariables if v.type in {"Real", "Float64"} and v.causality in causalities]
+
+
+def calculated(variable: ModelVariable) -> bool:
+    """Whether it is read only: the integers that are set are parameters, and structural sizes are constants."""
+    return variable.causality == "output"
 
 
 def elements(variable: ModelVariable) -> int:

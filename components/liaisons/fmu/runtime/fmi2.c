@@ -127,7 +127,7 @@ fmi2Status fmi2GetInteger(fmi2Component instance, const fmi2ValueReference refer
         double value = 0;
         const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], &value);
         if (status != SUCCESS) return (fmi2Status)status;
-        values[i] = value < INT32_MAX ? (int)value : INT32_MAX;
+        values[i] = (int)fmax(INT32_MIN, fmin(value, INT32_MAX));
 #else
         else if (core_get_setting(core, references[i], &values[i]) != SUCCESS) return fmi2Error;
 #endif /* UNILATERAL */

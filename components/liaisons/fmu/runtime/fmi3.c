@@ -215,7 +215,7 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference referenc
         double value = 0;
         const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], &value);
         if (status != SUCCESS) return (fmi3Status)status;
-        values[i] = value < INT32_MAX ? (int)value : INT32_MAX;
+        values[i] = (int)fmax(INT32_MIN, fmin(value, INT32_MAX));
     }
 #else
     for (size_t i = 0; i < n; i++)
