@@ -184,7 +184,7 @@ def symbolic(name: str) -> tuple[dict[str, ca.Function], list[NDArray], list[lis
     u0, k = (ca.DM([start for v in variables for start in v.starts]) for variables in (model.inputs, model.parameters))
     x0, m0 = model.start.call([ca.DM(0), u0, k])
     arguments = t, x, u = ca.MX.sym("t"), ca.MX.sym("x", x0.numel()), ca.MX.sym("u", u0.numel())
-    (rates,) = model.derivatives.call([t, x, u, k])
+    (rates,) = model.derivatives.call([t, x, u, k, m0][: model.derivatives.n_in()])
     (memory,) = model.remember.call([t, x, u, k, m0])
     (calculated,) = model.outputs_function.call([t, x, u, k, memory])
     functions = {"ode": ca.Function("ode", arguments, [rates]), "y": ca.Function("y", arguments, [calculated])}
@@ -203,14 +203,15 @@ def test_casadi_imports_values_and_derivatives(trial, name, version) -> None:
     it = trial(name, version)
     if any(variable.causality == "structuralParameter" for variable in it.description.modelVariables):
         pytest.skip("CasADi 3.8 reads no arrays whose size is a structural parameter")
+    outputs = [v for v in it.description.modelVariables if v.causality == "output"]
     dae = ca.DaeBuilder(name, str(it.folder))
     ours, start, names = symbolic(name)
     x, u, y = ([our.index(v) for v in theirs] for our, theirs in zip(names, (dae.x(), dae.u(), dae.y()), strict=True))
     random = np.random.default_rng(1)
     state, inputs = (v + 1e-3 * random.standard_normal(v.shape) for v in start)
     for result, chosen in (("ode", x), ("y", y)):
-        if not chosen:
-            continue
+        if not chosen or (result == "y" and any(v.type in {"Boolean", "Int32", "Integer"} for v in outputs)):
+            continue  # CasADi 3.8 reads all outputs as reals
         theirs = dae.create("theirs", ["t", "x", "u"], [result])
         found = values(theirs, state[x], inputs[u])
         expected = values(ours[result], state, inputs)

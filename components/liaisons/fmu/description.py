@@ -291,12 +291,13 @@ def unknown_elements(
     :param first: reference of the first row of the pattern.
     :param knowns: references of its columns.
     :param pattern: which unknowns depend on which knowns; None: no dependencies are written.
-    :param decided: references of unknowns without dependencies: events decide them, from all knowns.
+    :param decided: references of unknowns that events decide, from all knowns.
     """
     columns = np.array(knowns)
     for unknown in references:
         attributes = {attribute: str(unknown)}
-        if pattern is not None and unknown not in decided:
+        if pattern is not None:
             start, end = pattern.indptr[unknown - first : unknown - first + 2]
-            attributes["dependencies"] = " ".join(map(str, sorted(columns[pattern.indices[start:end]])))
+            some = columns if unknown in decided else columns[pattern.indices[start:end]]
+            attributes["dependencies"] = " ".join(map(str, sorted(some)))
         yield from element(title, attributes)

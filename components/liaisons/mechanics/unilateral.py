@@ -36,6 +36,9 @@ from liaisons.mechanics.model import Contact, Model
 OPEN_MARGIN, FORCE_MARGIN = 1e-13, 1e-12
 """Parts of its scale by which an event indicator is below the number that it watches when it crosses 0."""
 
+LEAVING = 1e-3
+"""Part of the rate of a gap that grows in its indicator: an importer's error right after an impact is no event."""
+
 _SCALES = ("rate_scale", "acceleration_scale")
 _HIDDEN = {
     False: ("acceleration", "restitution", "scale", *_SCALES),
@@ -193,7 +196,8 @@ class _Modes:
         compliance = ca.diag(self.G) / self._unloaded(self._each("{}_acceleration_scale"))
         rows = []
         for i, c in enumerate(self.gaps):
-            distance = self._read(c.name) / self._read(f"{c.name}_scale") + OPEN_MARGIN
+            leaving = LEAVING * ca.fmax(v[i], 0) / self._read(f"{c.name}_rate_scale")
+            distance = self._read(c.name) / self._read(f"{c.name}_scale") + leaving + OPEN_MARGIN
             rows.append(flags[i] * (forces[i] * compliance[i] + FORCE_MARGIN) + (1 - flags[i]) * distance)
         for i, c in enumerate(self.frictions, start=len(self.gaps)):
             direction, bound = self._remembered(f"{c.name}_direction"), self._read(f"{c.name}_static")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from liaisons.language import Coordinate, Mechanism, Parameter, unilateral
-from liaisons.language.shapes import Ball, Shapes
+from liaisons.language.shapes import Ball, Flash, Shapes
 from liaisons.models.solutions import collisions
 
 
@@ -41,7 +41,12 @@ class BallRow(Mechanism):
         return self.x_3 - self.x_2 - self.diameter
 
     def picture(self) -> Shapes:
-        return [Ball({"x": x}, self.diameter / 2) for x in (self.x_1, self.x_2, self.x_3)]
+        balls = [Ball({"x": x}, self.diameter / 2) for x in (self.x_1, self.x_2, self.x_3)]
+        return [
+            *balls,
+            Flash({"x": self.x_2 - self.diameter / 2}, "gap_1"),
+            Flash({"x": self.x_3 - self.diameter / 2}, "gap_2"),
+        ]
 
     def kinetic_energy(self) -> ca.SX:
         masses = (self.mass_1, self.mass_2, self.mass_3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, unilateral
-from liaisons.language.shapes import Ball, Rod, Shapes
+from liaisons.language.shapes import Ball, Flash, Floor, Shapes
 from liaisons.models.solutions import bouncing
 
 
@@ -32,8 +32,9 @@ class BouncingBall(Mechanism):
         return self.height - self.table
 
     def picture(self) -> Shapes:
-        edge = Rod({"x": -0.5, "z": self.table}, {"x": 0.5, "z": self.table}, 0.005)
-        return [edge, Ball({"z": self.height + 0.05}, 0.05)]
+        contact = {"z": self.height}
+        ball = Ball({"z": self.height + 0.05}, 0.05)
+        return [Floor({"z": self.table}, {"z": 1}, 1.0), ball, Flash(contact, "gap")]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.height) ** 2

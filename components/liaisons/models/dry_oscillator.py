@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, dry_friction
-from liaisons.language.shapes import Box, Rod, Shapes, Spring, turned
+from liaisons.language.shapes import Box, Floor, Shapes, Spring, turned
 from liaisons.models.solutions import dry_friction as solutions
 
 
@@ -43,14 +43,9 @@ class DryOscillator(Mechanism):
         return self.dot(self.x) - self.dot(self.belt)
 
     def picture(self) -> Shapes:
-        wall, mass = self.support - 2, {"x": self.x, "z": 0.2}  # at rest the spring is drawn 2 m long
-        edge = Rod({"x": wall}, {"x": wall, "z": 0.4})
-        return [
-            edge,
-            Rod({"x": -2.5}, {"x": 2.5}),
-            Spring({"x": wall, "z": 0.2}, mass),
-            Box(mass, turned("y", 0), (0.4, 0.4, 0.4)),
-        ]
+        wall, mass = {"x": self.support - 2, "z": 0.2}, {"x": self.x, "z": 0.2}  # at rest the spring is drawn 2 m long
+        parts = [Spring(wall, mass), Box(mass, turned("y", 0), (0.4, 0.4, 0.4))]
+        return [Floor({"x": self.belt}, {"z": 1}, 4.0), Floor(wall, {"x": 1}, 0.8), *parts]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.x) ** 2

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point, unilateral
-from liaisons.language.shapes import Ball, Rod, Shapes, Trail
+from liaisons.language.shapes import Ball, Flash, Rope, Shapes, Trail
 from liaisons.models.solutions import release
 
 _START = 0.1  # rad, angle of the string from the downward vertical
@@ -42,7 +42,8 @@ class StringPendulum(Mechanism):
         return self.length - ca.norm_2(ca.vertcat(self.x - self.pivot_x, self.z - self.pivot_z))
 
     def picture(self) -> Shapes:
-        return [Trail(self.bob), Rod({"x": self.pivot_x, "z": self.pivot_z}, self.bob), Ball(self.bob)]
+        rope = Rope({"x": self.pivot_x, "z": self.pivot_z}, self.bob, self.length)
+        return [Trail(self.bob), rope, Ball(self.bob), Flash(self.bob, "slack")]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared(self.bob)

@@ -42,7 +42,7 @@ class Result(LabelledSignals):
         (len(names), cases), from runs with steps twice and four times as long; infinite where these do not converge.
         Of a simulation that was verified, differences from a run with steps half as long, shape (len(names), times).
     :param coupling_error: of a simulation, estimate of what each step has added to the error of a signal by coupling,
-        relative to its size, the largest of all, shape (times,).
+        relative to its size, the largest of all, shape (times,); not a number where it is unknown, as at an impact.
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param texts: name of a signal of strings -> its texts, which its values index from 0.
     :param jumping: names of signals that change in jumps only.

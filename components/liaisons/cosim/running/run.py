@@ -31,6 +31,7 @@ from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.impulses import missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.input_reconstruction import InitialDerivatives, input_reconstructions
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
@@ -87,7 +88,8 @@ class Run:
                 self._instances[name] = stack.enter_context(instance)
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
-            recorded = simulation.recorded.values()
+            self._sums = sums_of_missing(simulation)
+            recorded = [*simulation.recorded.values(), *self._sums]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
@@ -248,7 +250,8 @@ class Run:
         """What was recorded so far."""
         simulation, loop = self._simulation, self._loop
         in_result, times = loop.result_rows()
-        values = np.ascontiguousarray(loop.rows[in_result].T[self._columns])
+        rows = loop.rows[in_result]
+        values = np.ascontiguousarray(rows.T[self._columns])
         names = tuple(simulation.recorded)
         kinds = {n: simulation.parts[p].fmu.variables[v].type for n, (p, v) in simulation.recorded.items()}
         strings = [row for row, name in enumerate(names) if kinds[name] == "String"]
@@ -256,6 +259,10 @@ class Run:
         values[strings] = indices.reshape(values[strings].shape)
         words = tuple(text(number).decode(errors="replace") for number in numbers)
         self._error = self._estimated(in_result)
+        columns = {place: rows[:, k] for place, k in self._bus.index.items()}
+        self._missing = missing_impulses(self._sums, times, columns)
+        for missing in self._missing:
+            self._error[missing.points] = np.nan
         return Result(
             simulation.title,
             times,
@@ -274,7 +281,8 @@ class Run:
         """What was recorded, warned of where it is not finite, or its coupling errors are too large."""
         result = self.result()
         warn_of_what_is_not_finite(result)
-        if self._estimate.worst is not None:
+        warn_of_missing(result.title, result.time, self._missing)
+        if self._estimate.worst is not None and not self._missing:
             self._estimate.worst.warn(float(np.nansum(self._error)))
         return result
 

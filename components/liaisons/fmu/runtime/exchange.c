@@ -64,12 +64,17 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     const char *before = (const char *)self->step.backup + ((const char *)self->v.y - (const char *)self->s);
     *changed = 0;
 #ifdef UNILATERAL
+    const int jumps = self->s->jumped;
     self->s->jumped = 1; /* an event of a contact, perhaps */
 #endif /* UNILATERAL */
     if (self->s->jumped) {
         memcpy(self->step.backup, self->s, self->layout.moving_size);
         core_compare(self);
+#ifdef UNILATERAL
+        if (jumps) core_jump(self);
+#else
         core_jump(self);
+#endif /* UNILATERAL */
 #ifdef UNILATERAL
         if (!core_settle(self, self->s->time) || !core_check_finite(self, self->v.y, 0, self->s->time)
 #else

@@ -195,14 +195,15 @@ static int starts_in_time(Instance *self) {
 
 Status core_exit_initialization(Instance *self) {
     core_start(self);
+#ifdef UNILATERAL
+    if (self->refused && core_check_domains(self, self->s->time))
+        return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
+#endif /* UNILATERAL */
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->v.y, 0, t)
         || !core_check_conditions(self, t, self->v.y, self->model->start_conditions)
         || (!all_finite(self->v.m, self->model->memory) && !core_because_infinite(self)) || !starts_in_time(self))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
-#ifdef UNILATERAL
-    if (self->refused) return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
-#endif /* UNILATERAL */
     core_measure(self);
     core_follow(self);
     self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;

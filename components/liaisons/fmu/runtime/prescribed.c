@@ -215,7 +215,7 @@ void core_leap(Instance *self) {
     const size_t n = self->model->coupled;
     if (self->model->jumps == NULL || !find_jumps(self)) return;
 #ifdef UNILATERAL
-    const Problem problem = {n, n, SHARE * self->s->tolerance, self->v.size, leaping, leaping, go_on, self, 0, NULL};
+    const Problem problem = {n, n, SHARE * self->s->tolerance, self->v.size, leaping, leaping, go_on, self, 0, NULL, 0};
 #else
     const Problem problem = {n, n, SHARE * self->s->tolerance, self->v.size, leaping, leaping, go_on, self};
 #endif /* UNILATERAL */

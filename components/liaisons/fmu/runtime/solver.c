@@ -307,7 +307,7 @@ static Signal shorten(const Problem *p, double t, double *h, const double *y, do
     const double slope = (low[which] - high[which]) / away;
     const size_t n = p->n;
     for (int i = 0; i < MOST_CORRECTIONS; i++) {
-        *h = part * whole;
+        *h = fmax(part * whole, fmin(p->least, whole));
         if (stages(p, t, *h, y, work, &error) == STOP) return STOP;
         FOR_EACH(j) step.at[j] = y[j] + *h * sum[j];
         if (!p->watch(p->context, t + *h, step.at, values)) return STOP;

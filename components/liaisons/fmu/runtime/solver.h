@@ -23,6 +23,7 @@ typedef struct {
 #ifdef UNILATERAL
     size_t indicators; /* an event is where one of them falls below 0 */
     Watch *watch;
+    double least; /* how far apart events are: what the clock resolves */
 #endif /* UNILATERAL */
 } Problem;
 

@@ -189,10 +189,13 @@ static int shorter_leads_on(Instance *self, const Problem *problem) {
 static int move_states(Instance *self) {
     const double start = self->step.start;
     const int moves = self->movers.count > 0;
+#ifdef UNILATERAL
+    const double latest = fmax(fabs(start), fabs(start + self->step.size));
+#endif /* UNILATERAL */
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
 #ifdef UNILATERAL
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
-                             self->model->gaps + self->model->frictions, watch};
+                             self->model->gaps + self->model->frictions, watch, nextafter(latest, INFINITY) - latest};
 #else
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self};
 #endif /* UNILATERAL */

@@ -6,11 +6,13 @@
 
 #include <string.h>
 
-enum { AT_ONCE = 8, MOST_IMPACTS = 1000 }; /* contacts that a problem has at most; impacts at one instant */
+/* Contacts that a problem has at most; impacts at one instant; steps that put a gap to 0. */
+enum { AT_ONCE = 8, MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
 
-/* Parts of the scale of a position, a rate, an acceleration that are rounding errors; of a position, what is an overlap;
- * and what a jump of a prescribed coordinate may move. */
-static const double TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, FOLLOWED = 1e-3, LATE = 0.1;
+/* Parts of the scale of a position, a rate, an acceleration that are rounding errors; of a position, also where Newton's
+ * method goes on, what is an overlap, what a jump of a prescribed coordinate may move, and what an importer that looks
+ * for events may be late. */
+static const double FAR = 1e-9, TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, FOLLOWED = 1e-3, LATE = 0.1;
 /* Bounces that are lower than this part of the scale are not followed; after a jump, of what was closed. */
 static const double LOWEST = 1e-12, LIFTED = 1e-9;
 /* Pivots below this part of the diagonal say that forces are not unique. */
@@ -148,21 +150,28 @@ static int solve(const double *matrix, size_t n, double right[]) {
     return 1;
 }
 
-/* Bring the rates, or positions, of contacts that are held to 0. */
-static void annul(Instance *self, double time, const size_t list[], size_t n, int positions) {
+/* Bring the rates, or positions, of contacts that are held to 0; whether a position may still be off. */
+static int annul(Instance *self, double time, const size_t list[], size_t n, int positions) {
     const size_t all = count_of(self->model);
     const Contacts *c = &self->contacts;
     double matrix[AT_ONCE * AT_ONCE] = {0}, right[AT_ONCE], change[MOST_CONTACTS] = {0};
-    int needed = 0;
+    int needed = 0, far = 0;
     for (size_t i = 0; i < n; i++) {
         right[i] = positions ? -c->gap[list[i]] : -c->v[list[i]];
         needed |= right[i] != 0;
+        far |= positions && fabs(right[i]) > FAR * c->scale[list[i]];
         for (size_t j = 0; j < n; j++) matrix[i * AT_ONCE + j] = c->G[list[i] + all * list[j]];
     }
-    if (!needed || !solve(matrix, n, right)) return;
+    if (!needed || !solve(matrix, n, right)) return 0;
     for (size_t i = 0; i < n; i++) change[list[i]] = right[i];
     (positions ? shift : push)(self, time, change);
     inspect(self, time);
+    return far;
+}
+
+/* Put gaps to 0, by Newton's method. */
+static void touch(Instance *self, double time, const size_t list[], size_t n) {
+    for (int step = 0; step < NEWTON_STEPS && annul(self, time, list, n, 1); step++) continue;
 }
 
 void core_uphold(Instance *self, double time) {
@@ -176,7 +185,7 @@ void core_uphold(Instance *self, double time) {
         if (holds(self->model, modes, i)) list[n++] = i;
     if (n == 0) return;
     inspect(self, time);
-    annul(self, time, list, gaps, 1);
+    touch(self, time, list, gaps);
     annul(self, time, list, n, 0);
 }
 
@@ -301,7 +310,7 @@ static int choose(Instance *self, Problem *p, double time, Modes modes, double x
 /* ---- impacts -------------------------------------------------------------------------------------------------------- */
 
 /* The rates after an impact of all gaps in a list: v+ >= max(0, -e v-), and what rubs under them. */
-static int strike(Instance *self, double time, const int touching[]) {
+static int strike(Instance *self, double time, const int touching[], const int was_closed[]) {
     const Model *model = self->model;
     const size_t n = count_of(model), gaps = model->gaps;
     const Contacts *c = &self->contacts;
@@ -336,7 +345,8 @@ static int strike(Instance *self, double time, const int touching[]) {
         self->v.m[i < gaps ? model->gap[i].loss : model->friction[i - gaps].loss] += loss[i];
         if (i >= gaps || !(x[i] > 0)) continue;
         self->v.m[model->gap[i].impulse] += x[i];
-        self->v.m[model->gap[i].impacts] += before[i] < -STILL * c->rate_scale[i];
+        const double rebound = was_closed[i] ? -2 * c->a[i] * LIFTED * c->scale[i] : 0;
+        self->v.m[model->gap[i].impacts] += before[i] < -STILL * c->rate_scale[i] && before[i] * before[i] > rebound;
     }
     return 1;
 }
@@ -346,18 +356,19 @@ static int strike(Instance *self, double time, const int touching[]) {
 /* How long a bounce from a gap at rate v lasts, with all that follow, under an acceleration a < 0. */
 static double lasts(double v, double a, double e) { return e < 1 ? 2 * v / (-a * (1 - e)) : 0; }
 
-/* Whether a gap overlaps that cannot be made room for; the allowance is a part of its scale. */
-static int check_overlaps(Instance *self, double time, double allowance) {
+/* Whether no gap overlaps by more than rounding, or by what an importer may be late. */
+static int check_overlaps(Instance *self, double time, int late) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
     for (size_t i = 0; i < count_of(model); i++)
         if (!isfinite(c->v[i]) || !isfinite(c->a[i])) return core_because(self, "%s: its rate is not finite at t = %.9g", name_of(model, i), time);
     for (size_t i = 0; i < model->gaps; i++) {
         const double G = c->G[i * (count_of(model) + 1)];
-        if (c->gap[i] < -allowance * c->scale[i])
+        if (c->gap[i] < -(late ? LATE : OVERLAP) * c->scale[i])
             return core_because(self, "%s = %.6g at t = %.9g: bodies overlap; %s", model->gap[i].name, c->gap[i], time,
                                 self->s->phase < EVENT ? "start with a gap >= 0"
-                                                       : "a prescribed coordinate must not jump through a body");
+                                : late ? "an event was stepped over: take shorter steps, or find where indicators cross 0"
+                                       : "a prescribed coordinate must not jump through a body");
         if (c->gap[i] <= TOUCHING * c->scale[i] && !(G > 0 && isfinite(G)))
             return core_because(self, "%s at t = %.9g: it moves no mass (effective mass %g)", model->gap[i].name, time, 1 / G);
     }
@@ -373,7 +384,7 @@ void core_follow_gaps(Instance *self) {
         const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
         if (n < AT_ONCE && gap > -depth && (gap < 0 || (*closed_of(self, i) != 0 && gap < depth))) list[n++] = i;
     }
-    annul(self, time, list, n, 1);
+    touch(self, time, list, n);
 }
 
 /* Modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
@@ -411,10 +422,12 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
                             const double rate[]) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
+    /* An importer that solves the equations knows positions to its tolerance. */
+    const double lowest = self->s->use == USE_MODEL_EXCHANGE ? fmax(LOWEST, self->s->tolerance) : LOWEST;
     for (size_t i = 0; i < model->gaps; i++) {
         const double v = c->v[i], a = rate[i], height = v * v / (-2 * a);
         if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
-        if (height > (was_closed[i] ? LIFTED : LOWEST) * c->scale[i]) {
+        if (height > (was_closed[i] ? fmax(LIFTED, lowest) : lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
             if (self->s->step > flight || self->s->step <= 0) self->s->step = flight;
             continue;
@@ -450,30 +463,29 @@ static void stop(Instance *self, double time, size_t gap, const Modes modes) {
     }
 }
 
-int core_settle(Instance *self, double time) {
+static int settle(Instance *self, double time, int late) {
     const Model *model = self->model;
     const size_t gaps = model->gaps, n = count_of(model);
     const Contacts *c = &self->contacts;
-    const int starts = self->s->phase < EVENT, late = !starts && self->s->use == USE_MODEL_EXCHANGE;
     int touching[MOST_CONTACTS], was_closed[MOST_CONTACTS], impacts = 0;
     double x[MOST_CONTACTS], rate[MOST_CONTACTS];
     size_t list[MOST_CONTACTS], held = 0;
     Modes modes;
     inspect(self, time);
-    if (!check_overlaps(self, time, late ? LATE : OVERLAP)) return 0;
+    if (!check_overlaps(self, time, late)) return 0;
     for (size_t i = 0; i < gaps; i++) {
         was_closed[i] = *closed_of(self, i) != 0;
         touching[i] = c->gap[i] <= (was_closed[i] ? FOLLOWED : TOUCHING) * c->scale[i];
         if (touching[i] && held < AT_ONCE && c->gap[i] != 0) list[held++] = i;
     }
-    annul(self, time, list, held, 1);
+    touch(self, time, list, held);
     for (;;) {
         int approaches = 0;
         for (size_t i = 0; i < gaps; i++) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
         if (!approaches) break;
         if (++impacts > MOST_IMPACTS)
             return core_because(self, "%s at t = %.9g: more than %d impacts at one instant", model->gap[0].name, time, MOST_IMPACTS);
-        if (!strike(self, time, touching)) return 0;
+        if (!strike(self, time, touching, was_closed)) return 0;
     }
     for (size_t tries = 0;; tries++) {
         if (!rest(self, time, touching, modes, x, rate)) return 0;
@@ -491,9 +503,42 @@ int core_settle(Instance *self, double time) {
     for (size_t i = 0; i < n && held < AT_ONCE; i++)
         if (holds(model, modes, i)) list[held++] = i;
     annul(self, time, list, held, 0);
+    return 1;
+}
+
+/* Move on by a time, which may be negative, at the present rates. */
+static void drift(Instance *self, double time, double by) {
+    double *u = self->v.u;
+    evaluate(self, derivatives_of(self->model), time, self->v.y, self->d.y);
+    for (size_t i = 0; i < self->model->states; i++) self->v.y[i] += by * self->d.y[i];
+    for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
+        u[p->value] += by * (u[p->rate] + by / 2 * u[p->acceleration]);
+        u[p->rate] += by * u[p->acceleration];
+    }
+}
+
+int core_settle(Instance *self, double time) {
+    const int exchange = self->s->phase >= EVENT && self->s->use == USE_MODEL_EXCHANGE;
+    const Contacts *c = &self->contacts;
+    const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
+    double late = 0; /* an importer finds an event when it is past */
+    inspect(self, time);
+    for (size_t i = 0; i < self->model->gaps && exchange; i++)
+        if (c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])
+            late = fmax(late, c->gap[i] / c->v[i]);
+    if (late > 0) {
+        memcpy(self->e.u, self->v.u, inputs_size);
+        drift(self, time, -late);
+    }
+    if (!settle(self, time - late, exchange)) return 0;
+    if (late > 0) {
+        drift(self, time - late, late);
+        memcpy(self->v.u, self->e.u, inputs_size);
+    }
     self->known.current = 0;
     return core_remember(self) || core_because_infinite(self);
 }
+
 
 int core_has_event(Instance *self, double time) {
     double *values = self->contacts.indicators;
