@@ -61,7 +61,7 @@ def main(claim: Claims) -> None:
         dots(slide, expected["x"], expected["z"])
     slide.set_aspect("equal")
 
-    end = float(brentq(lambda t: float(CircularHoop.exact(t, **TURNING)["normal_force"]), 1.0, 1.3, xtol=1e-15))
+    end: Any = brentq(lambda t: float(CircularHoop.exact(t, **TURNING)["normal_force"]), 1.0, 1.3, xtol=1e-15)
     turned = {"beta": lambda t: (t, 1.0, 0.0)}
     run = simulate(Ring, inputs=turned, record=["x", "y", "gap", "gap_force"], **SETTINGS)
     held = CircularHoop.exact(run.time, **TURNING)

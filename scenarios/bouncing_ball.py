@@ -7,6 +7,8 @@ parabola.  What each impact takes is in ``impact_loss``, what the table gives in
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from liaisons import operator, simulate
@@ -41,7 +43,7 @@ def main(claim: Claims) -> None:
         amplitude = ratio * 9.81 / OMEGA**2
         table = operator("Sinusoid", amplitude=amplitude, angular_frequency=OMEGA)
         start = {"height_0": 0.0, "height_dot_0": amplitude * OMEGA}
-        settings = {"stop_time": 0.5, "step_size": 0.001, "tolerance": TOLERANCE, "record": SHAKEN}
+        settings: Any = {"stop_time": 0.5, "step_size": 0.001, "tolerance": TOLERANCE, "record": SHAKEN}
         run = simulate("BouncingBall", table=table, start_values=start, **settings)
         leaves = BouncingBall.leaves_at(amplitude=amplitude, angular_frequency=OMEGA)
         claim(

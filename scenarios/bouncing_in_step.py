@@ -8,6 +8,8 @@ a flight, has to give the same heights.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -41,13 +43,13 @@ def heights_of_map(ratio: float, phase: float, height: float) -> list[float]:
     """The same by impacts alone, one flight after the other."""
     t, z, v, seen = 0.0, height, 0.0, []
 
-    def above(s: float) -> float:
+    def above(s: Any) -> Any:
         return z + v * (s - t) - GRAVITY / 2 * (s - t) ** 2 - ratio * np.sin(s + phase)
 
     while t < 2 * np.pi * PERIODS:
         grid = t + np.linspace(1e-9, 15, 6001)
         first = int(np.argmax(above(grid) < 0))
-        end = float(brentq(above, grid[first - 1], grid[first], xtol=1e-15)) if first else float(grid[0])
+        end: Any = brentq(above, grid[first - 1], grid[first], xtol=1e-15) if first else grid[0]
         instants = 2 * np.pi * np.arange(np.ceil(t / (2 * np.pi)), np.floor(end / (2 * np.pi)) + 1)
         seen += [z + v * (s - t) - GRAVITY / 2 * (s - t) ** 2 for s in instants]
         v = (1 + BOUNCE) * ratio * np.cos(end + phase) - BOUNCE * (v - GRAVITY * (end - t))

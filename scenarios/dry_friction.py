@@ -7,6 +7,8 @@ that is shaken, A sin ωt with Aω² ≫ μg, yields to any force: it drifts at 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from liaisons import operator, simulate
@@ -27,7 +29,7 @@ def main(claim: Claims) -> None:
     )
     exact = within(1e-9, "m", because="solver tolerance 1e-12, events on its dense output, κ < 100")
     joule = within(1e-9, "J", because="solver tolerance 1e-12 of 5 J, κ < 100")
-    friction = {"mu_static": 0.05, "mu_sliding": 0.03}
+    friction: Any = {"mu_static": 0.05, "mu_sliding": 0.03}
     run = simulate("DryOscillator", stop_time=20.0, step_size=0.02, tolerance=TOLERANCE, record=RECORD, **friction)
     expected = DryOscillator.exact(run.time, **friction)
     claim(
@@ -39,9 +41,13 @@ def main(claim: Claims) -> None:
     decay.plot(run.time, run["x"], label="FMU")
     dots(decay, instants, turns, every=1, label="turning points")
 
-    belt = {"mu_static": STATIC, "mu_sliding": SLIDING, "belt_dot": SPEED}
+    belt: Any = {"mu_static": STATIC, "mu_sliding": SLIDING, "belt_dot": SPEED}
     start = belt | {"x_0": 0.0, "x_dot_0": SPEED}
-    run = simulate("DryOscillator", stop_time=20.0, step_size=0.01, tolerance=TOLERANCE, record=RECORD, **start)
+    moved = {"belt": lambda t: (SPEED * t, SPEED, 0.0)}
+    begin: Any = {name: value for name, value in start.items() if name != "belt_dot"}
+    run = simulate(
+        "DryOscillator", stop_time=20.0, step_size=0.01, tolerance=TOLERANCE, inputs=moved, record=RECORD, **begin
+    )
     expected = DryOscillator.exact(run.time, **start)
     claim("moving belt: sticks and slides in turn", run["x"], expected["x"], exact)
     claim("the belt's work is what friction and the spring take", run["energy_balance"], 0.0, joule)
@@ -57,10 +63,10 @@ def main(claim: Claims) -> None:
     for share in shares:
         shaking = operator("Sinusoid", amplitude=AMPLITUDE, angular_frequency=SHAKING)
         force = share * SLIDING * 9.81
-        begin = DryOscillator.drift(x_force=force, stiffness=0.0, amplitude=AMPLITUDE, angular_frequency=SHAKING)
-        block = {"stiffness": 0.0, "x_0": 0.0, "x_dot_0": begin, "x_force": force}
+        drift = DryOscillator.drift(x_force=force, stiffness=0.0, amplitude=AMPLITUDE, angular_frequency=SHAKING)
+        block = {"stiffness": 0.0, "x_0": 0.0, "x_dot_0": drift, "x_force": force}
         period = 2 * np.pi / SHAKING
-        settings = {"stop_time": 100 * period, "step_size": period / 40, "tolerance": 1e-10, "record": "x"}
+        settings: Any = {"stop_time": 100 * period, "step_size": period / 40, "tolerance": 1e-10, "record": "x"}
         run = simulate("DryOscillator", belt=shaking, start_values=block, **settings)
         means.append((run["x"][-1] - run["x"][2000]) / (50 * period))
     leading = AMPLITUDE * SHAKING * np.sin(np.pi / 2 * shares)

@@ -6,6 +6,8 @@ u² = gl sin ψ, and meets the circle at -3ψ, where an inelastic string takes t
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from liaisons import simulate
@@ -21,7 +23,7 @@ def main(claim: Claims) -> None:
     metres = within(1e-9, "m", because="solver tolerance 1e-13, amplified a hundred times by flights and tugs")
     joules = within(1e-9, "J", because="the same, of 20 J")
     for speed in (5.0, 6.0, 6.6):
-        start = {"x_0": 0.0, "z_0": -1.0, "x_dot_0": speed}
+        start: Any = {"x_0": 0.0, "z_0": -1.0, "x_dot_0": speed}
         run = simulate("StringPendulum", stop_time=2.0, step_size=0.005, tolerance=1e-13, record=RECORD, **start)
         expected = StringPendulum.exact(run.time, **start)
         claim(f"v = {speed}: x, z", run, {name: expected[name] for name in ("x", "z")}, metres)

@@ -48,6 +48,7 @@ def run(path: Path, stop_time: float, step_size: float, **start: Any) -> Result:
     return simulate(path, stop_time=stop_time, step_size=step_size, tolerance=TIGHT, **start)
 
 
+BELT = 0.2  # m/s
 LOWEST = {"x_0": 0.0, "z_0": -1.0}
 ROW = {"mass_1": 2.0, "mass_3": 3.0, "bounce": 0.6}
 RUNS: dict[str, tuple[Any, dict[str, Any], float, tuple[str, ...]]] = {
@@ -77,7 +78,7 @@ RUNS: dict[str, tuple[Any, dict[str, Any], float, tuple[str, ...]]] = {
     ),
     "stick-slip": (
         DryOscillator,
-        {"mu_static": 0.2, "mu_sliding": 0.1, "belt_dot": 0.2, "x_0": 0.0, "x_dot_0": 0.2},
+        {"mu_static": 0.2, "mu_sliding": 0.1, "belt_dot": BELT, "x_0": 0.0, "x_dot_0": BELT},
         20.0,
         ("x", "x_dot"),
     ),
@@ -89,7 +90,9 @@ RUNS: dict[str, tuple[Any, dict[str, Any], float, tuple[str, ...]]] = {
 @pytest.mark.parametrize("case", RUNS)
 def test_motion_is_its_closed_form(case: str, of: Any) -> None:
     component, start, stop_time, names = RUNS[case]
-    result = run(of(component), stop_time, 0.037, record=[*names, "energy_balance"], **start)
+    driven = {"belt": lambda t: (BELT * t, BELT, 0.0)} if "belt_dot" in start else {}
+    begin = {name: value for name, value in start.items() if name != "belt_dot"}
+    result = run(of(component), stop_time, 0.037, record=[*names, "energy_balance"], inputs=driven, **begin)
     exact = component.exact(result.time, **start)
     for name in names:
         np.testing.assert_allclose(result[name], exact[name], rtol=0, atol=EXACT, err_msg=name)
@@ -110,7 +113,7 @@ def test_ball_rests_at_the_sum_of_all_bounces(of: Any, request: pytest.FixtureRe
 
 @pytest.mark.parametrize("ratio", [0.999, 1.001])
 def test_ball_stays_on_a_shaken_table_up_to_the_acceleration_of_gravity(fmu: Any, ratio: float) -> None:
-    shaken = {"amplitude": ratio * 9.81 / 49, "angular_frequency": 7.0}
+    shaken: Any = {"amplitude": ratio * 9.81 / 49, "angular_frequency": 7.0}
     table: Any = operator("Sinusoid", **shaken)
     start = {"height_0": 0.0, "height_dot_0": 7 * shaken["amplitude"]}
     leaves = BouncingBall.leaves_at(**shaken)
@@ -146,9 +149,10 @@ def test_operator_who_pulls_the_string_taut_gives_the_work_of_the_tug(of: Any, b
 
 
 def test_marks_of_stick_slip(of: Any) -> None:
-    _, start, _, _ = RUNS["stick-slip"]
-    sticking, sliding = DryOscillator.stick_slip(**{n: v for n, v in start.items() if n not in ("x_0", "x_dot_0")})
-    result = run(of(DryOscillator), 20.0, 0.001, **start)
+    friction = {"mu_static": 0.2, "mu_sliding": 0.1}
+    sticking, sliding = DryOscillator.stick_slip(belt_dot=BELT, **friction)
+    driven = {"belt": lambda t: (BELT * t, BELT, 0.0)}
+    result = run(of(DryOscillator), 20.0, 0.001, inputs=driven, x_0=0.0, x_dot_0=BELT, **friction)
     changes = np.diff(result.time[1:][np.diff(result["slip_sticks"]) != 0])
     np.testing.assert_allclose(changes[0::2], sliding, rtol=0, atol=1.0001e-3)
     np.testing.assert_allclose(changes[1::2], sticking, rtol=0, atol=1.0001e-3)
