@@ -422,12 +422,10 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
                             const double rate[]) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
-    /* An importer that solves the equations knows positions to its tolerance. */
-    const double lowest = self->s->use == USE_MODEL_EXCHANGE ? fmax(LOWEST, self->s->tolerance) : LOWEST;
     for (size_t i = 0; i < model->gaps; i++) {
         const double v = c->v[i], a = rate[i], height = v * v / (-2 * a);
         if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
-        if (height > (was_closed[i] ? fmax(LIFTED, lowest) : lowest) * c->scale[i]) {
+        if (height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
             if (self->s->step > flight || self->s->step <= 0) self->s->step = flight;
             continue;
@@ -523,9 +521,13 @@ int core_settle(Instance *self, double time) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     double late = 0; /* an importer finds an event when it is past */
     inspect(self, time);
-    for (size_t i = 0; i < self->model->gaps && exchange; i++)
+    /* It knows positions to its tolerance, or worse. */
+    self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
+    for (size_t i = 0; i < self->model->gaps && exchange; i++) {
+        self->contacts.lowest = fmax(c->lowest, -c->gap[i] / c->scale[i]);
         if (c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])
             late = fmax(late, c->gap[i] / c->v[i]);
+    }
     if (late > 0) {
         memcpy(self->e.u, self->v.u, inputs_size);
         drift(self, time, -late);
