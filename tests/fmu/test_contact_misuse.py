@@ -1,0 +1,235 @@
+"""What contacts cannot do is refused in one line with their names and the instant, and the state is kept."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import bodies
+import casadi as ca
+import pytest
+from driver import DISCARD, ERROR, MODEL_EXCHANGE, OK, Instance, reals
+
+from liaisons import ActiveCoordinate, Coordinate, Mechanism, unilateral
+from liaisons.errors import ComponentError
+
+
+@pytest.fixture(params=["fmi2", "fmi3"])
+def version(request) -> str:
+    return request.param
+
+
+def start(library, body: type[Mechanism], version: str, **values: float) -> Instance:
+    return library(body, version).start(**values)
+
+
+def rough_rod(angle: float, **values: float) -> dict[str, float]:
+    """Start values of a rod whose left tip slides to the left on the floor."""
+    return {"angle_0": angle, "z_0": math.sin(angle), "x_dot_0": -2.0, **values}
+
+
+# ---- at the start -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("body", "values", "message"),
+    [
+        (bodies.Ball, {"height_0": -1e-3}, "gap = -0.001 at t = 0: bodies overlap; start with a gap >= 0"),
+        (bodies.Ball, {"height_0": -2e-9}, "gap = -2e-09 at t = 0: bodies overlap; start with a gap >= 0"),
+        (bodies.Ball, {"height_0": 0.0, "table": 0.5}, "gap = -0.5 at t = 0: bodies overlap; start with a gap >= 0"),
+        (bodies.Ball, {"bounce": 1.1}, "bounce = 1.1 at t = 0: it must be in [0, 1]"),
+        (bodies.Ball, {"bounce": -0.1}, "bounce = -0.1 at t = 0: it must be in [0, 1]"),
+        (bodies.Flat, {"x_0": 0.0, "x_dot_0": 0.0}, "cube at t = 0: it moves no mass (effective mass inf)"),
+        (
+            bodies.TwoFloors,
+            {"height_0": 0.0},
+            "first_gap, second_gap at t = 0: their forces are not unique (redundant liaisons): leave one out",
+        ),
+        (
+            bodies.Rod,
+            rough_rod(1.0, roughness=3.0),
+            "left at t = 0: no force keeps them apart and in their bounds (Painlevé)",
+        ),
+        (
+            bodies.Press,
+            {"height_0": 0.0, "press": 0.0, "press_dot": -1.0},
+            "floor_gap, press_gap at t = 0: they contradict each other, or what pushes leaves no way out",
+        ),
+        (
+            bodies.Nine,
+            {f"z_{i}_0": 0.0 for i in range(9)},
+            f"{', '.join(f'gap_{i}' for i in range(8))} at t = 0: more than eight contacts at once",
+        ),
+    ],
+)
+def test_start_is_refused(library, version, body, values, message) -> None:
+    """And another one is taken."""
+    instance = library(body, version).initializing(**values)
+    instance.refuse(f"{message}; set another value and initialize again", "ExitInitializationMode")
+    defaults = {"table": 0.0, "press": 1.0, "press_dot": 0.0, "bounce": 0.5, "height_0": 0.5, "roughness": 0.0}
+    instance.set({name: defaults.get(name, 1.0) for name in values} | ({"z_0": 2.0} if "roughness" in values else {}))
+    instance.exit_initialization()
+    instance.step(0.0, 0.01)
+
+
+@pytest.mark.parametrize("below", [0.0, 1e-12, 9e-10])
+def test_rounding_is_closed(library, version, below) -> None:
+    instance = start(library, bodies.Ball, version, height_0=-below)
+    assert instance["gap"] == 0
+    instance.step(0.0, 1.0)
+    assert instance["gap"] == 0
+    assert instance["gap_force"] == pytest.approx(9.81, rel=1e-12)
+    # It was lifted by so much.
+    assert instance["energy_balance"] == pytest.approx(0.0, abs=1.01 * 9.81 * below)
+
+
+def test_closed_and_approaching_is_an_impact_at_once(library, version) -> None:
+    instance = start(library, bodies.Ball, version, height_0=0.0, height_dot_0=-2.0, bounce=0.5, mass=3.0)
+    assert instance.get_integer("gap_impacts") == 1
+    assert instance.get("gap_dot", "gap_impulse", "impact_loss", "energy_balance") == pytest.approx(
+        [1.0, 3.0 * 3.0, 3.0 / 2 * (2.0**2 - 1.0), 0.0], abs=1e-15
+    )
+
+
+# ---- on the way -------------------------------------------------------------------------------------------------
+
+
+def pressed(t: float, speed: float = 1.0) -> dict[str, float]:
+    """A press that comes down."""
+    return {"press": 1 - speed * t, "press_dot": -speed}
+
+
+@pytest.mark.parametrize(
+    ("body", "values", "inputs", "message"),
+    [
+        (
+            bodies.Press,
+            {"bounce": 0.0},
+            pressed,
+            r"floor_gap, press_gap at t = 1: they contradict each other, or what pushes leaves no way out",
+        ),
+        (
+            bodies.Press,
+            {"height_0": 0.0},
+            pressed,
+            r"floor_gap, press_gap at t = 1: they contradict each other, or what pushes leaves no way out",
+        ),
+        (  # it bounces ever faster between them
+            bodies.Press,
+            {"bounce": 0.5},
+            pressed,
+            r"floor_gap, press_gap at t = 1: more than 1000 impacts at one instant",
+        ),
+        (
+            bodies.Ball,
+            {},
+            lambda t: {"table": 2.0 if t > 0.25 else 0.0},
+            r"gap = -1\.4\d* at t = 0\.3: bodies overlap; a prescribed coordinate must not jump through a body",
+        ),
+        (
+            bodies.TwoFloors,
+            {},
+            lambda _: {},
+            r"first_gap, second_gap at t = 0\.4515\d*: their forces are not unique \(redundant liaisons\): leave one out",
+        ),
+        (bodies.Nine, {}, lambda _: {}, r"gap_0, .*, gap_7 at t = 0\.4515\d*: more than eight contacts at once"),
+    ],
+)
+def test_step_is_refused(library, version, body, values, inputs, message) -> None:
+    """It is taken back whole, also after impacts inside it; the next one is not misled by it."""
+    instance = start(library, body, version, **values)
+    for k in range(11):
+        instance.set(inputs(k * 0.1))
+        before = instance.serialize()
+        if (status := instance.step(k * 0.1, 0.1, None)) != OK:
+            break
+    assert status in (DISCARD, ERROR)
+    (text,) = instance.messages
+    assert re.fullmatch(rf"{message}; the step from t = [\d.]+ is taken back", text)
+    assert instance.serialize() == before
+    if status == DISCARD:
+        instance.messages.clear()
+        instance.step(k * 0.1, 1e-3)
+        assert instance.messages == []
+
+
+def test_press_that_stops_in_time(library, version) -> None:
+    instance = start(library, bodies.Press, version, bounce=0.9)
+    for k in range(100):
+        t = 0.01 * k
+        instance.set(press=1 - t, press_dot=-1.0)
+        instance.step(t, 0.01) if k < 99 else None
+    instance.set(press=0.01, press_dot=0.0)
+    for k in range(99, 300):
+        instance.step(0.01 * k, 0.01)
+        assert instance["press_gap"] >= -1e-12
+        assert instance["floor_gap"] >= -1e-12
+    assert abs(instance["energy_balance"]) <= 1e-9 * (instance["energy"] + instance["impact_loss"])
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_numbers_that_are_none(library, version, value) -> None:
+    """At an impact, too."""
+    instance = start(library, bodies.Ball, version, height_0=0.0, height_dot_0=-1.0)
+    before = instance.serialize()
+    assert instance.set({"table": value}, None) == DISCARD
+    assert instance.messages == [f"table = {value}: set a finite number; it stays 0"]
+    assert instance.serialize() == before
+
+
+def test_motion_into_a_paradox_is_refused(library, version) -> None:
+    """A rod that falls over while its tip slides: the force that would hold the tip grows without bound."""
+    instance = start(library, bodies.Rod, version, **rough_rod(1.45, roughness=2.5, angle_dot_0=-0.5))
+    for k in range(100):
+        before = instance.serialize()
+        if instance.step(k * 0.01, 0.01, None) != OK:
+            break
+    (text,) = instance.messages
+    assert re.search(r"^left(, slip)? .*Painlevé", text), text
+    assert re.search(r"t = \d\.\d+", text), text
+    assert instance.serialize() == before
+
+
+def test_steps_of_fixed_size_are_refused(library, version) -> None:
+    for body, name in ((bodies.Ball, "gap"), (bodies.Block, "slip")):
+        instance = library(body, version).initializing()
+        instance.set_integer("symplectic_steps", 0)
+        instance.set_integer("symplectic_steps", 3, ERROR)
+        assert instance.messages == [f"symplectic_steps = 3: steps of fixed size do not end at events of {name}; set 0"]
+        assert instance.get_integer("symplectic_steps") == 0
+        instance.exit_initialization()
+
+
+def test_importer_that_steps_over_an_event_is_told(library, version) -> None:
+    """In model exchange: a ball that is found deep in the table."""
+    instance = library(bodies.Ball, version).running(MODEL_EXCHANGE)
+    count = library(bodies.Ball, version).count("height", "p_height", "work", "dissipated")
+    y = instance.vector("GetContinuousStates", count)
+    y[0] = -0.5
+    instance.do("SetTime", 0.5)
+    instance.do("SetContinuousStates", reals(y), len(y))
+    instance.do("EnterEventMode")
+    with pytest.raises(
+        AssertionError, match=r"gap = -0\.5 at t = 0\.5: bodies overlap; an event was stepped over: take"
+    ):
+        instance.update()
+
+
+# ---- classes ----------------------------------------------------------------------------------------------------
+
+
+def test_gap_without_free_coordinate_is_refused() -> None:
+    with pytest.raises(ComponentError, match=r"^Fixed\.gap depends on no free coordinate, so that nothing upholds it$"):
+
+        class Fixed(Mechanism):
+            """Gap that an operator alone changes."""
+
+            x = Coordinate("m", "place")
+            floor = ActiveCoordinate("m", "height of the floor")
+
+            def kinetic_energy(self) -> ca.SX:
+                return self.dot(self.x) ** 2 / 2
+
+            @unilateral("m", "distance")
+            def gap(self) -> ca.SX:
+                return 1 - self.floor
