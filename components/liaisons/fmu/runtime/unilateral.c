@@ -337,7 +337,7 @@ static int strike(Instance *self, double time, const int touching[], const int w
     for (size_t i = 0; i < n; i++) {
         loss[i] = -x[i] * (before[i] + c->v[i]) / 2;
         total += loss[i];
-        size += fabs(x[i] * before[i]);
+        size += fabs(x[i]) * (fabs(before[i]) + 1e-2 * c->rate_scale[i]); /* STILL is rounding */
     }
     if (total < -1e-9 * size)
         return refuse(self, &p, time, "Newton's restitution and friction would gain energy (Kane): take less of either");
@@ -378,13 +378,19 @@ static int check_overlaps(Instance *self, double time, int late) {
 void core_follow_gaps(Instance *self) {
     const Model *model = self->model;
     const double time = self->s->time;
-    size_t list[AT_ONCE], n = 0;
+    size_t list[AT_ONCE], n = 0, before;
+    int listed[MOST_CONTACTS] = {0};
     inspect(self, time);
-    for (size_t i = 0; i < model->gaps; i++) {
-        const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
-        if (n < AT_ONCE && gap > -depth && (gap < 0 || (*closed_of(self, i) != 0 && gap < depth))) list[n++] = i;
-    }
-    touch(self, time, list, n);
+    do { /* what gives way to one may come into another */
+        before = n;
+        for (size_t i = 0; i < model->gaps; i++) {
+            const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
+            const int follows = gap > -depth && (gap < 0 || (*closed_of(self, i) != 0 && gap < depth));
+            if (n < AT_ONCE && follows && !listed[i]) list[n++] = i;
+            listed[i] |= follows;
+        }
+        touch(self, time, list, n);
+    } while (n > before);
 }
 
 /* Modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
@@ -481,8 +487,12 @@ static int settle(Instance *self, double time, int late) {
         int approaches = 0;
         for (size_t i = 0; i < gaps; i++) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
         if (!approaches) break;
-        if (++impacts > MOST_IMPACTS)
-            return core_because(self, "%s at t = %.9g: more than %d impacts at one instant", model->gap[0].name, time, MOST_IMPACTS);
+        if (++impacts > MOST_IMPACTS) {
+            Problem p = {0};
+            for (size_t i = 0; i < gaps && p.n < AT_ONCE; i++)
+                if (touching[i]) p.contact[p.n++] = i;
+            return refuse(self, &p, time, "more than 1000 impacts at one instant");
+        }
         if (!strike(self, time, touching, was_closed)) return 0;
     }
     for (size_t tries = 0;; tries++) {
