@@ -82,7 +82,8 @@ def test_page_shows_the_start_and_the_default_experiment(component) -> None:
     page = index_page(model).decode()
     figures = [(f.get("aria-label"), f) for f in ElementTree.fromstring(f"<all>{''.join(_FIGURE.findall(page))}</all>")]
     drawn = [model.name] if model.picture else []
-    assert [label for label, _ in figures] == [*drawn, "the default experiment"]
+    plotted = [] if model.contacts else ["the default experiment"]  # there is no integration with events
+    assert [label for label, _ in figures] == [*drawn, *plotted]
     for _, figure in figures:
         x, y, width, height = map(float, figure.attrib["viewBox"].split())
         shapes = [shape.attrib["points"].split() for shape in figure if "points" in shape.attrib]

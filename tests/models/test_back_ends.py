@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hand_derivations import WITHOUT_ORIENTATION, states
+from hand_derivations import SMOOTH, WITHOUT_ORIENTATION, states
 from on_paper import BACKENDS, HOLD, Values, assert_follows, equations_of, run, wave
 
 from liaisons.check import max_error
@@ -36,7 +36,7 @@ def expressions(equations: Equations) -> dict[str, ca.SX]:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
+@pytest.mark.parametrize("component", SMOOTH)
 def test_outputs_at_the_start_are_the_derived_equations(component, backend: str, fmu) -> None:
     model, found = assemble(component), expressions(equations_of(component))
     settable = [variable.name for variable in (*model.parameters, *model.inputs)]
@@ -49,7 +49,7 @@ def test_outputs_at_the_start_are_the_derived_equations(component, backend: str,
             assert result[name][0] == pytest.approx(expected, rel=1e-11, abs=1e-10), name
 
 
-@pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
+@pytest.mark.parametrize("component", SMOOTH)
 def test_native_and_python_back_end_move_alike(component, fmu) -> None:
     start = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
     inputs = {s.name: wave(s.start, 0.1, 2.0) for s in component.actives}

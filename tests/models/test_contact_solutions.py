@@ -246,7 +246,7 @@ def test_dry_oscillator_event_by_event(case: str) -> None:
                 return state[1] * mp.cos(omega * s) - state[0] * omega * mp.sin(omega * s)
 
             grid = [mp.mpf(i) / 50 / omega for i in range(1, 2000)]
-            crossing = next((s for s in grid if (rate_after(s) - belt) * sense < 0), None)
+            crossing: Any = next((s for s in grid if (rate_after(s) - belt) * sense < 0), None)
             span = grid[-1] if crossing is None else mp.findroot(
                 lambda s: rate_after(s) - belt, (crossing - mp.mpf("0.02") / omega, crossing), solver="anderson"
             )  # fmt: skip

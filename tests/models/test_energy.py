@@ -12,13 +12,17 @@ from on_paper import equations_of
 @pytest.mark.parametrize("component", MECHANISMS)
 def test_energy_changes_by_the_power_of_the_ports_and_the_friction(component) -> None:
     equations = equations_of(component)
-    free, active = equations.mechanism.free, equations.mechanism.active
+    m = equations.mechanism
+    free, active = m.free, m.active
     where = ca.vertcat(free.q, active.s, free.q_dot, active.s_dot)
     rates = ca.vertcat(free.kinematics @ free.q_dot, active.s_dot, free.q_ddot, active.s_ddot)
     terms = ca.gradient(equations.energy, where) * rates  # dE/dt = Σ ∂E/∂x x'
+    # On a motion one of force and rate is 0; here they are any numbers.
+    forces, closing = (x[: len(component.unilaterals), 0] for x in (m.contact_forces, m.contact_rates()))
+    pushed = ca.dot(forces, closing)
     for state in states(component):
         contributions = state(terms)
-        expected = state(equations.power - equations.dissipation)
+        expected = state(equations.power - equations.dissipation + pushed)
         # Two sums of the same size in doubles: some ten roundings of their largest term.
         assert abs(contributions.sum() - expected) <= 1e-13 * np.abs(contributions).sum()
 

@@ -263,9 +263,9 @@ def _structure(model: Model) -> Iterator[str]:
     states = numbers(state.name for state in model.states)
     parameters, inputs = (numbers(v.name for v in variables) for variables in (model.parameters, model.inputs))
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
-    later, at_start = map(numbers, decided_at_events(model))
-    running = states + inputs, between_numbers(model.outputs_function, (1, 2)) if sparse else None, later
-    starting = parameters + inputs, between_numbers(initial(model), (2, 1)) if sparse else None, at_start
+    at_events, initially = map(numbers, decided_at_events(model))
+    running = states + inputs, between_numbers(model.outputs_function, (1, 2)) if sparse else None, at_events
+    starting = parameters + inputs, between_numbers(initial(model), (2, 1)) if sparse else None, initially
     first = first_reference(model) + len(parameters) + len(inputs)
     titles = {"Outputs": running, "Derivatives": running, "InitialUnknowns": starting}
     for (title, (knowns, pattern, decided)), names in zip(titles.items(), unknowns(model), strict=True):

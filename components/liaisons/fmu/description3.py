@@ -111,14 +111,20 @@ def _references(model: Model) -> dict[str, int]:
 def _structure(model: Model) -> Iterator[str]:
     references = _references(model)
     first = references[model.outputs[0].name] if model.outputs else 0
-    later, beginning = decided_at_events(model)
-    running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model)), later
-    starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model)), beginning
-    titles = {"Output": running, "ContinuousStateDerivative": running, "InitialUnknown": starting}
-    titles["EventIndicator"] = running
-    groups = zip(titles.items(), (*unknowns(model), model.indicators), strict=True)
-    for (title, (variables, pattern, events)), names in groups:
-        knowns = [references[variable.name] for variable in variables]
-        decided = {references[name] for name in events}
-        rows = {"first": first, "knowns": knowns, "pattern": pattern, "decided": decided}
+    running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model))
+    starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model))
+    at_events, initially = decided_at_events(model)
+    groups = (
+        ("Output", *running, at_events),
+        ("ContinuousStateDerivative", *running, at_events),
+        ("InitialUnknown", *starting, initially),
+        ("EventIndicator", *running, at_events),
+    )
+    for (title, variables, pattern, decided), names in zip(groups, (*unknowns(model), model.indicators), strict=True):
+        rows = {
+            "first": first,
+            "knowns": [references[variable.name] for variable in variables],
+            "pattern": pattern,
+            "decided": {references[name] for name in decided},
+        }
         yield from unknown_elements(title, "valueReference", [references[name] for name in names], **rows)

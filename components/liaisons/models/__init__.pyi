@@ -1,11 +1,15 @@
 from liaisons.language import Component
 
+from .ball_row import BallRow as BallRow
+from .bead_on_sphere import BeadOnSphere as BeadOnSphere
+from .bouncing_ball import BouncingBall as BouncingBall
 from .cartesian_pendulum import CartesianPendulum as CartesianPendulum
 from .charged_particle import ChargedParticle as ChargedParticle
 from .circular_hoop import CircularHoop as CircularHoop
 from .constant import Constant as Constant
 from .double_pendulum import DoublePendulum as DoublePendulum
 from .driven_chain import DrivenChain as DrivenChain
+from .dry_oscillator import DryOscillator as DryOscillator
 from .elliptic_hoop import EllipticHoop as EllipticHoop
 from .flywheel import Flywheel as Flywheel
 from .fourier_hoop import FourierHoop as FourierHoop
@@ -36,6 +40,7 @@ from .shaped_swing import marle_swing as marle_swing
 from .sinusoid import Sinusoid as Sinusoid
 from .smooth_step import SmoothStep as SmoothStep
 from .spatial_cat import SpatialCat as SpatialCat
+from .string_pendulum import StringPendulum as StringPendulum
 from .swing import Swing as Swing
 from .swing_pump import SwingPump as SwingPump
 

@@ -142,6 +142,7 @@ typedef struct { /* gaps first, then dry friction; without contact forces */
     const double *rate_scale, *acceleration_scale; /* what they are made of */
     const double *gap, *scale, *restitution;
     const double *stick, *slide; /* thresholds of dry friction */
+    double lowest;               /* part of its scale below which bounces of a gap are summed */
 } Contacts;
 
 #endif /* UNILATERAL */

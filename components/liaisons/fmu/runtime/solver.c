@@ -236,10 +236,10 @@ static double fall(const Step *s, size_t which, double a, double at_a, double b,
     const double target = at_a > MARGIN ? MARGIN : 0;
     double values[MOST_INDICATORS], left = at_a - target, right = at_b - target;
     for (int i = 0; i < MOST_TRIALS && b - a > 1e-15 * b; i++) {
-        const double part = a + (b - a) * left / (left - right);
-        if (!(part > a && part < b) || !look(s, part, values)) break;
+        const double part = fmax(a + (b - a) * left / (left - right), a + 1e-15 * b); /* left may be 0 */
+        if (!(part < b) || !look(s, part, values)) break;
         const double value = values[which] - target;
-        if (value < 0) {
+        if (value <= 0) {
             b = part;
             right = value;
             left /= 2;
@@ -301,9 +301,13 @@ static Signal shorten(const Problem *p, double t, double *h, const double *y, do
     *crossed = 1;
     const double away = fmin(1e-3, part / 2);
     if (!look(&step, part - away, high) || !look(&step, part, low)) return STOP;
-    size_t which = 0; /* the one that falls */
-    for (size_t i = 1; i < p->indicators; i++)
-        if (low[i] < low[which]) which = i;
+    size_t which = 0; /* the one that is at 0 first */
+    double soonest = INFINITY;
+    for (size_t i = 0; i < p->indicators; i++) {
+        const double fallen = high[i] - low[i], until = fallen > 0 ? low[i] / fallen : INFINITY;
+        if (until < soonest) which = i;
+        soonest = fmin(soonest, until);
+    }
     const double slope = (low[which] - high[which]) / away;
     const size_t n = p->n;
     for (int i = 0; i < MOST_CORRECTIONS; i++) {

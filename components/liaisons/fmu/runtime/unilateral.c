@@ -337,7 +337,7 @@ static int strike(Instance *self, double time, const int touching[], const int w
     for (size_t i = 0; i < n; i++) {
         loss[i] = -x[i] * (before[i] + c->v[i]) / 2;
         total += loss[i];
-        size += fabs(x[i] * before[i]);
+        size += fabs(x[i]) * (fabs(before[i]) + 1e-2 * c->rate_scale[i]); /* STILL is rounding */
     }
     if (total < -1e-9 * size)
         return refuse(self, &p, time, "Newton's restitution and friction would gain energy (Kane): take less of either");
@@ -378,13 +378,19 @@ static int check_overlaps(Instance *self, double time, int late) {
 void core_follow_gaps(Instance *self) {
     const Model *model = self->model;
     const double time = self->s->time;
-    size_t list[AT_ONCE], n = 0;
+    size_t list[AT_ONCE], n = 0, before;
+    int listed[MOST_CONTACTS] = {0};
     inspect(self, time);
-    for (size_t i = 0; i < model->gaps; i++) {
-        const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
-        if (n < AT_ONCE && gap > -depth && (gap < 0 || (*closed_of(self, i) != 0 && gap < depth))) list[n++] = i;
-    }
-    touch(self, time, list, n);
+    do { /* what gives way to one may come into another */
+        before = n;
+        for (size_t i = 0; i < model->gaps; i++) {
+            const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
+            const int follows = gap > -depth && (gap < 0 || (*closed_of(self, i) != 0 && gap < depth));
+            if (n < AT_ONCE && follows && !listed[i]) list[n++] = i;
+            listed[i] |= follows;
+        }
+        touch(self, time, list, n);
+    } while (n > before);
 }
 
 /* Modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
@@ -422,12 +428,10 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
                             const double rate[]) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
-    /* An importer that solves the equations knows positions to its tolerance. */
-    const double lowest = self->s->use == USE_MODEL_EXCHANGE ? fmax(LOWEST, self->s->tolerance) : LOWEST;
     for (size_t i = 0; i < model->gaps; i++) {
         const double v = c->v[i], a = rate[i], height = v * v / (-2 * a);
         if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
-        if (height > (was_closed[i] ? fmax(LIFTED, lowest) : lowest) * c->scale[i]) {
+        if (height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
             if (self->s->step > flight || self->s->step <= 0) self->s->step = flight;
             continue;
@@ -483,8 +487,12 @@ static int settle(Instance *self, double time, int late) {
         int approaches = 0;
         for (size_t i = 0; i < gaps; i++) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
         if (!approaches) break;
-        if (++impacts > MOST_IMPACTS)
-            return core_because(self, "%s at t = %.9g: more than %d impacts at one instant", model->gap[0].name, time, MOST_IMPACTS);
+        if (++impacts > MOST_IMPACTS) {
+            Problem p = {0};
+            for (size_t i = 0; i < gaps && p.n < AT_ONCE; i++)
+                if (touching[i]) p.contact[p.n++] = i;
+            return refuse(self, &p, time, "more than 1000 impacts at one instant");
+        }
         if (!strike(self, time, touching, was_closed)) return 0;
     }
     for (size_t tries = 0;; tries++) {
@@ -523,9 +531,13 @@ int core_settle(Instance *self, double time) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     double late = 0; /* an importer finds an event when it is past */
     inspect(self, time);
-    for (size_t i = 0; i < self->model->gaps && exchange; i++)
+    /* It knows positions to its tolerance, or worse. */
+    self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
+    for (size_t i = 0; i < self->model->gaps && exchange; i++) {
+        self->contacts.lowest = fmax(c->lowest, -c->gap[i] / c->scale[i]);
         if (c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])
             late = fmax(late, c->gap[i] / c->v[i]);
+    }
     if (late > 0) {
         memcpy(self->e.u, self->v.u, inputs_size);
         drift(self, time, -late);

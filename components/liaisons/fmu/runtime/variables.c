@@ -330,6 +330,11 @@ Status core_set_settings(Instance *self, const unsigned references[], size_t n, 
         if (which == SETTINGS) return ERROR;
         if (values[i] < 0 || values[i] > SETTING[which].most)
             return core_report(self, ERROR, "%s = %d: set %s", SETTING[which].name, values[i], SETTING[which].values);
+#ifdef UNILATERAL
+        if (which == SYMPLECTIC_STEPS && values[i] > 0)
+            return core_report(self, ERROR, "symplectic_steps = %d: steps of fixed size do not end at events of %s; set 0",
+                               values[i], self->model->gaps > 0 ? self->model->gap->name : self->model->friction->name);
+#endif /* UNILATERAL */
         if (self->s->phase >= EVENT)
             return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
     }

@@ -32,3 +32,15 @@ def sequence(at: Values) -> NDArray:
         v.append(v[-1].copy())
         v[-1][pair : pair + 2] += impulse / masses * [-1, 1]
     return np.array(v)
+
+
+@closed_form("the motion of ball 1 up to two that touch and move together, and after Moreau's rule")
+def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+    x, v = at.array("x_1_0", "x_2_0", "x_3_0"), at.array(*RATES)
+    after = moreau(at=at)
+    require(abs(x[2] - x[1] - at.diameter) <= 1e-9, f"BallRow.exact: x_3_0 = {x[2]}: balls 2 and 3 must touch")
+    impact = (x[1] - x[0] - at.diameter) / (v[0] - v[1])
+    rates = np.where(np.expand_dims(t, -1) < impact, v, after)
+    positions = x + v * impact + rates * np.expand_dims(t - impact, -1)
+    names = ("x_1", "x_2", "x_3")
+    return {f"{n}{end}": y[..., i] for end, y in (("", positions), ("_dot", rates)) for i, n in enumerate(names)}

@@ -1,0 +1,49 @@
+"""A ball runs into two that touch: struck at once they move on together; apart by a hair, one takes over from another.
+
+Moreau's rule, v⁺ >= max(0, -e v) with impulses that are not negative, treats the two that touch as one body.  A gap
+between them, however small, makes a sequence of impacts, which for equal masses and e = 1 is Newton's cradle.  Both
+keep the momentum; which of them is right is a question to the elasticity of the balls, which rigid bodies do not have.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from liaisons import simulate
+from liaisons.models import BallRow
+from liaisons.scenarios import Claims, dots, panels, scenario, within
+
+SETTINGS: Any = {"stop_time": 3.0, "step_size": 0.011, "tolerance": 1e-12}
+RATES, HAIR = ("x_1_dot", "x_2_dot", "x_3_dot"), 1e-6
+RECORD = ("x_1", "x_2", "x_3", *RATES, "impact_loss", "energy_balance")
+ROWS: dict[str, dict[str, float]] = {
+    "equal masses": {},
+    "masses 2, 1, 3 kg": {"mass_1": 2.0, "mass_3": 3.0},
+    "equal masses, e = 0.5": {"bounce": 0.5},
+}
+
+
+@scenario
+def main(claim: Claims) -> None:
+    axes = panels(*((name, "t [s]", "velocity [m/s]") for name in ROWS))
+    exact = within(1e-10, "m, m/s", because="uniform motion, solved to rounding")
+    joules = within(1e-10, "J", because="rounding")
+    for axis, (name, row) in zip(axes, ROWS.items(), strict=True):
+        touching = simulate("BallRow", record=RECORD, start_values=row, **SETTINGS)
+        expected = BallRow.exact(touching.time, **row)
+        claim(f"{name}, touching: Moreau's rule", touching, expected, exact)
+        apart = simulate("BallRow", record=RECORD, start_values=row | {"x_3_0": 1.1 + HAIR}, **SETTINGS)
+        sequence = BallRow.sequence(**row)
+        ends = [apart[rate][-1] for rate in RATES]
+        claim(f"{name}, apart: {len(sequence) - 1} impacts one after the other", ends, sequence[-1], exact)
+        masses = np.array([row.get(f"mass_{i}", 1.0) for i in (1, 2, 3)])
+        for run in (touching, apart):
+            momentum = masses @ [run[rate] for rate in RATES]
+            claim(f"{name}: momentum", momentum, masses[0], within(1e-10, "kg.m/s", because="rounding"))
+            claim(f"{name}: energy balance", run["energy_balance"], 0.0, joules)
+        for i, rate in enumerate(RATES):
+            axis.plot(touching.time, touching[rate], color=f"C{i}", label=f"ball {i + 1}, touching")
+            axis.plot(apart.time, apart[rate], "--", color=f"C{i}", label=f"ball {i + 1}, apart")
+        dots(axis, touching.time, expected["x_1_dot"], label="Moreau's rule")

@@ -1,0 +1,65 @@
+"""A ball bounces infinitely often in a finite time, and stays on a shaken table if and only if Aω² <= g.
+
+Dropped from h on a table at rest it is at rest itself at t = √(2h/g) (1 + e)/(1 - e), the sum of all its flights.  On
+the table A sin ωt it leaves where the table falls away faster than it can, sin ωt = 1/Γ with Γ = Aω²/g, and follows a
+parabola.  What each impact takes is in ``impact_loss``, what the table gives in ``work``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from liaisons import operator, simulate
+from liaisons.models import BouncingBall
+from liaisons.scenarios import Claims, dots, panels, scenario, within
+
+OMEGA, TOLERANCE = 10.0, 1e-12
+DROPPED = ("height", "gap", "gap_rests_from", "impact_loss", "energy_balance")
+SHAKEN = ("height", "gap", "energy_balance")
+
+
+@scenario
+def main(claim: Claims) -> None:
+    falls, shaken = panels(("dropped", "t [s]", "height [m]"), ("on a shaken table", "t [s]", "distance [m]"))
+    exact = within(1e-10, "m", because="the solver solves parabolas to rounding, events are those of its dense output")
+    account = within(1e-10, "J", because="rounding of the energies, 10 J")
+    for bounce in (0.5, 0.8):
+        run = simulate(
+            "BouncingBall", stop_time=5.0, step_size=0.01, tolerance=TOLERANCE, record=DROPPED, bounce=bounce
+        )
+        expected = BouncingBall.exact(run.time, bounce=bounce)
+        claim(f"e = {bounce}: the height, over all of its bounces", run["height"], expected["height"], exact)
+        claim(f"e = {bounce}: the energy that impacts take", run["impact_loss"], expected["impact_loss"], account)
+        end = within(1e-10, "s", because="the rest of the bounces is summed")
+        rests = BouncingBall.rests_at(bounce=bounce)
+        claim(f"e = {bounce}: at rest from {rests:.4f} s", run["gap_rests_from"][-1], rests, end)
+        claim(f"e = {bounce}: energy balance", run["energy_balance"], 0.0, account)
+        falls.plot(run.time, run["height"], label=f"e = {bounce}")
+        dots(falls, run.time, expected["height"])
+
+    for ratio in (0.99, 1.01, 1.5):
+        amplitude = ratio * 9.81 / OMEGA**2
+        table = operator("Sinusoid", amplitude=amplitude, angular_frequency=OMEGA)
+        start = {"height_0": 0.0, "height_dot_0": amplitude * OMEGA}
+        settings: Any = {"stop_time": 0.5, "step_size": 0.001, "tolerance": TOLERANCE, "record": SHAKEN}
+        run = simulate("BouncingBall", table=table, start_values=start, **settings)
+        leaves = BouncingBall.leaves_at(amplitude=amplitude, angular_frequency=OMEGA)
+        claim(
+            f"Γ = {ratio}: never inside the table",
+            np.minimum(run["gap"], 0),
+            0.0,
+            within(1e-12, "m", because="rounding"),
+        )
+        if ratio < 1:
+            claim(f"Γ = {ratio}: it never leaves", run["gap"], 0.0, within(1e-12, "m", because="rounding"))
+        else:
+            flies = run.time - leaves
+            flies = flies[(flies > 0) & (flies < 0.05)]
+            sine, cosine = np.sin(OMEGA * leaves), np.cos(OMEGA * leaves)
+            parabola = amplitude * (sine + OMEGA * cosine * flies) - 9.81 / 2 * flies**2
+            got = run["height"][(run.time > leaves) & (run.time < leaves + 0.05)]
+            text = f"Γ = {ratio}: it leaves at sin ωt = 1/Γ, {leaves:.4f} s"
+            claim(text, got, parabola, within(1e-9, "m", because="σ between communication points: H⁶/720 of ω⁶A"))
+        shaken.plot(run.time, run["gap"], label=f"Γ = {ratio}")
