@@ -15,6 +15,8 @@ enum { AT_ONCE = 8, MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
 static const double FAR = 1e-9, TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, FOLLOWED = 1e-3, LATE = 0.1;
 /* Bounces that are lower than this part of the scale are not followed; after a jump, of what was closed. */
 static const double LOWEST = 1e-12, LIFTED = 1e-9;
+/* What sticks stays so where a prescribed rate is off by this part of its scale. */
+static const double STUCK = 1e-9;
 /* Pivots below this part of the diagonal say that forces are not unique. */
 static const double SINGULAR = 1e-10;
 
@@ -403,7 +405,8 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
     for (size_t i = 0; i < n; i++) {
         p.rate[i] = c->a[i];
         p.tolerance[i] = BALANCED * c->acceleration_scale[i];
-        const int still = fabs(c->v[i]) <= STILL * c->rate_scale[i];
+        const double least = i >= gaps && holds(model, modes, i) ? STUCK : STILL;
+        const int still = fabs(c->v[i]) <= least * c->rate_scale[i];
         if (i < gaps && !(touching[i] && still)) {
             modes[i] = OPEN;
             continue;
