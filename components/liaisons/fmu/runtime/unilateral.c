@@ -532,21 +532,29 @@ int core_settle(Instance *self, double time) {
     const int exchange = self->s->phase >= EVENT && self->s->use == USE_MODEL_EXCHANGE;
     const Contacts *c = &self->contacts;
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
-    double late = 0; /* an importer finds an event when it is past */
+    const size_t gaps = self->model->gaps;
+    double late = 0, most = 0; /* an importer finds an event when it is past */
+    size_t first = gaps;       /* what came into contact first */
     inspect(self, time);
     /* It knows positions to its tolerance, or worse. */
     self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
-    for (size_t i = 0; i < self->model->gaps && exchange; i++) {
+    for (size_t i = 0; i < gaps && exchange; i++) {
         self->contacts.lowest = fmax(c->lowest, -c->gap[i] / c->scale[i]);
-        if (c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])
-            late = fmax(late, c->gap[i] / c->v[i]);
+        if (!(c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])) continue;
+        if (c->gap[i] / c->v[i] <= most) continue;
+        most = c->gap[i] / c->v[i];
+        first = i;
     }
-    if (late > 0) {
-        memcpy(self->e.u, self->v.u, inputs_size);
-        drift(self, time, -late);
+    if (first < gaps) memcpy(self->e.u, self->v.u, inputs_size);
+    for (int k = 0; first < gaps && k < NEWTON_STEPS && c->v[first] < 0; k++) {
+        const double by = c->gap[first] / c->v[first];
+        drift(self, time - late, -by);
+        late += by;
+        inspect(self, time - late);
+        if (fabs(c->gap[first]) <= TOUCHING / 2 * c->scale[first]) break;
     }
     if (!settle(self, time - late, exchange)) return 0;
-    if (late > 0) {
+    if (first < gaps) {
         drift(self, time - late, late);
         memcpy(self->v.u, self->e.u, inputs_size);
     }
