@@ -436,7 +436,7 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
         if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
         if (height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
-            if (self->s->step > flight || self->s->step <= 0) self->s->step = flight;
+            if (isfinite(flight) && (self->s->step > flight || self->s->step <= 0)) self->s->step = flight;
             continue;
         }
         self->v.m[model->gap[i].rests_from] = was_closed[i] ? time : time + lasts(v, a, c->restitution[i]);
