@@ -23,7 +23,6 @@ from liaisons import (
     dry_friction,
     ensemble,
     equations,
-    gradient,
     hold,
     identify,
     linearize,
@@ -74,8 +73,6 @@ def model() -> Model:
     ("call", "remedy"),
     [
         (lambda: ensemble(Sledge, {}, stop_time=1, step_size=0.1), r"take sweep\(\)"),
-        (lambda: sensitivities(Sledge, by="z_0", stop_time=1), "give its .fmu file"),
-        (lambda: gradient(Sledge, lambda z: z["z"][-1], by="z_0", stop_time=1, record="z"), "give its .fmu file"),
         (lambda: identify(Sledge, DATA, unknown=["z_0"]), r"sweep\(\)"),
         (lambda: plan(Sledge, "floor", end={"z": 2.0}, duration=1.0), "simulate this one with that motion"),
         (lambda: hold(Sledge, {"z": 0.0}, "floor"), "simulate this one with that motion"),
@@ -99,7 +96,7 @@ def test_class_is_refused(call: Callable[[], Any], remedy: str) -> None:
     ("call", "remedy"),
     [
         (lambda model, folder: build(model, folder, backend="python"), "backend='native'"),
-        (lambda model, _: sensitivities(model, by="theta_0", stop_time=1), "give its .fmu file"),
+        (lambda model, _: sensitivities(model, by="theta_0", stop_time=1), "give its class or .fmu file"),
         (lambda model, _: identify(model, {"time": T, "theta": T}, unknown=["theta_0"]), r"sweep\(\)"),
     ],
 )
@@ -130,9 +127,14 @@ def test_page_in_the_fmu(fmu: Callable[..., Path]) -> None:
     assert "Reference results" not in page
 
 
-def test_runs_of_the_fmu_are_differentiated(fmu: Callable[..., Path]) -> None:
+@pytest.mark.parametrize("named", [True, False])
+def test_runs_are_differentiated(
+    named: bool, fmu: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """z = 1 - 2 t until 0.5 s, then 2 e (t - 0.5) with e = 0.5."""
-    found = sensitivities(fmu(Sledge), ["bounce", "z_0"], stop_time=0.9, step_size=0.3, record="z", z_dot_0=-2.0)
+    monkeypatch.setenv("LIAISONS_FMUS", str(tmp_path))
+    subject = Sledge if named else fmu(Sledge)
+    found = sensitivities(subject, ["bounce", "z_0"], stop_time=0.9, step_size=0.3, record="z", z_dot_0=-2.0)
     assert found.method == "differences"
     assert found["z"] == pytest.approx([1.0, 0.4, 0.1, 0.4], abs=1e-12)
     assert found.derivative("z", "bounce") == pytest.approx([0.0, 0.0, 0.2, 0.8], abs=1e-8)

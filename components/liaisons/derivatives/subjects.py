@@ -20,8 +20,8 @@ from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, flat_model, operator_model, settable
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
-from liaisons.library import Target, component
-from liaisons.mechanics.model import Model, refuse_contacts
+from liaisons.library import Target, component, fmu_file
+from liaisons.mechanics.model import Model, contact_names, refuse_contacts
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Subject: TypeAlias = "Target | Model | System"
 Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
 
-_WITHOUT_EVENTS = "a motion with exact derivatives", "give its .fmu file, whose runs are differentiated by differences"
+_WITHOUT_EVENTS = "a motion with exact derivatives", "give its class or .fmu file, whose runs are differentiated"
 
 
 def motion_of(
@@ -63,12 +63,12 @@ def motion_of(
     """
     try:
         model, own_values = _model(subject)
-    except (SimulationError, ComponentError):  # of FMUs whose equations are not at hand
-        if not _is_file(subject) and not isinstance(subject, System):
+    except (SimulationError, ComponentError):
+        foreign = _run_instead(subject)
+        if foreign is None:
             raise
         if operators:
             raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
-        foreign = subject if isinstance(subject, System) else Path(cast("str", subject))
         options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
         return fmu_motion(foreign, by, recorded_times(times, start_time), tolerance=tolerance, **options)
     moving = {
@@ -132,6 +132,17 @@ def motion_of(
         units={name: variable.unit for name, variable in described.items()},
         tolerance=tolerance,
     )
+
+
+def _run_instead(subject: Subject) -> System | Path | None:
+    """The system or FMU whose runs are differentiated, where its equations are not at hand or have contacts."""
+    if isinstance(subject, System):
+        return subject
+    if _is_file(subject):
+        return Path(cast("str", subject))
+    if isinstance(subject, Model) or not contact_names(component(subject)):
+        return None
+    return fmu_file(subject)
 
 
 def _is_file(subject: object) -> bool:

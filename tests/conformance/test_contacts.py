@@ -1,0 +1,140 @@
+"""Impacts between the communication points of other importers: none is lost, whatever the steps are.
+
+Each runs in a process of its own: fmpy, libcosim (OSP), ecos, and containers of fmu-manipulation-toolbox in fmpy.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from trial import every_version, run
+
+from liaisons.models import BouncingBall
+
+_FMPY = """
+import json, sys
+import fmpy
+
+path, names, _, size, steps, options = json.loads(sys.argv[1])
+options |= {"output": names, "record_events": False}
+rows = fmpy.simulate_fmu(path, stop_time=size * steps, output_interval=size, **options)
+print("result", json.dumps([float(rows[name][-1]) for name in names]))
+"""
+
+_LIBCOSIM = """
+import json, sys
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimObserver import CosimObserver
+from libcosimpy.CosimSlave import CosimLocalSlave
+
+path, _, references, size, steps, _ = json.loads(sys.argv[1])
+execution = CosimExecution.from_step_size(round(size * 1e9))
+observer = CosimObserver.create_last_value()
+execution.add_observer(observer)
+slave = execution.add_local_slave(CosimLocalSlave(path, "it"))
+assert execution.step(steps)
+reals = observer.last_real_values(slave, references[:-1])
+print("result", json.dumps([*reals, *observer.last_integer_values(slave, references[-1:])]))
+"""
+
+_ECOS = """
+import ctypes, json, sys
+from pathlib import Path
+
+ctypes.CDLL(str(Path(sys.prefix) / "lib" / "libtbb.so.12"), mode=ctypes.RTLD_GLOBAL)
+from ecospy import EcosSimulation, EcosSimulationStructure
+
+path, names, _, size, steps, _ = json.loads(sys.argv[1])
+with EcosSimulationStructure() as structure:
+    structure.add_model("it", path)
+    with EcosSimulation(structure=structure, step_size=size) as simulation:
+        simulation.init()
+        simulation.step(steps)
+        reals = [simulation.get_real(f"it::{name}") for name in names[:-1]]
+        print("result", json.dumps([*reals, simulation.get_integer(f"it::{names[-1]}")]))
+"""
+
+_CONTAINER = """
+import sys
+from fmu_manipulation_toolbox.cli.fmucontainer import fmucontainer
+
+fmucontainer()
+"""
+
+_SCRIPTS = {"fmpy": _FMPY, "libcosimpy": _LIBCOSIM, "ecospy": _ECOS}
+
+KNOWN = ("height", "height_dot", "impact_loss")
+NAMES = (*KNOWN, "gap_impacts")
+STOP = 3.0
+Options = dict[str, Any]
+CO_SIMULATION: Options = {"fmi_type": "CoSimulation"}
+EVENTS = CO_SIMULATION | {"early_return_allowed": True, "use_event_mode": True}
+
+every_size = pytest.mark.parametrize("size", [1e-3, 1e-2, 0.1, 1.0])
+
+
+def ends(script: str, path: Path, size: float, options: Options) -> list[float]:
+    """What an importer reads at the end."""
+    description = fmpy.read_model_description(str(path), validate=False)
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    task = [str(path), NAMES, [references[name] for name in NAMES], size, round(STOP / size), options]
+    lines = run(sys.executable, "-c", script, json.dumps(task)).splitlines()
+    (line,) = (line for line in lines if line.startswith("result "))  # among what they log
+    return json.loads(line.removeprefix("result "))
+
+
+def check(found: Sequence[float], bound: float = 1e-9) -> None:
+    """Six impacts have been before √(2h/g) (1 + 2e + ... + 2e⁶)."""
+    expected = BouncingBall.exact(np.array([STOP]))
+    np.testing.assert_allclose(found[:-1], [expected[name][0] for name in KNOWN], rtol=0, atol=bound)
+    assert found[-1] == 6
+
+
+@pytest.mark.slow
+@every_size
+@pytest.mark.parametrize(
+    ("module", "version", "options"),
+    [
+        ("fmpy", "2", CO_SIMULATION),
+        ("fmpy", "3", CO_SIMULATION),
+        ("fmpy", "3", EVENTS),
+        ("libcosimpy", "2", {}),  # which reads no FMI 3.0
+        ("ecospy", "2", {}),
+        ("ecospy", "3", {}),
+    ],
+)
+def test_masters_lose_no_impact(fmu, module: str, version: str, options: Options, size: float) -> None:
+    if find_spec(module) is None or (module == "ecospy" and not (Path(sys.prefix) / "lib" / "libtbb.so.12").exists()):
+        pytest.skip(f"{module} or what it needs is not installed")
+    check(ends(_SCRIPTS[module], fmu("BouncingBall", version), size, options))
+
+
+@pytest.mark.slow
+@every_size
+@every_version
+def test_container_loses_no_impact(fmu, tmp_path: Path, version: str, size: float) -> None:
+    path = fmu("BouncingBall", version)
+    shutil.copy(path, tmp_path)
+    box = {"name": "box.fmu", "fmu": [path.name], "step_size": size, "auto_output": True, "auto_link": False}
+    (tmp_path / "box.json").write_text(json.dumps(box))
+    folder = ("-fmu-directory", tmp_path, "-container", "box.json", "-fmi", version)
+    run(sys.executable, "-c", _CONTAINER, *folder)
+    check(ends(_FMPY, tmp_path / "box.fmu", size, CO_SIMULATION | {"validate": False}))
+
+
+@every_version
+@pytest.mark.parametrize(("tolerance", "bound"), [(1e-8, 1e-5), (1e-12, 1e-9)])
+def test_cvode_finds_every_impact(fmu, version: str, tolerance: float, bound: float) -> None:
+    """In model exchange; the bounds are 1000 tolerances, since it restarts seven times with its lowest order."""
+    options = {"fmi_type": "ModelExchange", "relative_tolerance": tolerance, "output": NAMES}
+    found = fmpy.simulate_fmu(str(fmu("BouncingBall", version)), stop_time=STOP, output_interval=0.1, **options)
+    check([found[name][-1] for name in NAMES], bound)
