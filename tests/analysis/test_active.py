@@ -133,8 +133,10 @@ def test_holonomy_where_areas_do_not_add_up() -> None:
 # ---- Hamilton's equations with multipliers -----------------------------------------------------------------------
 
 RANKS = {
+    "BouncingBall": (1, 2),  # the table has no mass
     "CircularHoop": (2, 2),
     "DoublePendulum": (3, 4),  # one bob in the plane, the other about it
+    "DryOscillator": (1, 3),  # nor belt and support
     "EllipticHoop": (2, 2),
     "FourierHoop": (2, 2),
     "Junction": (1, 3),
@@ -143,6 +145,7 @@ RANKS = {
     "PlanarCat": (5, 5),
     "Satellite": (6, 6),
     "SpatialCat": (9, 9),
+    "StringPendulum": (2, 5),
     "Swing": (3, 3),
 }
 ADAPTED = [

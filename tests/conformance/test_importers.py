@@ -20,6 +20,7 @@ import pytest
 from numpy.typing import NDArray
 from trial import COMPONENTS, VERSIONS, Trial, Version, every_component, every_version, reals, run
 
+from liaisons import cosim
 from liaisons.mechanics import assemble
 
 STEPS = 40
@@ -178,11 +179,19 @@ def test_cvode_agrees_with_co_simulation(trial, name, version) -> None:
 # ---- CasADi ------------------------------------------------------------------------------------------------------
 
 
-def symbolic(name: str) -> tuple[dict[str, ca.Function], list[NDArray], list[list[str]]]:
-    """Our own functions of (t, x, u) in continuous time, rates "ode" and outputs "y"; x, u at the start; all names."""
+def symbolic(name: str, path: Path) -> tuple[dict[str, ca.Function], list[NDArray], list[list[str]]]:
+    """Our own functions of (t, x, u) in continuous time, rates "ode" and outputs "y"; x, u at the start; all names.
+
+    Contacts are in the modes in which the FMU begins.
+    """
     model = assemble(COMPONENTS[name])
     u0, k = (ca.DM([start for v in variables for start in v.starts]) for variables in (model.inputs, model.parameters))
     x0, m0 = model.start.call([ca.DM(0), u0, k])
+    modes = [f"{contact.name}_{'direction' if contact.friction else 'closed'}" for contact in model.contacts]
+    if modes:
+        begun = cosim.simulate(path, stop_time=1e-9, step_size=1e-9, record=modes)
+        for mode in modes:
+            m0[model.memory.index(mode)] = begun[mode][0]
     arguments = t, x, u = ca.MX.sym("t"), ca.MX.sym("x", x0.numel()), ca.MX.sym("u", u0.numel())
     (rates,) = model.derivatives.call([t, x, u, k, m0][: model.derivatives.n_in()])
     (memory,) = model.remember.call([t, x, u, k, m0])
@@ -198,14 +207,14 @@ def symbolic(name: str) -> tuple[dict[str, ca.Function], list[NDArray], list[lis
 
 @every_version
 @every_component
-def test_casadi_imports_values_and_derivatives(trial, name, version) -> None:
+def test_casadi_imports_values_and_derivatives(trial, name, version, fmu) -> None:
     """Functions that DaeBuilder makes of the FMU, and their Jacobians by its derivatives, are those of our symbols."""
     it = trial(name, version)
     if any(variable.causality == "structuralParameter" for variable in it.description.modelVariables):
         pytest.skip("CasADi 3.8 reads no arrays whose size is a structural parameter")
     outputs = [v for v in it.description.modelVariables if v.causality == "output"]
     dae = ca.DaeBuilder(name, str(it.folder))
-    ours, start, names = symbolic(name)
+    ours, start, names = symbolic(name, fmu(name, "2"))
     x, u, y = ([our.index(v) for v in theirs] for our, theirs in zip(names, (dae.x(), dae.u(), dae.y()), strict=True))
     random = np.random.default_rng(1)
     state, inputs = (v + 1e-3 * random.standard_normal(v.shape) for v in start)

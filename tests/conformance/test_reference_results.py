@@ -48,6 +48,9 @@ def related(path: Path) -> dict[str, str]:
 def test_fmu_agrees_with_its_own_reference_results(name: str, version: str, fmu) -> None:
     path = fmu(name, version)
     files = related(path)
+    if assemble(COMPONENTS[name]).contacts:  # nothing that goes through them is independent of the FMU
+        assert "result" not in files
+        return
     head, expected = table(path, files["result"])
     moved: dict[str, Any] = {}
     if "testcase" in files:

@@ -10,9 +10,10 @@ from scipy.integrate import solve_ivp
 from liaisons.derivatives import motion_of
 from liaisons.language import Chain, Component, Operator
 from liaisons.mechanics import Model, assemble
+from liaisons.mechanics.model import contact_names
 from liaisons.models import CATALOGUE
 
-MECHANISMS = [component for component in CATALOGUE if not issubclass(component, Operator)]
+MECHANISMS = [c for c in CATALOGUE if not issubclass(c, Operator) and not contact_names(c)]
 TIMES = np.linspace(0.0, 1.5, 7)
 STEP = 0.005
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from itertools import count
 
 import numpy as np
@@ -181,3 +182,26 @@ def test_rest_is_announced(ball) -> None:
     assert importer.instance["gap_rests_from"] == importer.instants[-1]
     assert importer.instance["height"] == 0.0
     assert importer.instance["gap_force"] == pytest.approx(9.81, rel=1e-14)
+
+
+@pytest.mark.parametrize("acceleration", [-2.0, 0.0, 2.0])
+def test_an_impact_on_a_moving_table_is_found_late(ball: Library, acceleration: float) -> None:
+    """By 10 ms, after which it is right to the square of that; e = 0.8; the ball falls from 1 m onto 0.5 m."""
+    instance = ball.start(MODEL_EXCHANGE, table=0.5, table_dot=0.1, table_ddot=acceleration)
+    instance.go_on()
+    t = np.roots([(9.81 + acceleration) / 2, 0.1, -0.5]).max()  # 1 - g t²/2 = 0.5 + 0.1 t + a t²/2
+    falls, rises = -9.81 * t, 0.1 + acceleration * t
+    leaves = rises - 0.8 * (falls - rises)
+    end = t + 0.01  # when it is told
+    states = instance.vector("GetContinuousStates", 4)
+    states[:2] = 1 - 9.81 * end**2 / 2, -9.81 * end
+    instance.do("SetTime", end)
+    table = 0.5 + 0.1 * end + acceleration * end**2 / 2
+    instance.set(table=table, table_dot=0.1 + acceleration * end, table_ddot=acceleration)
+    instance.do("SetContinuousStates", (ctypes.c_double * 4)(*states), 4)
+    assert instance["gap_indicator"] < 0
+    instance.do("EnterEventMode")
+    instance.go_on()
+    assert instance["gap_impulse"] == pytest.approx(leaves - falls, abs=5e-3)
+    assert instance["height_dot"] == pytest.approx(leaves - 9.81 * 0.01, abs=5e-3)
+    assert instance["height"] == pytest.approx(1 - 9.81 * t**2 / 2 + leaves * 0.01 - 9.81 / 2 * 0.01**2, abs=1e-3)

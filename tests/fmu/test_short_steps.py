@@ -12,12 +12,13 @@ import pytest
 
 from liaisons.language import Component
 from liaisons.mechanics import assemble
+from liaisons.mechanics.model import contact_names
 from liaisons.models import CATALOGUE, Pendulum
 
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 STEP, STEPS, AMPLITUDE = 0.05, 10, 0.1
 SIZES = (1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3)
-MOVED = [component for component in CATALOGUE if getattr(component, "actives", ())]
+MOVED = [c for c in CATALOGUE if getattr(c, "actives", ()) and not contact_names(c)]  # what touches does not jump
 
 
 def prescribed(component: type[Component], t: float) -> dict[str, Any]:

@@ -104,7 +104,7 @@ def co_simulate(instance: Instance, t: float) -> None:
 
 
 def exchange(instance: Instance, t: float) -> None:
-    """Heun's step, and an event after it."""
+    """Heun's step, and an event after it; so many steps that an impact is not found late by far."""
     count = ctypes.c_size_t()
     instance.do("GetNumberOfContinuousStates", ctypes.byref(count))
     n = count.value
@@ -115,13 +115,16 @@ def exchange(instance: Instance, t: float) -> None:
         instance.do("SetContinuousStates", (ctypes.c_double * n)(*y), n)
         return instance.vector("GetContinuousStateDerivatives", n)
 
-    y = instance.vector("GetContinuousStates", n)
-    first = rates(t, y)
-    second = rates(t + STEP, y + STEP * first)
-    rates(t + STEP, y + STEP * (first + second) / 2)
-    instance.do("CompletedIntegratorStep", True, instance.flags(1), instance.flags(1))
-    instance.do("EnterEventMode")
-    instance.go_on()
+    parts = 8 if instance.library.description.numberOfEventIndicators else 1
+    h = STEP / parts
+    for begin in t + h * np.arange(parts):
+        y = instance.vector("GetContinuousStates", n)
+        first = rates(begin, y)
+        second = rates(begin + h, y + h * first)
+        rates(begin + h, y + h * (first + second) / 2)
+        instance.do("CompletedIntegratorStep", True, instance.flags(1), instance.flags(1))
+        instance.do("EnterEventMode")
+        instance.go_on()
 
 
 def refused(library: Library) -> list[Refusal]:

@@ -12,21 +12,22 @@ from liaisons.derivatives.subjects import motion_of
 from liaisons.language import Chain, Component, Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import Model, assemble
+from liaisons.mechanics.model import contact_names
 
 PAGE = Path(__file__).parents[2] / "docs/reference/determined.md"
 HEAD = """# What measurements determine
 
 `liaisons.identify` says of each fit what the measurements do not determine: the null directions of the information
-matrix. Here it has been asked of each mechanism for all its parameters, for the values at which its active coordinates
-rest, and for the start values of its motion where these are independent of each other; first from all free coordinates
-over time, then from these and the forces of all operators.
+matrix. Here it has been asked of each mechanism without contacts for all its parameters, for the values at which its
+active coordinates rest, and for the start values of its motion where these are independent of each other; first from
+all free coordinates over time, then from these and the forces of all operators.
 
 | Mechanism | from coordinates | with operator forces beside them |
 |---|---|---|
 """
 DEPENDENT = ("CartesianPendulum", "IsokineticOscillator", "Satellite", "SpatialCat")
 """Their start values satisfy a condition, so that not all of them can be unknown."""
-MECHANISMS = [name for name, component in catalogue().items() if issubclass(component, (Mechanism, Chain))]
+MECHANISMS = [n for n, c in catalogue().items() if issubclass(c, (Mechanism, Chain)) and not contact_names(c)]
 
 
 def values(name: str, model: Model) -> dict[str, float]:

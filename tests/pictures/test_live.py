@@ -364,6 +364,28 @@ def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
 
 
 @in_a_browser
+def test_impacts_are_counted_and_a_table_that_jumps_through_the_ball_is_refused(opened: Opened) -> None:
+    fall, impacts = math.sqrt(2 / 9.81), np.arange(100)
+    instants = fall * (1 + 2 * np.cumsum(np.where(impacts, 0.8**impacts, 0)))
+    with opened("BouncingBall") as live:
+        reached = live.run_for(3)
+        count = np.sum(instants < live.time)
+        assert [reached[f"gap_{end}"] for end in ("impacts", "closed")] == [count, 0]
+        assert reached["impact_loss"] == pytest.approx(9.81 * (1 - 0.64**count), rel=1e-9)
+        assert live.run_for(1.2)["gap_closed"] == 1  # after 9 times the fall
+        live.page.click("#reset")
+        live.page.click("#run")
+        live.wait_until(lambda: live.time > 0)
+        live.evaluate("Object.assign(window.page.machine.parts[0].sources.get('table'), { from: 3, aim: 3 })")
+        live.wait_until(lambda: live.text("#run") == "Start")
+        assert re.search(r"^gap = -.* at t = .*: bodies overlap.* Reset to begin anew\.$", live.text("#said"))
+        live.page.click("#run")
+        live.wait_until(lambda: live.time > 0.5)
+        assert live.text("#said") == ""
+        assert live.complaints == []
+
+
+@in_a_browser
 def test_the_view_is_dragged_and_zoomed_also_in_the_dark(opened: Opened) -> None:
     with opened("Satellite", color_scheme="dark") as live:
         dark = live.evaluate("getComputedStyle(document.body).backgroundColor")

@@ -357,7 +357,7 @@ def _tables(model: Model) -> list[str]:
 
 def _table(kind: str, name: str, rows: Sequence[str]) -> list[str]:
     # C has no arrays without elements; the tables that have none are never read.
-    nothing = "0" if kind.endswith("const") else "{0}"
+    nothing = "0" if kind == "size_t" or kind.endswith("const") else "{0}"
     return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
 
 

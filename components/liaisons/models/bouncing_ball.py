@@ -32,9 +32,8 @@ class BouncingBall(Mechanism):
         return self.height - self.table
 
     def picture(self) -> Shapes:
-        contact = {"z": self.height}
-        ball = Ball({"z": self.height + 0.05}, 0.05)
-        return [Floor({"z": self.table}, {"z": 1}, 1.0), ball, Flash(contact, "gap")]
+        top = {"z": self.table}
+        return [Floor(top, {"z": 1}, 1.0), Ball({"z": self.height + 0.05}, 0.05), Flash(top, "gap")]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.height) ** 2

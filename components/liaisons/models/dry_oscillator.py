@@ -45,7 +45,8 @@ class DryOscillator(Mechanism):
     def picture(self) -> Shapes:
         wall, mass = {"x": self.support - 2, "z": 0.2}, {"x": self.x, "z": 0.2}  # at rest the spring is drawn 2 m long
         parts = [Spring(wall, mass), Box(mass, turned("y", 0), (0.4, 0.4, 0.4))]
-        return [Floor({"x": self.belt}, {"z": 1}, 4.0), Floor(wall, {"x": 1}, 0.8), *parts]
+        belt = {"x": ca.fmod(self.belt, 0.25)}  # as far as its hatching repeats itself
+        return [Floor(belt, {"z": 1}, 6.0), Floor(wall, {"x": 1}, 0.8), *parts]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.x) ** 2

@@ -15,6 +15,8 @@ enum { AT_ONCE = 8, MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
 static const double FAR = 1e-9, TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, FOLLOWED = 1e-3, LATE = 0.1;
 /* Bounces that are lower than this part of the scale are not followed; after a jump, of what was closed. */
 static const double LOWEST = 1e-12, LIFTED = 1e-9;
+/* What sticks stays so where a prescribed rate is off by this part of its scale. */
+static const double STUCK = 1e-9;
 /* Pivots below this part of the diagonal say that forces are not unique. */
 static const double SINGULAR = 1e-10;
 
@@ -403,7 +405,8 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
     for (size_t i = 0; i < n; i++) {
         p.rate[i] = c->a[i];
         p.tolerance[i] = BALANCED * c->acceleration_scale[i];
-        const int still = fabs(c->v[i]) <= STILL * c->rate_scale[i];
+        const double least = i >= gaps && holds(model, modes, i) ? STUCK : STILL;
+        const int still = fabs(c->v[i]) <= least * c->rate_scale[i];
         if (i < gaps && !(touching[i] && still)) {
             modes[i] = OPEN;
             continue;
@@ -433,7 +436,7 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
         if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
         if (height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
-            if (self->s->step > flight || self->s->step <= 0) self->s->step = flight;
+            if (isfinite(flight) && (self->s->step > flight || self->s->step <= 0)) self->s->step = flight;
             continue;
         }
         self->v.m[model->gap[i].rests_from] = was_closed[i] ? time : time + lasts(v, a, c->restitution[i]);
@@ -529,21 +532,29 @@ int core_settle(Instance *self, double time) {
     const int exchange = self->s->phase >= EVENT && self->s->use == USE_MODEL_EXCHANGE;
     const Contacts *c = &self->contacts;
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
-    double late = 0; /* an importer finds an event when it is past */
+    const size_t gaps = self->model->gaps;
+    double late = 0, most = 0; /* an importer finds an event when it is past */
+    size_t first = gaps;       /* what came into contact first */
     inspect(self, time);
     /* It knows positions to its tolerance, or worse. */
     self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
-    for (size_t i = 0; i < self->model->gaps && exchange; i++) {
+    for (size_t i = 0; i < gaps && exchange; i++) {
         self->contacts.lowest = fmax(c->lowest, -c->gap[i] / c->scale[i]);
-        if (c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])
-            late = fmax(late, c->gap[i] / c->v[i]);
+        if (!(c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])) continue;
+        if (c->gap[i] / c->v[i] <= most) continue;
+        most = c->gap[i] / c->v[i];
+        first = i;
     }
-    if (late > 0) {
-        memcpy(self->e.u, self->v.u, inputs_size);
-        drift(self, time, -late);
+    if (first < gaps) memcpy(self->e.u, self->v.u, inputs_size);
+    for (int k = 0; first < gaps && k < NEWTON_STEPS && c->v[first] < 0; k++) {
+        const double by = c->gap[first] / c->v[first];
+        drift(self, time - late, -by);
+        late += by;
+        inspect(self, time - late);
+        if (fabs(c->gap[first]) <= TOUCHING / 2 * c->scale[first]) break;
     }
     if (!settle(self, time - late, exchange)) return 0;
-    if (late > 0) {
+    if (first < gaps) {
         drift(self, time - late, late);
         memcpy(self->v.u, self->e.u, inputs_size);
     }
