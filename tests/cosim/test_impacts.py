@@ -11,7 +11,6 @@ import pytest
 from making import FmuPaths, coupling_errors, wired
 
 from liaisons import (
-    ActiveCoordinate,
     Coordinate,
     Gravity,
     Mechanism,
@@ -25,28 +24,8 @@ from liaisons import (
 from liaisons.cosim.structure.schedule import Coupling
 
 
-class Ball(Mechanism):
-    """Ball above a table that an operator moves."""
-
-    mass = Parameter(1.0, "kg", "mass of the ball", above=0)
-    bounce = Parameter(0.8, "1", "coefficient of restitution", minimum=0, maximum=1)
-    gravity = Gravity()
-    height = Coordinate("m", "height of the ball", start=0.3)
-    table = ActiveCoordinate("m", "height of the table")
-
-    def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.dot(self.height) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return self.mass * self.gravity * self.height
-
-    @unilateral("m", "distance of ball and table", restitution="bounce")
-    def gap(self) -> ca.SX:
-        return self.height - self.table
-
-
 class BallOnSpring(Mechanism):
-    """The same above a table of 1 kg on a spring, without weight: in one Lagrangian."""
+    """Ball above a table of the same mass on a spring, which weighs nothing: in one Lagrangian."""
 
     mass = Parameter(1.0, "kg", "mass of either", above=0)
     stiffness = Parameter(50.0, "N/m", "stiffness of the spring", above=0)
@@ -66,31 +45,23 @@ class BallOnSpring(Mechanism):
         return self.height - self.x
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("balls")
-
-
-@pytest.fixture(scope="module")
-def ball(folder: Path) -> Path:
-    return build(Ball, folder)
-
-
-def _on_spring(ball: Path, component: FmuPaths, height: float = 0.3, x: float = 0.0) -> System:
+def _on_spring(component: FmuPaths, height: float = 0.3, x: float = 0.0) -> System:
     table = component("Oscillator"), {"stiffness": 50.0, "x_0": x}
-    return wired("table.x -> ball.table", ball=(ball, {"height_0": height}), table=table)
+    return wired("table.x -> ball.table", ball=(component("BouncingBall"), {"height_0": height}), table=table)
 
 
-def _shaken(ball: Path, component: FmuPaths) -> System:
+def _shaken(component: FmuPaths) -> System:
     """The table starts from its highest point, with 0.9 g at most: the ball comes to rest and stays."""
-    motor = {"amplitude": 0.9 * 9.81 / 100, "angular_frequency": 10.0, "phase": np.pi / 2}
-    return wired("motor.y -> ball.table", ball=(ball, {"bounce": 0.5}), motor=(component("Sinusoid"), motor))
+    motor = component("Sinusoid"), {"amplitude": 0.9 * 9.81 / 100, "angular_frequency": 10.0, "phase": np.pi / 2}
+    return wired(
+        "motor.y -> ball.table", ball=(component("BouncingBall"), {"height_0": 0.3, "bounce": 0.5}), motor=motor
+    )
 
 
 @pytest.mark.parametrize("coupling", ["implicit", "gauss-seidel"])
-def test_moved_mechanism_keeps_its_impulses_to_itself(ball: Path, component: FmuPaths, coupling: Coupling) -> None:
+def test_moved_mechanism_keeps_its_impulses_to_itself(component: FmuPaths, coupling: Coupling) -> None:
     """On a table at rest, which does not yield: impulse (1 + e) √(2 g h), where both would share half of that."""
-    run = _on_spring(ball, component).simulate(stop_time=0.4, step_size=0.01, coupling=coupling)
+    run = _on_spring(component).simulate(stop_time=0.4, step_size=0.01, coupling=coupling)
     (warning,) = run.warnings
     impulse = 1.8 * np.sqrt(2 * 9.81 * 0.3)
     assert warning.startswith(
@@ -101,19 +72,19 @@ def test_moved_mechanism_keeps_its_impulses_to_itself(ball: Path, component: Fmu
     assert np.flatnonzero(np.isnan(errors)).tolist() == [25]
 
 
-def test_mover_hears_of_no_impulse_either(ball: Path, component: FmuPaths) -> None:
+def test_mover_hears_of_no_impulse_either(component: FmuPaths) -> None:
     """A pendulum whose pivot is the ball, which jumps in rate: no accuracy is claimed there."""
-    run = wired("ball.height -> bob.pivot_z", ball=ball, bob=component("Pendulum")).simulate(
-        stop_time=0.3, step_size=0.01, record=["ball.height"]
-    )
+    run = wired(
+        "ball.height -> bob.pivot_z", ball=(component("BouncingBall"), {"height_0": 0.3}), bob=component("Pendulum")
+    ).simulate(stop_time=0.3, step_size=0.01, record=["ball.height"])
     (warning,) = run.warnings
     assert "bob.pivot_z_force -> ball.height_load: of ball.gap_impulse, " in warning
     assert np.flatnonzero(np.isnan(coupling_errors(run))).tolist() == [25]
 
 
-def test_contact_without_impacts_is_coupled(ball: Path, component: FmuPaths) -> None:
+def test_contact_without_impacts_is_coupled(component: FmuPaths) -> None:
     """A ball that lies on the table makes it heavier: x = x_e + (x_0 - x_e) cos(√(k/2m) t), x_e = -m g/k."""
-    system = _on_spring(ball, component, height=-0.1, x=-0.1)
+    system = _on_spring(component, height=-0.1, x=-0.1)
     run = system.simulate(stop_time=2.0, step_size=0.01)
     assert run.warnings == ()
     assert run["ball.gap_impacts"][-1] == 0
@@ -124,24 +95,24 @@ def test_contact_without_impacts_is_coupled(ball: Path, component: FmuPaths) -> 
     assert np.nansum(coupling_errors(run)) < 1e-6
 
 
-def test_flattened_is_one_mechanism(ball: Path, component: FmuPaths, folder: Path) -> None:
+def test_flattened_is_one_mechanism(component: FmuPaths, tmp_path: Path) -> None:
     """Its impacts share the impulse: as in the one Lagrangian of both bodies; until bounces are too low for 1e-9."""
-    path = flatten(_on_spring(ball, component), folder, components={"Ball": Ball})
+    path = flatten(_on_spring(component), tmp_path)
     names = ["ball.height", "table.x", "ball.gap_impulse", "ball.gap_impacts", "ball.energy_balance"]
     settings: dict[str, Any] = {"stop_time": 1.2, "step_size": 0.01, "tolerance": 1e-12}
     one = simulate(path, record=names, **settings)
-    other = simulate(build(BallOnSpring, folder), **settings)
+    other = simulate(build(BallOnSpring, tmp_path), **settings)
     for name, same in zip(names, ("height", "x", "gap_impulse", "gap_impacts", "energy_balance"), strict=True):
         np.testing.assert_allclose(one[name], other[same], rtol=0, atol=1e-9)
     assert one["ball.gap_impacts"][-1] > 3
 
 
 @pytest.mark.parametrize("coupling", [None, "gauss-seidel", "implicit", "waveform"])
-def test_table_that_an_operator_moves(ball: Path, component: FmuPaths, coupling: Coupling | None) -> None:
+def test_table_that_an_operator_moves(component: FmuPaths, coupling: Coupling | None) -> None:
     """Impacts lie inside steps, none is lost, and contact at rest does not chatter, whatever the steps."""
     ends = []
     for step_size in (0.01, 0.1):
-        run = _shaken(ball, component).simulate(stop_time=4.0, step_size=step_size, coupling=coupling, tolerance=1e-11)
+        run = _shaken(component).simulate(stop_time=4.0, step_size=step_size, coupling=coupling, tolerance=1e-11)
         assert run.warnings == ()
         resting = run.time > 2.0
         assert np.all(run["ball.gap_closed"][resting])
@@ -149,3 +120,26 @@ def test_table_that_an_operator_moves(ball: Path, component: FmuPaths, coupling:
         np.testing.assert_allclose(run["ball.height"][resting], run["motor.y"][resting], atol=1e-12)
         ends.append(run["ball.gap_impacts"][-1])
     assert len(set(ends)) == 1
+
+
+def test_flattened_tower_shares_its_impact(component: FmuPaths, tmp_path: Path) -> None:
+    """A ball of 0.3 kg just above one of 1 kg, dropped onto a floor: shot up by the impact with the other, e = 0.9."""
+    e, m, g, above, h = 0.9, 0.3, 9.81, 1e-3, 0.5
+    lower = component("BouncingBall"), {"height_0": h, "bounce": 1.0}
+    upper = component("BouncingBall"), {"height_0": h + above, "bounce": e, "mass": m}
+    system = wired("lower.height -> upper.table", lower=lower, upper=upper)
+    v = np.sqrt(2 * g * h)
+    first, since = v / g, above / (2 * v)  # they approach with 2v
+    hit = first + since
+    speed = -(v + g * since) + (1 + e) / (1 + m) * 2 * v
+    place = v * since - g / 2 * since**2
+    run = simulate(flatten(system, tmp_path), stop_time=hit + 0.2, step_size=hit + 0.2, tolerance=1e-12)
+    assert run["upper.height"][-1] == pytest.approx(place + speed * 0.2 - g / 2 * 0.2**2, abs=1e-11)
+    assert run["upper.gap_impacts"][-1] == 1
+
+
+def test_flattened_operator_moves_the_table(component: FmuPaths, tmp_path: Path) -> None:
+    system = _shaken(component)
+    run = system.simulate(stop_time=1.0, step_size=0.01, tolerance=1e-11)
+    whole = simulate(flatten(system, tmp_path), stop_time=1.0, step_size=0.01, tolerance=1e-11)
+    np.testing.assert_allclose(run["ball.height"], whole["ball.height"], rtol=0, atol=1e-9)

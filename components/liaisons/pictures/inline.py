@@ -51,9 +51,9 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
 def _inlined(module: str) -> str:
     """A module as part of one script, after those that it imports, because a file:// page loads no modules.
 
-    Without indentation, which means nothing in JavaScript.
+    Without indentation, and without comments that have lines of their own, which mean nothing in JavaScript.
     """
-    return re.sub(r"^(import [^;]*;\n|export | +)", "", module, flags=re.MULTILINE)
+    return re.sub(r"^(import [^;]*;\n|export | *//.*\n| */\*(?s:.*?)\*/\n| +)", "", module, flags=re.MULTILINE)
 
 
 def _hash(text: str) -> str:

@@ -37,8 +37,8 @@ def sums_of_missing(simulation: Simulation) -> dict[VariableReference, Connectio
         if not connection.back:
             continue
         moved, mover = connection.source.part, connection.target.part
-        impulse = "_impulse".join(connection.source.name.rsplit("_force", 1))
-        if impulse in moved.fmu.variables:
+        name, force, element = connection.source.name.rpartition("_force")
+        if force and (impulse := f"{name}_impulse{element}") in moved.fmu.variables:
             connections[moved.name, impulse] = connection
         contacts = [n.removesuffix("_impacts") for n in mover.fmu.variables if n.endswith("_impacts")]
         connections.update({(mover.name, f"{contact}_impulse"): connection for contact in contacts})
