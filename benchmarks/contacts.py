@@ -149,7 +149,7 @@ def forms(folder: Path, chosen: list[Case]) -> list[Row]:
         model = case.model(f"Case{i}")
         for interface, (asked, run) in interfaces(model, case, folder / f"{i}").items():
             found = run()
-            counts = f"{found.impacts} impacts" + ("" if found.events is None else f", {found.events} events")
+            counts = f"impacts: {found.impacts}" + ("" if found.events is None else f", events: {found.events}")
             for form, error in case.forms.items():
                 largest = float(np.max(np.abs(error(found.time, found.values))))
                 of = f"{case.component.__name__}: {form}"
