@@ -94,9 +94,11 @@ def test_rate_before_and_after_event_mode(ball3) -> None:
 
 
 def test_few_events_until_rest(ball3) -> None:
-    """Bounces that are too low to be followed end where all of them would."""
+    """Bounces that are too low to be followed end where all of them would, at an event, from which the gap is closed."""
     instance = ball3.start(options=WITH_EVENTS)
-    assert len(handled(instance, 1.0, 5.0)) < 80
+    instants = handled(instance, 1.0, 5.0)
+    assert len(instants) < 80
+    assert instants[-1] == instance["gap_rests_from"]
     assert instance["gap_rests_from"] == pytest.approx(RESTS, abs=1e-11)
     assert instance.get("height", "height_dot").tolist() == [0.0, 0.0]
     assert instance["gap_force"] == pytest.approx(9.81, rel=1e-14)

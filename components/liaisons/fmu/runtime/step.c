@@ -285,7 +285,12 @@ static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
     const int with_events = self->options.use == USE_CO_SIMULATION_WITH_EVENTS;
+#ifdef UNILATERAL
+    const double end = time + size, rest = with_events ? core_next_rest(self, time) : INFINITY;
+    const double instant = fmin(core_next_instant(self, self->v.k, time), rest);
+#else
     const double end = time + size, instant = core_next_instant(self, self->v.k, time);
+#endif /* UNILATERAL */
     self->step.start = time;
     self->step.size = size;
     self->step.reach = with_events && self->options.early && snapped(instant, end) > instant ? instant - time : size;

@@ -377,6 +377,13 @@ static int check_overlaps(Instance *self, double time, int late) {
     return 1;
 }
 
+double core_next_rest(const Instance *self, double time) {
+    double next = INFINITY;
+    for (const Gap *gap = self->model->gap; gap < self->model->gap + self->model->gaps; gap++)
+        if (self->v.m[gap->rests_from] > time) next = fmin(next, self->v.m[gap->rests_from]);
+    return next;
+}
+
 void core_follow_gaps(Instance *self) {
     const Model *model = self->model;
     const double time = self->s->time;

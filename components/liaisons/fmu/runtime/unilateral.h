@@ -8,6 +8,8 @@
 int core_settle(Instance *, double time);
 /* Put what is held back to 0 after a step of the solver. */
 void core_uphold(Instance *, double time);
+/* The first instant after a time at which bounces that have been summed end; infinity if there is none. */
+double core_next_rest(const Instance *, double time);
 /* A prescribed coordinate has jumped a little: bodies that it touches go with it. */
 void core_follow_gaps(Instance *);
 
