@@ -13,10 +13,19 @@ import numpy as np
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, stack
-from liaisons.language.checks import Formulas, call, scalar
+from liaisons.language.checks import Formulas, call, declared, scalar
 from liaisons.language.component import DeclarationsOf
-from liaisons.language.declarations import ActiveCoordinate, Coordinate, Declaration, Parameter, assertion
+from liaisons.language.declarations import (
+    ActiveCoordinate,
+    Coordinate,
+    Declaration,
+    Parameter,
+    Size,
+    assertion,
+    unilateral,
+)
 from liaisons.language.mechanical import MechanicalComponent
+from liaisons.language.variables import suffixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +84,22 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def __init__(self) -> None:
         super().__init__()
+        self.sizes = {size.name: size.default for size in declared(type(self), Size)}
         free, orientations = [c.name for c in self.coordinates], self.orientations
         if len(orientations) > 1:
             raise ComponentError(
                 f"{type(self).__name__}: declare one Orientation at most; the names of its variables are fixed"
             )
-        rates, momenta = [f"{q}_dot" for q in free], [f"p_{q}" for q in free]
+        rates, momenta = [suffixed(q, "_dot") for q in free], [f"p_{q}" for q in free]
+        accelerations = [suffixed(q, "_ddot") for q in free]
         for orientation in orientations:
             rates, momenta = [*rates, *orientation.rates], [*momenta, *orientation.momenta]
+            accelerations += [f"{rate}_dot" for rate in orientation.rates]
         self.free = FreeColumns(
             q=self._symbols([*free, *(name for item in orientations for name in item.quaternion)]),
             q_dot=self._symbols(rates),
             p=self._symbols(momenta),
-            q_ddot=self._symbols(
-                f"{name.removesuffix('_dot')}_{'ddot' if name.endswith('_dot') else 'dot'}" for name in rates
-            ),
+            q_ddot=self._symbols(accelerations),
             kinematics=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).kinematics for o in orientations)),
             frame=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).matrix for o in orientations)),
         )
@@ -102,7 +112,8 @@ class Mechanism(MechanicalComponent, abstract=True):
         )
         self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
-        self.contact_forces = self._symbols(f"{c.name}_force" for c in (*self.unilaterals, *self.dry_frictions))
+        contacts = (*self.unilaterals, *self.dry_frictions)
+        self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in contacts)
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
     # ---- defined by components -----------------------------------------------------------------------------
@@ -135,7 +146,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def contact_force(self, name: str) -> ca.SX:
         """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
-        return self._symbol(f"{name}_force", "contact_force", (*self.unilaterals, *self.dry_frictions))
+        return self._symbol(suffixed(name, "_force"), "contact_force", (*self.unilaterals, *self.dry_frictions))
 
     def contact_rates(self) -> ca.SX:
         """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
@@ -180,14 +191,16 @@ class Mechanism(MechanicalComponent, abstract=True):
         declared = (*self.parameters, *self.coordinates, *self.actives, *self.internal_states)
         values = dict.fromkeys(self.symbols, 0.0) | {item.name: item.start for item in declared}
         values |= {orientation.quaternion[0]: 1.0 for orientation in self.orientations}
-        return values | {f"{q.name}_dot": q.start_rate for q in self.coordinates}
+        return values | {suffixed(q.name, "_dot"): q.start_rate for q in self.coordinates}
 
     def _check(self) -> None:
-        for item in self.coordinates:
+        for item in (*self.coordinates, *self.parameters):
             if item.leading:
-                raise ComponentError(
-                    f"{type(self).__name__}.{item.name}: start = {item.leading}: only a Chain starts by links"
-                )
+                self._refuse(item, f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
+        for item in declared(type(self), unilateral):
+            extent, column = item.extent(type(self)), call(self, item.name)
+            if extent and ca.SX(column).shape != (extent.count, 1):
+                self._refuse(item, f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
         parameters, internal = self._named(self.parameter_column), self._named(self.internal)
         configuration = parameters | self._named(self.free.q, self.active.s)
         motion = configuration | self._named(self.free.q_dot, self.active.s_dot)
