@@ -94,7 +94,7 @@ def test_rate_before_and_after_event_mode(ball3) -> None:
 
 
 def test_few_events_until_rest(ball3) -> None:
-    """Bounces that are too low to be followed end where all of them would, at an event, from which the gap is closed."""
+    """Bounces that are too low to be followed end where all of them would: at an event, which closes the gap."""
     instance = ball3.start(options=WITH_EVENTS)
     instants = handled(instance, 1.0, 5.0)
     assert len(instants) < 80

@@ -146,7 +146,7 @@ class Symbol(Declaration[ca.SX]):
 
     def _element(self, i: int) -> Self:
         item = super()._element(i)
-        item.start = _nth(self.leading, i, self.start)
+        item.start, item.leading = _nth(self.leading, i, self.start), ()
         return item
 
     def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
@@ -168,7 +168,7 @@ class Symbol(Declaration[ca.SX]):
 class Parameter(Symbol):
     """A parameter, set before the start.
 
-    :param default: default value [unit]; of an array also a tuple: values of the first elements; the rest are 0.
+    :param default: default value [unit]; of an array also a tuple, whose last value is that of all further elements.
     :param tunable: may change between two communication steps.
     :param size: of an array in a mechanism: name of a Size, ``"n"``, or that less a number, ``"n - 1"``.
     """
@@ -191,6 +191,8 @@ class Parameter(Symbol):
         unchecked: str | None = None,
     ) -> None:
         self.leading, start = _leading(default, description)
+        if self.leading:
+            start = self.leading[-1]
         bounds = {"above": above, "minimum": minimum, "below": below, "maximum": maximum}
         super().__init__(unit, description, start=start, symbol=symbol, unchecked=unchecked, **bounds)
         self.tunable, self.size = tunable, size
@@ -280,8 +282,7 @@ class Coordinate(Symbol):
 
     def _element(self, i: int) -> Self:
         item = super()._element(i)
-        item.leading, item.leading_rates = (), ()
-        item.start_rate = _nth(self.leading_rates, i, self.start_rate)
+        item.start_rate, item.leading_rates = _nth(self.leading_rates, i, self.start_rate), ()
         return item
 
 

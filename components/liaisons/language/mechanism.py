@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cache
 from typing import NoReturn, Self
 
 import casadi as ca
@@ -20,6 +21,7 @@ from liaisons.language.declarations import (
     Coordinate,
     Declaration,
     Parameter,
+    ParameterArray,
     Size,
     assertion,
     unilateral,
@@ -126,6 +128,18 @@ class Mechanism(MechanicalComponent, abstract=True):
         """Rates of the internal states, by name."""
         return {}
 
+    @classmethod
+    def of_size(cls, n: object) -> type[Mechanism]:
+        """The same mechanism with n elements.
+
+        :raises ComponentError: if it has no Size n, or n is no whole number, or too small.
+        """
+        size = getattr(cls, "n", None)
+        if not isinstance(size, Size):
+            raise ComponentError(f"{cls.__name__}: n = {n!r}: only what declares n = Size(...) has a size")
+        count = size.checked(cls.__name__, n)
+        return cls if count == size.default else _resized(cls, count, size.description)
+
     # ---- for use in methods --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
@@ -195,7 +209,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def _check(self) -> None:
         for item in (*self.coordinates, *self.parameters):
-            if item.leading:
+            if item.leading and not isinstance(item, ParameterArray):
                 self._refuse(item, f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
         for item in declared(type(self), unilateral):
             extent, column = item.extent(type(self)), call(self, item.name)
@@ -259,6 +273,12 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def _refuse(self, item: Declaration, why: str) -> NoReturn:
         raise ComponentError(f"{type(self).__name__}.{item.name} {why}")
+
+
+@cache
+def _resized(component: type[Mechanism], n: int, description: str) -> type[Mechanism]:
+    own = {"n": Size(n, description), "__doc__": component.__doc__, "__module__": component.__module__}
+    return type(component.__name__, (component,), own)
 
 
 def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:

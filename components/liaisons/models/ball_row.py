@@ -8,6 +8,9 @@ from liaisons.language import Coordinate, Mechanism, Parameter, Size, unilateral
 from liaisons.language.shapes import Ball, Flash, Shapes
 from liaisons.models.solutions import collisions
 
+ROW = (0.0, *(1.0 + 0.1 * i for i in range(8)))
+"""A ball that approaches others that touch; more than eight gaps are refused."""
+
 
 class BallRow(Mechanism):
     """Balls on a line, of which the first runs into two that touch.
@@ -27,7 +30,7 @@ class BallRow(Mechanism):
     mass = Parameter(1.0, "kg", "masses of the balls", above=0, size="n")
     diameter = Parameter(0.1, "m", "diameter of the balls", above=0, symbol="D")
     bounce = Parameter(1.0, "1", "coefficient of restitution", minimum=0, maximum=1, symbol="e")
-    x = Coordinate("m", "positions of the balls", start=(0.0, 1.0, 1.1), start_rate=(1.0,), size="n")
+    x = Coordinate("m", "positions of the balls", start=ROW, start_rate=(1.0,), size="n")
 
     @unilateral("m", "distances of neighbours", restitution="bounce", size="n - 1")
     def gap(self) -> ca.SX:

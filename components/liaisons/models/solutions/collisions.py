@@ -36,7 +36,7 @@ def sequence(at: Values) -> NDArray:
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     x, v = at.x_0, at.x_dot_0
     after, gaps = moreau(at=at), np.diff(x) - at.diameter
-    require(np.all(np.abs(gaps[1:]) <= 1e-9), f"BallRow.exact: x_0 = {x}: the balls struck must touch")
+    require(bool(np.all(np.abs(gaps[1:]) <= 1e-9)), f"BallRow.exact: x_0 = {x}: the balls struck must touch")
     impact = gaps[0] / (v[0] - v[1])
     rates = np.where(np.expand_dims(t, -1) < impact, v, after)
     return {"x": x + v * impact + rates * np.expand_dims(t - impact, -1), "x_dot": rates}
