@@ -141,6 +141,13 @@ def test_runs_are_differentiated(
     assert found.derivative("z", "z_0") == pytest.approx([1.0, 1.0, -0.5, -0.5], abs=1e-8)
 
 
+@pytest.mark.parametrize("bounce", [0.0, 1.0])
+def test_runs_are_differentiated_at_the_edge_of_a_domain(bounce: float, fmu: Callable[..., Path]) -> None:
+    """To the side where there are values; z = 2 e (t - 0.5) at 0.9 s."""
+    found = sensitivities(fmu(Sledge), "bounce", stop_time=0.9, step_size=0.3, record="z", bounce=bounce, z_dot_0=-2.0)
+    assert found.derivative("z", "bounce")[-1] == pytest.approx(0.8, abs=1e-8)
+
+
 def test_linear_in_the_mode_of_the_point(fmu: Callable[..., Path]) -> None:
     """In the air z' = p_z/m; on the belt what leaves gap = 0 or slip = 0 is brought back by the rate 10/s twice."""
     rate = np.diag([0.5, 0.5], k=2)[:, :4]

@@ -12,7 +12,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from liaisons import System, build, ensemble, fmu_path, grid, simulate, sweep
+from liaisons import System, build, derive, ensemble, fmu_path, grid, simulate, sweep
 from liaisons.errors import LiaisonsError
 from liaisons.library import variables
 from liaisons.mechanics import assemble
@@ -120,6 +120,12 @@ def test_what_is_neither_is_one_line(call: Callable[[Any], object], target: Any,
     with pytest.raises(LiaisonsError, match=words) as caught:
         call(target)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("call", [build, derive, lambda t: ensemble(t, {}, stop_time=1, step_size=0.1)])
+def test_an_fmu_is_no_component(call: Callable[[str], object]) -> None:
+    with pytest.raises(ProjectError, match=r"^it\.fmu is no component; give the file or class that this FMU was built"):
+        call("it.fmu")
 
 
 def test_models_are_built_and_are_no_fmus(folder: Path) -> None:

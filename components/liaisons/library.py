@@ -95,6 +95,8 @@ def components(target: Target) -> list[type[Component]]:
         classes = catalogue()
         if target == "all":
             return list(classes.values())
+        if target.endswith(".fmu"):
+            raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
         if target not in classes:
             raise ProjectError(f"no component is called {target!r}{suggestion(target, classes)}")
         return [classes[target]]

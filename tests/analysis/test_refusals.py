@@ -24,6 +24,7 @@ from liaisons.models import (
 
 T = np.linspace(0.0, 1.0, 5)
 PATH = {"x": T, "x_dot": 0 * T + 1}
+NAME: Any = "Pendulum"
 STRANGE = ca.SX.sym("stranger")
 
 
@@ -38,6 +39,7 @@ def joined(periods: float) -> Any:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
+        (lambda: analysis.equilibrium(NAME), r"^'Pendulum' is no mechanism; give its class, or derive\('Pendulum'\)$"),
         (lambda: analysis.dynamic_field(KeplerOrbit), "KeplerOrbit: it has no active coordinate"),
         (
             lambda: analysis.active_energy(CartesianPendulum),

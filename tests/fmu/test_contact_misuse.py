@@ -7,12 +7,10 @@ import re
 from collections.abc import Callable
 
 import bodies
-import casadi as ca
 import pytest
 from driver import DISCARD, ERROR, MODEL_EXCHANGE, Instance, reals
 
-from liaisons import ActiveCoordinate, Coordinate, Mechanism, unilateral
-from liaisons.errors import ComponentError
+from liaisons import Mechanism
 
 
 @pytest.fixture
@@ -215,23 +213,3 @@ def test_importer_that_steps_over_an_event_is_told(library, version) -> None:
     instance.do("EnterEventMode")
     with pytest.raises(AssertionError, match=r"gap = -0\.5 at t = 0\.5: bodies overlap; an event was stepped"):
         instance.update()
-
-
-# ---- classes ----------------------------------------------------------------------------------------------------
-
-
-def test_gap_without_free_coordinate_is_refused() -> None:
-    with pytest.raises(ComponentError, match=r"^Fixed\.gap depends on no free coordinate, so that nothing upholds it$"):
-
-        class Fixed(Mechanism):
-            """Gap that an operator alone changes."""
-
-            x = Coordinate("m", "place")
-            floor = ActiveCoordinate("m", "height of the floor")
-
-            def kinetic_energy(self) -> ca.SX:
-                return self.dot(self.x) ** 2 / 2
-
-            @unilateral("m", "distance")
-            def gap(self) -> ca.SX:
-                return 1 - self.floor

@@ -21,8 +21,10 @@ from liaisons.language import (
     Mechanism,
     Operator,
     Parameter,
+    dry_friction,
     output,
     point,
+    unilateral,
 )
 from liaisons.mechanics import assemble
 from liaisons.project import ProjectError, load_module
@@ -152,6 +154,98 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 def test_what_is_wrong_is_refused_by_name(namespace: dict[str, Any], words: str) -> None:
     with pytest.raises(ComponentError, match=words):
         type("Odd", (_Bead,), namespace | {"__module__": __name__})
+
+
+class _Sledge(_Bead, abstract=True):
+    """A bead that may rub on a belt, and run against a wall."""
+
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    grip = Parameter(3.0, "N", "what holds it", minimum=0)
+    rough = Parameter(0.5, "1", "coefficient of friction", minimum=0)
+    belt = ActiveCoordinate("m", "way of the belt")
+
+
+def gap(formula: Callable[[Any], Any] = lambda m: m.x - m.belt, unit: str = "m", **options: Any) -> dict[str, Any]:
+    """A unilateral liaison of that name."""
+    return {"gap": unilateral(unit, "distance", **options)(formula)}
+
+
+def slip(static: Any = "grip", formula: Any = lambda m: m.dot(m.x - m.belt), **options: Any) -> dict[str, Any]:
+    """Dry friction of that name."""
+    return {"slip": dry_friction("m/s", "sliding", static=static, **options)(formula)}
+
+
+@pytest.mark.parametrize(
+    ("namespace", "words"),
+    [
+        (gap(lambda m: m.belt), r"gap depends on no free coordinate \(x\), so that nothing upholds it$"),
+        (gap(lambda _: 1.0), r"gap depends on no free coordinate \(x\), so that nothing upholds it$"),
+        (gap(lambda m: m.x > 0, "1"), r"gap depends on no free coordinate \(x\), so that nothing upholds it$"),
+        (gap(lambda m: ca.vertcat(m.x, m.belt)), r"gap has shape \(2, 1\); return a scalar, \(1, 1\)$"),
+        (gap(lambda m: m.dot(m.x), "m/s"), r"gap contains the unknown symbol 'x_dot'; known: .*belt, .*, x$"),
+        (gap(unit="rad"), r"gap: .*is m where rad is expected"),
+        (
+            gap(restitution="bounse"),
+            r"gap has the restitution 'bounse': let it be a Parameter in \[0, 1\]: minimum=0, ma",
+        ),
+        (
+            gap(restitution=0.5),
+            r"gap has the restitution 0\.5: let it be a Parameter in \[0, 1\]: minimum=0, maximum=1$",
+        ),
+        (gap(restitution="mass"), r"gap has the restitution 'mass': let it be a Parameter in \[0, 1\]"),
+        (
+            gap(restitution="e") | {"e": Parameter(0.5, "m", "restitution", minimum=0, maximum=1)},
+            r"gap has the restitution 'e' in m: let its unit be '1'$",
+        ),
+        (
+            gap() | {"push": output("N", "of the wall")(lambda m: m.contact_force("gup"))},
+            r": contact_force\('gup'\) takes one of its unilateral liaisons or dry frictions: gap$",
+        ),
+        (gap() | {"gap_force": Parameter(1.0, "N", "force")}, r": two variables would be called 'gap_force': "),
+        (slip("grib"), r"slip is bounded by 'grib', which is no parameter and no method; did you mean 'grip'\?$"),
+        (slip(3.0), r"slip is bounded by 3\.0, which is no parameter and no method; known: bounce, grip, mass, rough$"),
+        (slip(None), r"slip is bounded by None, which is no parameter and no method; known: "),
+        (slip(sliding="grib"), r"slip is bounded by 'grib', which is no parameter and no method; did you mean"),
+        (slip("rough"), r"Odd\.rough: rough is a pure number where N is expected"),
+        (gap() | slip(normal="gap"), r"Odd\.grip: grip is N where 1 is expected"),
+        (
+            slip("rough", normal="gup"),
+            r"slip takes the force of normal = 'gup': name a unilateral liaison: there is none$",
+        ),
+        (gap() | slip("rough", normal=1), r"slip takes the force of normal = 1: name a unilateral liaison: gap$"),
+        (
+            slip("drag") | {"drag": Parameter(1.0, "N", "friction")},
+            r"slip is bounded by 'drag', which may be negative: let it have minimum=0$",
+        ),
+        (
+            slip("drag") | {"drag": lambda m: -2 * m.grip},
+            r"slip is bounded by 'drag', which is -6 for the default parameters; let it be >= 0$",
+        ),
+        (
+            slip(sliding="drag") | {"drag": lambda m: 2 * m.grip},
+            r"slip has static = 'grip' of 3, but sliding = 'drag' is 6: let static be no less$",
+        ),
+        (
+            slip(formula=lambda m: m.dot(m.belt)),
+            r"slip depends on no rate of a free coordinate \(x\): take self\.dot\(\)",
+        ),
+        (slip(formula=lambda m: m.dot(m.x) ** 2), r"slip must be linear in the rates"),
+    ],
+)
+def test_contacts_are_refused_by_name(namespace: dict[str, Any], words: str) -> None:
+    with pytest.raises(ComponentError, match=words) as error:
+        type("Odd", (_Sledge,), namespace | {"__module__": __name__})
+    assert str(error.value).startswith("Odd")
+    assert "\n" not in str(error.value)
+
+
+def test_an_active_coordinate_may_move_nothing() -> None:
+    """Its operator feels no force."""
+
+    class Alone(_Sledge):
+        """A bead, and a belt that it does not touch."""
+
+    assert liaisons.derive(Alone).evaluate("operator_forces") == 0.0
 
 
 # ---- words for what is easily done wrong -------------------------------------------------------------------------

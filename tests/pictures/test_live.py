@@ -473,6 +473,12 @@ def test_presets_suit_what_they_move(opened: Opened) -> None:
         for _ in range(8):
             assert abs(live.run_for(1)["theta"] - 3.14) < 0.5
         assert live.complaints == []
+    with opened("BouncingBall") as live:
+        live.enter("height_0", 0)
+        live.enter("bounce", 0)
+        tools.preset(live, "table", "Sinusoid")
+        assert live.run(15)["gap"] > 1e-3  # it leaves where sin ωt = 2/3, at 0.06 s
+        assert live.complaints == []
     with opened("CircularHoop") as live:
         tools.preset(live, "beta", "SmoothStep")
         assert live.run_for(4.1)["beta"] == pytest.approx(6.28319, abs=1e-4)

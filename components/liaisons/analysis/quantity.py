@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.arguments import shown
 from liaisons.errors import ComponentError
 from liaisons.language.checks import scalar
 from liaisons.language.mechanism import Mechanism
@@ -70,7 +71,11 @@ def observable(source: Source, formula: Formula) -> Quantity:
 
 def equations_of(source: Source) -> Equations:
     """The equations of a mechanism; the same ones at each call, so that their symbols agree."""
-    return source if isinstance(source, Equations) else _derived(source)
+    if isinstance(source, Equations):
+        return source
+    if not (isinstance(source, type) and issubclass(source, Mechanism)):
+        raise ComponentError(f"{shown(source)} is no mechanism; give its class, or derive({shown(source)})")
+    return _derived(source)
 
 
 _derived = cache(derive)

@@ -204,8 +204,11 @@ def extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], un
     try:
         row, ratio = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes], 4.0
     except LiaisonsError:  # the edge of a domain: differences to one side
-        begin = function(0.0)
-        row, ratio = [(function(h) - begin) / (h * unit) for h in sizes], 2.0
+        begin, ratio = function(0.0), 2.0
+        try:
+            row = [(function(h) - begin) / (h * unit) for h in sizes]
+        except LiaisonsError:
+            row = [(begin - function(-h)) / (h * unit) for h in sizes]
     error, factor = np.zeros_like(row[0]), ratio
     while len(row) > 1:
         finer = [(factor * small - large) / (factor - 1) for large, small in pairwise(row)]

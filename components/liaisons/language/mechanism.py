@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons import units
-from liaisons.errors import ComponentError
+from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import Formulas, call, declared, scalar
 from liaisons.language.component import DeclarationsOf
@@ -152,15 +152,18 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def momentum(self, coordinate: ca.SX) -> ca.SX:
         """p = ∂L/∂q̇ of a free coordinate; for outputs."""
-        return self._symbol(f"p_{coordinate}", "momentum", self.coordinates)
+        return self._symbol(f"p_{coordinate}", "momentum()", self.coordinates)
 
     def constraint_force(self, name: str) -> ca.SX:
         """λ of a constraint of this name: its force is λ times the constraint's gradient; for outputs."""
-        return self._symbol(f"lambda_{name}", "constraint_force", (*self.constraints, *self.non_holonomic))
+        return self._symbol(f"lambda_{name}", "constraint_force()", (*self.constraints, *self.non_holonomic))
 
     def contact_force(self, name: str) -> ca.SX:
         """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
-        return self._symbol(suffixed(name, "_force"), "contact_force", (*self.unilaterals, *self.dry_frictions))
+        of = "unilateral liaisons or dry frictions"
+        return self._symbol(
+            suffixed(name, "_force"), f"contact_force({name!r})", (*self.unilaterals, *self.dry_frictions), of
+        )
 
     def contact_rates(self) -> ca.SX:
         """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
@@ -178,7 +181,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
         :param coordinate: the coordinate, or its name; the name for a rheonomic constraint.
         """
-        return self._symbol(f"{coordinate}_force", "operator_force", self.actives)
+        return self._symbol(f"{coordinate}_force", "operator_force()", self.actives)
 
     def with_placeholders(self, names: Sequence[str]) -> Self:
         """Copy with symbols for these points, so that expressions show how they depend on them."""
@@ -190,12 +193,12 @@ class Mechanism(MechanicalComponent, abstract=True):
         twin.placeholders = PlaceholderColumns(tuple(names), w, ca.vertcat(*rates))
         return twin
 
-    def _symbol(self, name: str, method: str, kind: Sequence[Declaration]) -> ca.SX:
+    def _symbol(
+        self, name: str, method: str, kind: Sequence[Declaration], of: str = "coordinates or constraints"
+    ) -> ca.SX:
         if name not in self.symbols:
             names = ", ".join(c.name for c in kind) or "none is declared"
-            raise ComponentError(
-                f"{type(self).__name__}: {method}() takes one of its coordinates or constraints: {names}"
-            )
+            raise ComponentError(f"{type(self).__name__}: {method} takes one of its {of}: {names}")
         return self.symbols[name]
 
     # ---- derived -------------------------------------------------------------------------
@@ -242,17 +245,18 @@ class Mechanism(MechanicalComponent, abstract=True):
         _check_mass_matrix(self, lagrangian, kinetic, motion)
 
     def _check_contacts(self, formulas: Formulas, configuration: dict[str, ca.SX], motion: dict[str, ca.SX]) -> None:
+        free = ", ".join(map(str, ca.vertsplit(self.free.q)))
         for item in self.unilaterals:
-            formulas(item.name, configuration, item.unit)
-            if not ca.depends_on(getattr(self, item.name), self.free.q):
-                self._refuse(item, "depends on no free coordinate, so that nothing upholds it")
+            gap = formulas(item.name, configuration, item.unit)
+            if ca.jacobian(gap, self.free.q).is_zero():  # a comparison has no derivative
+                self._refuse(item, f"depends on no free coordinate ({free}), so that nothing upholds it")
             if item.restitution is not None:
                 self._check_restitution(item, item.restitution)
         rates = ca.vertcat(self.free.q_dot, self.active.s_dot)
         for item in self.dry_frictions:
             slip = formulas(item.name, motion, item.unit)
             if not ca.depends_on(slip, self.free.q_dot):
-                self._refuse(item, "depends on no rate of a free coordinate")
+                self._refuse(item, f"depends on no rate of a free coordinate ({free}): take self.dot() of one into it")
             if ca.depends_on(ca.jacobian(slip, rates), rates):
                 self._refuse(item, "must be linear in the rates")
             names = [liaison.name for liaison in self.unilaterals]
@@ -260,16 +264,35 @@ class Mechanism(MechanicalComponent, abstract=True):
                 of = ", ".join(names) or "there is none"
                 self._refuse(item, f"takes the force of normal = {item.normal!r}: name a unilateral liaison: {of}")
             unit = units.multiplier(item.unit) if item.normal is None else "1"
-            for name in dict.fromkeys((item.static, item.sliding)):
-                if not hasattr(type(self), name):
-                    self._refuse(item, f"is bounded by {name!r}, which is no parameter and no method")
-                formulas.take(name, self.threshold(name), self._named(self.parameter_column), unit)
+            bounds = [self._bound(formulas, item, name, unit) for name in (item.static, item.sliding)]
+            if bounds[0] < bounds[1]:
+                more = f"sliding = {item.sliding!r} is {bounds[1]:g}"
+                self._refuse(item, f"has static = {item.static!r} of {bounds[0]:g}, but {more}: let static be no less")
+
+    def _bound(self, formulas: Formulas, item: Declaration, name: str, unit: str) -> float:
+        """A threshold of dry friction for the default parameters."""
+        declared = {p.name: p for p in self.parameters}
+        if not isinstance(name, str) or not hasattr(type(self), name):
+            more = suggestion(name if isinstance(name, str) else "", declared)
+            self._refuse(item, f"is bounded by {name!r}, which is no parameter and no method{more}")
+        parameters, default = self._named(self.parameter_column), self.start_values()
+        bound = formulas.take(name, self.threshold(name), parameters, unit)
+        lowest = declared[name].minimum if name in declared else 0
+        if lowest is None or lowest < 0:
+            self._refuse(item, f"is bounded by {name!r}, which may be negative: let it have minimum=0")
+        value = float(ca.Function("bound", [*parameters.values()], [bound])(*(default[p] for p in parameters)))
+        if value < 0:
+            more = "for the default parameters; let it be >= 0"
+            self._refuse(item, f"is bounded by {name!r}, which is {value:g} {more}")
+        return value
 
     def _check_restitution(self, item: Declaration, name: str) -> None:
         parameter = next((p for p in self.parameters if p.name == name), None)
         low, high = (None, None) if parameter is None else (parameter.minimum, parameter.maximum)
         if low is None or high is None or not 0 <= low <= high <= 1:
             self._refuse(item, f"has the restitution {name!r}: let it be a Parameter in [0, 1]: minimum=0, maximum=1")
+        if parameter is not None and parameter.unit != "1":
+            self._refuse(item, f"has the restitution {name!r} in {parameter.unit}: let its unit be '1'")
 
     def _refuse(self, item: Declaration, why: str) -> NoReturn:
         raise ComponentError(f"{type(self).__name__}.{item.name} {why}")

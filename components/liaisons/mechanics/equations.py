@@ -212,7 +212,7 @@ def derive(component: type[Mechanism]) -> Equations:
     p_s = gradient(L, s_dot)
     resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))
     lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - Q_s
-    operator_forces = ca.vertcat(lambda_s, lambdas[passive:, 0])
+    operator_forces = ca.densify(ca.vertcat(lambda_s, lambdas[passive:, 0]))  # no force where nothing is moved
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
     # Power of non-holonomic constraints, which is neither drive nor load but leaves the energy.

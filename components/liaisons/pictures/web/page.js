@@ -217,7 +217,8 @@ class Page {
   }
 
   #preset(part, variable) {
-    const { name } = variable, offered = presets(variable, part.starts);
+    const { name } = variable, leaves = part.variables.some((v) => v.name === "impact_loss");
+    const offered = presets(variable, part.starts, leaves);
     const fields = make("span", { className: "fields" });
     const choice = make("select", { data: { preset: part.prefix + name } }, make("option", { textContent: "by hand" }), ...Object.entries(offered).map(([value, [words]]) => make("option", { value, textContent: `${words} (${value})` })));
     choice.setAttribute("aria-label", `what moves ${name}`);

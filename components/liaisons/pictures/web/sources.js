@@ -32,9 +32,9 @@ const operators = {
   },
 };
 
-/** What one does with a coordinate, by operator: in words, and numbers that suit it. */
-export function presets({ name, unit, start, description }, starts) {
-  const size = Math.abs(start) || 1, swing = pace(Object.fromEntries(starts));
+/** What one does with a coordinate, by operator: in words, and numbers that suit it; whether it moves what may leave. */
+export function presets({ name, unit, start, description }, starts, leaves) {
+  const size = Math.abs(start) || 1, swing = pace(Object.fromEntries(starts), leaves && unit === "m");
   const chosen = (sine, often, amplitude, verb, rate, height) => ({
     Sinusoid: [sine, { amplitude, "angular frequency": Number(often.toPrecision(4)) }],
     Ramp: [`${verb} evenly`, { rate }],
@@ -48,10 +48,11 @@ export function presets({ name, unit, start, description }, starts) {
   return chosen("shake it", name.endsWith("_z") ? 20 * swing : swing, 0.1, "move it", 0.1, 0.5); // 20: stands upright
 }
 
-/** How often a mechanism would swing [rad/s], as its parameters and starts say; else 2. */
-function pace({ gravity, stiffness, mass, length, length_1 = length, rope = length_1 }) {
+/** How often a mechanism would swing [rad/s], as its parameters and starts say; or lies on what is shaken; else 2. */
+function pace({ gravity, stiffness, mass, length, length_1 = length, rope = length_1 }, leaves) {
   if (gravity && rope) return Math.sqrt(gravity / rope);
-  return stiffness && mass ? Math.sqrt(stiffness / mass) : 2;
+  if (stiffness && mass) return Math.sqrt(stiffness / mass);
+  return leaves && gravity ? Math.sqrt(1.5 * gravity / 0.1) : 2; // more than its weight holds, by 0.1 m
 }
 
 /** One of them, begun at a time from a value. */
