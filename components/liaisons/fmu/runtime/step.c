@@ -336,10 +336,10 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->events > 0 && !with_events
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
-#ifdef UNILATERAL
-    if (self->step.event) self->s->limit = self->s->time;
-#endif /* UNILATERAL */
     core_arrive(self);
+#ifdef UNILATERAL
+    if (self->step.event || (with_events && core_is_unsettled(self, self->s->time))) self->s->limit = self->s->time;
+#endif /* UNILATERAL */
     if (arrives && leaps) leap_to_inputs(self);
 #ifdef UNILATERAL
     if (arrives && leaps && !core_settle(self, self->s->time)) return 0;
