@@ -19,7 +19,7 @@ from liaisons.arguments import shown
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
-from liaisons.library import Backend, FmiVersion, Platforms, catalogue, model
+from liaisons.library import Backend, FmiVersion, Platforms, catalogue, has_size, model
 from liaisons.project import fmus_directory
 from liaisons.ssp import has_table
 
@@ -99,8 +99,6 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
 
 def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Model:
     """The model that an FMU of ours was built from."""
-    from liaisons.language import Chain
-
     fmu = part.fmu
     if has_table(fmu.path):
         raise SimulationError(
@@ -111,10 +109,9 @@ def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Mod
             f"{part.name}: {fmu.path.name} is a {fmu.model_name!r}, which the catalogue does not have; "
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
-    sizes = {shape[0] for name, shape in fmu.arrays.items() if name != "picture"}
     component = classes[fmu.model_name]
-    is_chain = issubclass(component, Chain) and len(sizes) == 1
-    derived = model(component, **({"n": sizes.pop()} if is_chain else {})).flat()
+    size = fmu.variables.get("n") if has_size(component) else None
+    derived = model(component, **({"n": int(size.start)} if size and size.start else {})).flat()
     missing = [v.name for v in derived.variables if v.name not in fmu.variables]
     if missing:
         raise SimulationError(

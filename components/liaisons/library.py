@@ -125,20 +125,26 @@ def component(target: Target) -> type[Component]:
     return found[0]
 
 
+def has_size(component: type[Component]) -> bool:
+    """Whether a component has a structural size n."""
+    from liaisons.language import Size
+
+    return isinstance(getattr(component, "n", None), Size)
+
+
 def model(component: type[Component], **sizes: object) -> Model:
     """The model of a component, with other structural sizes than it declares if any are given.
 
     :raises ProjectError: if the component has no size of that name.
     :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
     """
-    from liaisons.language import Chain
     from liaisons.mechanics import assemble
 
     if not sizes:
         return assemble(component)
-    if not issubclass(component, Chain) or set(sizes) != {"n"}:
+    if not has_size(component) or set(sizes) != {"n"}:
         text = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
-        raise ProjectError(f"{component.__name__}: {text}: only chains have a size, and it is called n")
+        raise ProjectError(f"{component.__name__}: {text}: only chains and arrays have a size, and it is called n")
     whole(f"{component.__name__}: n", sizes["n"], ProjectError)
     return assemble(component, sizes["n"])
 

@@ -139,7 +139,7 @@ static int get_integers(void) {
     size_t n = below(3), count;
     const Plan *plan = &it.library->plan;
     unsigned *references = references_of(plan->counts.n > 0 && one_in(2) ? &plan->counts : &plan->integers, n, &count);
-    count = values_of(n);
+    count = values_of(count);
     int *values = take(count * sizeof *values);
     if (it.wild) expect(MAY_FAIL);
     return CALL(GetInteger, (component(), given(references, n), n, given(values, n)), GetInt32,
@@ -149,7 +149,7 @@ static int get_integers(void) {
 static int set_counts(void) {
     size_t n = below(3), count;
     unsigned *references = references_of(&it.library->plan.counts, n, &count);
-    count = values_of(n);
+    count = values_of(count);
     int *values = take(count * sizeof *values);
     if (n > 0) expect(FAILS);
     return CALL(SetInteger, (component(), given(references, n), n, given(values, n)), SetInt32,
@@ -173,7 +173,7 @@ static int set_integers(void) {
 static int get_booleans(void) {
     size_t n = below(3), count;
     unsigned *references = references_of(&it.library->plan.truths, n, &count);
-    count = values_of(n);
+    count = values_of(count);
     void *values = take(count * sizeof(int));
     if (it.wild) expect(MAY_FAIL);
     return CALL(GetBoolean, (component(), given(references, n), n, given(values, n)), GetBoolean,
@@ -183,7 +183,7 @@ static int get_booleans(void) {
 static int set_booleans(void) {
     size_t n = below(3), count;
     unsigned *references = references_of(&it.library->plan.truths, n, &count);
-    count = values_of(n);
+    count = values_of(count);
     void *values = memset(take(count * sizeof(int)), 0, count * sizeof(int));
     if (n > 0) expect(FAILS);
     return CALL(SetBoolean, (component(), given(references, n), n, given(values, n)), SetBoolean,
@@ -565,6 +565,8 @@ static int read_reals(Fmu *fmu, unsigned *references, size_t n, size_t count, do
     return status;
 }
 
+enum { MOST_ELEMENTS = 64 }; /* of an array of integers or Booleans */
+
 /* Everything that can be read of an instance. */
 static size_t look(Fmu *fmu, unsigned phase, double *seen) {
     const Plan *plan = &it.library->plan;
@@ -576,17 +578,20 @@ static size_t look(Fmu *fmu, unsigned phase, double *seen) {
     const Group *integers[] = {&plan->integers, &plan->counts};
     for (size_t g = 0; g < 2; g++)
         for (size_t i = 0; i < integers[g]->n; i++) {
-            int value = -1;
+            int values[MOST_ELEMENTS] = {-1};
             unsigned *reference = &integers[g]->references[i];
-            CALL(GetInteger, (fmu->component, reference, 1, &value), GetInt32, (fmu->component, reference, 1, &value, 1));
-            *seen++ = value;
+            const size_t count = integers[g]->sizes[i];
+            CALL(GetInteger, (fmu->component, reference, 1, values), GetInt32, (fmu->component, reference, 1, values, count));
+            for (size_t j = 0; j < count; j++) *seen++ = values[j];
         }
     for (size_t i = 0; i < plan->truths.n; i++) {
-        int value = 0; /* a bool is its first byte */
+        int values[MOST_ELEMENTS] = {0};
+        fmi3Boolean *truths = (fmi3Boolean *)values; /* one byte each */
         unsigned *reference = &plan->truths.references[i];
-        CALL(GetBoolean, (fmu->component, reference, 1, &value), GetBoolean,
-             (fmu->component, reference, 1, (fmi3Boolean *)&value, 1));
-        *seen++ = value;
+        const size_t count = plan->truths.sizes[i];
+        CALL(GetBoolean, (fmu->component, reference, 1, values), GetBoolean,
+             (fmu->component, reference, 1, truths, count));
+        for (size_t j = 0; j < count; j++) *seen++ = TWO ? values[j] : truths[j];
     }
     if (phase & (EVENT | CONTINUOUS) && plan->indicators > 0) {
         if (BOTH(GetEventIndicators, (fmu->component, seen, plan->indicators)) != 0)

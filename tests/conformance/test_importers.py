@@ -187,7 +187,7 @@ def symbolic(name: str, path: Path) -> tuple[dict[str, ca.Function], list[NDArra
     model = assemble(COMPONENTS[name])
     u0, k = (ca.DM([start for v in variables for start in v.starts]) for variables in (model.inputs, model.parameters))
     x0, m0 = model.start.call([ca.DM(0), u0, k])
-    modes = [f"{contact.name}_{'direction' if contact.friction else 'closed'}" for contact in model.contacts]
+    modes = [contact.variable("direction" if contact.friction else "closed") for contact in model.contacts]
     if modes:
         begun = cosim.simulate(path, stop_time=1e-9, step_size=1e-9, record=modes)
         for mode in modes:

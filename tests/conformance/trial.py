@@ -75,7 +75,8 @@ def plan_text(description: ModelDescription) -> str:
         groups.append(group(title, [v for v in description.modelVariables if v.type in types and not calculated(v)]))
     for title, types in (("count", {"Integer", "Int32"}), ("truth", {"Boolean"})):
         groups.append(group(title, [v for v in description.modelVariables if v.type in types and calculated(v)]))
-    numbers = f"{step_size(description)!r} {states} {description.numberOfEventIndicators}"
+    indicators = sum(elements(unknown.variable) for unknown in description.eventIndicators if unknown.variable)
+    numbers = f"{step_size(description)!r} {states} {indicators or description.numberOfEventIndicators}"
     head = f"{major_version(description)} {token} {numbers}"
     return "\n".join([head, *groups, *calls(major_version(description)), ""])
 

@@ -77,6 +77,26 @@ def test_importer_gets_every_impact(ball3, size) -> None:
     np.testing.assert_allclose(instance.get(*KNOWN), exact(3.0), rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("parts", [1, 2, 3, 7, 10, 13])
+def test_impacts_at_communication_points_are_events(ball3, parts) -> None:
+    """An elastic ball, in steps of a part of its time to fall: what is discrete never changes inside a step."""
+    instance, size = ball3.start(options=WITH_EVENTS, tolerance=1e-12, bounce=1.0), np.sqrt(2 / 9.81) / parts
+    instance.update()
+    instance.do("EnterStepMode")
+    time, impacts = 0.0, 0
+    for end in size * np.arange(1, 12 * parts):
+        while time < end:
+            step = instance.advance(time, end - time)
+            assert instance.get_integer("gap_impacts") == impacts
+            time = step.time
+            if step.event:
+                instance.do("EnterEventMode")
+                instance.update()
+                instance.do("EnterStepMode")
+                impacts += 1
+    assert impacts == instance.get_integer("gap_impacts") >= 5
+
+
 def test_rate_before_and_after_event_mode(ball3) -> None:
     instance = ball3.start(options=WITH_EVENTS)
     instance.update()
@@ -94,9 +114,11 @@ def test_rate_before_and_after_event_mode(ball3) -> None:
 
 
 def test_few_events_until_rest(ball3) -> None:
-    """Bounces that are too low to be followed end where all of them would."""
+    """Bounces that are too low to be followed end where all of them would: at an event, which closes the gap."""
     instance = ball3.start(options=WITH_EVENTS)
-    assert len(handled(instance, 1.0, 5.0)) < 80
+    instants = handled(instance, 1.0, 5.0)
+    assert len(instants) < 80
+    assert instants[-1] == instance["gap_rests_from"]
     assert instance["gap_rests_from"] == pytest.approx(RESTS, abs=1e-11)
     assert instance.get("height", "height_dot").tolist() == [0.0, 0.0]
     assert instance["gap_force"] == pytest.approx(9.81, rel=1e-14)

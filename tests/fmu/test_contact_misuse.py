@@ -67,6 +67,11 @@ def until_refused(
             "left at t = 0: no force keeps them apart and in their bounds (Painlevé)",
         ),
         (
+            bodies.Block,
+            {"grip": 0.05, "drag": 0.1},
+            "slip at t = 0: its static bound 0.05 must be at least the sliding one, 0.1, and that >= 0",
+        ),
+        (
             bodies.Press,
             {"height_0": 0.0, "press": 0.0, "press_dot": -1.0},
             "floor_gap, press_gap at t = 0: they contradict each other, or what pushes leaves no way out",
@@ -82,7 +87,15 @@ def test_start_is_refused(library, version, body, values, message) -> None:
     """And another one is taken."""
     instance = library(body, version).initializing(**values)
     instance.refuse(f"{message}; set another value and initialize again", "ExitInitializationMode")
-    defaults = {"table": 0.0, "press": 1.0, "press_dot": 0.0, "bounce": 0.5, "height_0": 0.5, "roughness": 0.0}
+    defaults = {
+        "grip": 2.0,
+        "table": 0.0,
+        "press": 1.0,
+        "press_dot": 0.0,
+        "bounce": 0.5,
+        "height_0": 0.5,
+        "roughness": 0.0,
+    }
     instance.set({name: defaults.get(name, 1.0) for name in values} | ({"z_0": 2.0} if "roughness" in values else {}))
     instance.exit_initialization()
     instance.step(0.0, 0.01)

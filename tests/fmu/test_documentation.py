@@ -15,6 +15,7 @@ from liaisons.fmu.documentation.sources import bibliography
 from liaisons.fmu.reference_results import trajectory
 from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
+from liaisons.language.variables import suffixed
 from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
 from liaisons.mechanics.printing import of_mechanism
@@ -32,7 +33,7 @@ def test_textbook_equations_agree_with_those_that_the_fmu_solves(component) -> N
     solved = derive(component)
     m, printed = solved.mechanism, of_mechanism(solved)
     turns = [f"{name}_dot" for turn in m.orientations for name in turn.momenta]
-    rates = [*(f"p_{q.name}_dot" for q in m.coordinates), *turns]
+    rates = [*(suffixed(f"p_{q.name}", "_dot") for q in m.coordinates), *turns]
     known = dict(zip(rates, ca.vertsplit(solved.momentum_rates), strict=True))
     known |= {f"{s.name}_force": solved.operator_forces[i] for i, s in enumerate(m.actives)}
     known |= {f"p_{q.name}": solved.momenta[i] for i, q in enumerate(m.coordinates)}

@@ -13,6 +13,7 @@ from on_paper import BACKENDS, HOLD, Values, assert_follows, equations_of, run, 
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.language import Operator
+from liaisons.language.variables import suffixed
 from liaisons.mechanics import Equations, assemble
 from liaisons.models import CATALOGUE
 
@@ -51,7 +52,7 @@ def test_outputs_at_the_start_are_the_derived_equations(component, backend: str,
 
 @pytest.mark.parametrize("component", SMOOTH)
 def test_native_and_python_back_end_move_alike(component, fmu) -> None:
-    start = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
+    start = {suffixed(q.name, "_dot_0"): 1.0 for q in component.coordinates}
     inputs = {s.name: wave(s.start, 0.1, 2.0) for s in component.actives}
     native, python = (
         run(fmu(component, backend), stop_time=5.0, step_size=0.05, inputs=inputs, **start) for backend in BACKENDS
@@ -67,9 +68,9 @@ def test_native_and_python_back_end_move_alike(component, fmu) -> None:
 @pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
 def test_inputs_that_do_nothing_are_ones_that_do_hardly_anything(component, fmu) -> None:
     """While loads, or σ̇ and σ̈, are 0 shorter equations hold; with 1e-290, too small for any sum, the whole ones."""
-    start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
+    start: dict[str, Any] = {suffixed(q.name, "_dot_0"): 1.0 for q in component.coordinates}
     moving: dict[str, Any] = {f"{s.name}_{of}": 1e-290 for s in component.actives for of in ("dot", "ddot")}
-    loads: dict[str, Any] = {f"{q.name}_load": 1e-290 for q in component.coordinates}
+    loads: dict[str, Any] = {suffixed(q.name, "_load"): 1e-290 for q in component.coordinates}
     free, *others = (
         simulate(fmu(component), stop_time=2.0, step_size=0.1, input_reconstruction=HOLD, **start, **more)
         for more in ({}, moving, loads, moving | loads)

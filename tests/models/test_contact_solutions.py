@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from types import SimpleNamespace
 from typing import Any
 
@@ -39,9 +40,8 @@ def oscillator(**values: float) -> Any:
     return At(**start | {"mass": 1.0, "stiffness": 1.0, "gravity": 9.81, "mu_static": 0.1, "mu_sliding": 0.1} | values)
 
 
-def row(**values: float) -> Any:
-    start = {"mass_1": 1.0, "mass_2": 1.0, "mass_3": 1.0, "x_1_dot_0": 1.0, "x_2_dot_0": 0.0, "x_3_dot_0": 0.0}
-    return At(**start | {"bounce": 1.0} | values)
+def row(mass: tuple[float, ...] = (1.0, 1.0, 1.0), speed: float = 1.0, bounce: float = 1.0) -> Any:
+    return At(mass=np.array(mass), x_dot_0=np.array([speed] + [0.0] * (len(mass) - 1)), bounce=bounce)
 
 
 # ---- the ball ------------------------------------------------------------------------------------------------------
@@ -321,20 +321,20 @@ def test_drift_of_a_shaken_block_is_the_limit_of_fast_shaking(share: float) -> N
 
 
 @pytest.mark.parametrize("bounce", [1.0, 0.6, 0.0])
-@pytest.mark.parametrize("masses", [(1.0, 1.0, 1.0), (2.0, 1.0, 3.0), (0.1, 5.0, 0.3)])
+@pytest.mark.parametrize("masses", [(1.0, 1.0, 1.0), (2.0, 1.0, 3.0), (0.1, 5.0, 0.3), (1.0, 2.0, 0.5, 4.0)])
 def test_moreaus_rule_is_the_complementarity_problem(bounce: float, masses: tuple[float, ...]) -> None:
-    at = row(bounce=bounce, x_1_dot_0=2.0, **dict(zip(collisions.MASSES, masses, strict=True)))
-    C = np.array([[-1.0, 1, 0], [0, -1, 1]])
+    at, n = row(masses, 2.0, bounce), len(masses)
+    C = np.diff(np.eye(n), axis=0)
     G = C @ np.diag(1 / np.array(masses)) @ C.T
-    wanted = np.array([bounce * 2.0, 0.0])
+    wanted = np.array([bounce * 2.0, *np.zeros(n - 2)])
     solutions = []
-    for active in ([], [0], [1], [0, 1]):
-        impulse = np.zeros(2)
-        before = C @ [2.0, 0, 0]
+    for active in (list(chosen) for k in range(n) for chosen in combinations(range(n - 1), k)):
+        impulse = np.zeros(n - 1)
+        before = C @ at.x_dot_0
         impulse[active] = np.linalg.solve(G[np.ix_(active, active)], (wanted - before)[active])
         after = before + G @ impulse
         if np.all(impulse >= 0) and np.all(after >= wanted - 1e-12):
-            solutions.append(np.array([2.0, 0, 0]) + C.T @ impulse / masses)
+            solutions.append(at.x_dot_0 + C.T @ impulse / masses)
     assert len(solutions) == 1
     np.testing.assert_allclose(collisions.moreau(at=at), solutions[0], rtol=0, atol=1e-14)
 
@@ -346,7 +346,7 @@ def test_rows_of_equal_balls_are_those_of_the_textbooks() -> None:
 
 @pytest.mark.parametrize("bounce", [1.0, 0.6, 0.0])
 def test_a_sequence_keeps_momentum_and_ends_when_nothing_approaches(bounce: float) -> None:
-    at = row(bounce=bounce, mass_1=3.0, mass_2=0.5, mass_3=2.0)
+    at = row((3.0, 0.5, 2.0), bounce=bounce)
     rates = collisions.sequence(at=at)
     masses = np.array([3.0, 0.5, 2.0])
     np.testing.assert_allclose(rates @ masses, 3.0, rtol=1e-12)
@@ -356,5 +356,7 @@ def test_a_sequence_keeps_momentum_and_ends_when_nothing_approaches(bounce: floa
         np.testing.assert_allclose(energies, 1.5, rtol=1e-12)
     assert np.all(np.diff(rates[-1]) >= -1e-12)
     assert len(rates) > 3
-    with pytest.raises(ValidityError, match="must strike two"):
-        collisions.moreau(at=row(x_3_dot_0=1.0))
+    with pytest.raises(ValidityError, match="must move together"):
+        collisions.moreau(at=At(mass=np.ones(3), x_dot_0=np.array([1.0, 0.0, 1.0]), bounce=1.0))
+    with pytest.raises(ValidityError, match="of more than three"):
+        collisions.sequence(at=row((1.0,) * 4))

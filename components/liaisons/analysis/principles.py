@@ -15,6 +15,7 @@ from liaisons.analysis.phase_space import hamiltonian_field
 from liaisons.analysis.quantity import Quantity, Source, equations_of, require_coordinates, require_smooth
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
+from liaisons.language.variables import suffixed
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.inertia import inertia_of
 
@@ -112,7 +113,9 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
         step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
         z = z + step.reshape(z.shape, order="F")
         if np.max(np.abs(step)) <= 1e-11 * (1 + np.max(np.abs(z))):
-            columns = {f"{name}{end}": z[k, d] for k, name in enumerate(names) for d, end in enumerate(("", "_dot"))}
+            columns = {
+                suffixed(name, end): z[k, d] for k, name in enumerate(names) for d, end in enumerate(("", "_dot"))
+            }
             return StationaryPath(columns, S, int(np.count_nonzero(curvatures < 0)))
     raise ComponentError(f"{equations.name}: no path of stationary action found; start nearer to one")
 
@@ -157,10 +160,11 @@ def _moving(equations: Equations, path: Mapping[str, ArrayLike], among: list[str
     m = equations.mechanism
     free, active = [item.name for item in m.coordinates], [item.name for item in m.actives]
     movable = among or [*free, *active]
+    rates = {name: suffixed(name, "_dot") for name in movable}
     for name in path:
-        if name.removesuffix("_dot") not in movable:
+        if name not in (*rates, *rates.values()):
             raise ComponentError(f"{equations.name}: no coordinate of a path is {name!r}{suggestion(name, movable)}")
-    return [name for name in movable if name in path or f"{name}_dot" in path or (among is None and name in free)]
+    return [name for name in movable if name in path or rates[name] in path or (among is None and name in free)]
 
 
 def _samples(
@@ -168,7 +172,7 @@ def _samples(
 ) -> tuple[NDArray, NDArray]:
     """Instants, and values and rates of the coordinates, (coordinate, 2, n)."""
     t = np.asarray(time, dtype=float)
-    needed = [f"{name}{end}" for name in names for end in ("", "_dot")]
+    needed = [suffixed(name, end) for name in names for end in ("", "_dot")]
     for name in needed:
         if name not in path:
             raise ComponentError(f"{equations.name}: the path lacks {name}; give coordinates and rates")
@@ -190,7 +194,7 @@ def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) 
     """Action of one interval as a function of its two ends, with gradient, Hessian and the norm ∫ δqᵀ A δq dt."""
     count, h = len(names), ca.SX.sym("h")
     ends = ca.SX.sym("ends", 4 * count)
-    symbols = ca.vertcat(*(equations.symbols[f"{name}{end}"] for end in ("", "_dot") for name in names))
+    symbols = ca.vertcat(*(equations.symbols[suffixed(name, end)] for end in ("", "_dot") for name in names))
     L = frozen(equations, equations.lagrangian, values, symbols)
     A = frozen(equations, equations.mass_matrix, values, symbols)
     S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)

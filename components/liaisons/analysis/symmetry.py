@@ -24,6 +24,7 @@ from liaisons.analysis.quantity import (
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import scalar
+from liaisons.language.variables import suffixed
 from liaisons.mechanics.equations import Equations
 
 
@@ -202,7 +203,7 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
 def _require_lengths(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
     """T must be of degree 2 in the lengths and their rates, Σ (r ∂T/∂r + ṙ ∂T/∂ṙ) = 2 T, and L = T - V."""
     m, T = equations.mechanism, equations.kinetic_energy
-    where = stack(m.symbols[f"{name}{end}"] for name in names for end in ("", "_dot"))
+    where = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))
     excess = ca.jtimes(T, where, where) - 2 * T if names else T
     if largest(equations, excess, T, values) != 0:
         lengths = ", ".join(names) or "(none)"

@@ -168,11 +168,12 @@ def _begin(parent: int) -> None:
 
 
 def _row(component: type[Component]) -> dict[str, str]:
-    from liaisons.language import Chain, Mechanism
+    from liaisons.language import Chain, Coordinate, Mechanism
+    from liaisons.language.checks import declared
 
     moving = component if issubclass(component, (Mechanism, Chain)) else None
-    ending = "[n]" if issubclass(component, Chain) else ""
-    free = [f"{c.name}{ending}" for c in moving.coordinates] if moving else []
+    whole = "n" if issubclass(component, Chain) else ""
+    free = [f"{c.name}[{c.size or whole}]".removesuffix("[]") for c in declared(component, Coordinate)]
     free += [orientation.name for orientation in component.orientations] if issubclass(component, Mechanism) else []
     return {
         "name": component.__name__,

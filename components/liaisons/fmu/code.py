@@ -301,27 +301,28 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
 def _contact_fields(model: Model) -> dict[str, object]:
     gaps = sum(not contact.friction for contact in model.contacts)
     counts = {"gaps": gaps, "frictions": len(model.contacts) - gaps, "operators": len(operators_of(model))}
-    counts["indicators"] = len(model.indicators)
+    counts["indicators"] = len(model.contacts)
     return {**counts, **{name: name for name in ("gap", "friction", "operator", "indicator")}}
 
 
 def _contact_tables(model: Model) -> list[str]:
     slot = {name: i for i, name in enumerate(model.memory)}
-    gaps = [c.name for c in model.contacts if not c.friction]
+    gaps = [c for c in model.contacts if not c.friction]
+    named = [c.name for c in gaps]
     first = scalar_count((*model.parameters, *model.inputs))
-    index = index_ranges(model.outputs)
+    index = {v.name: i for i, v in enumerate(model.flat().outputs)}
 
     def loss(name: str) -> int:
         part, dot, _ = name.rpartition(".")
         return slot[f"{part}{dot}impact_loss"]
 
     ends = ("closed", "rests_from", "impulse", "impacts")
-    gap_rows = [_row(_string(name), *(slot[f"{name}_{end}"] for end in ends), loss(name)) for name in gaps]
+    gap_rows = [_row(_string(c.name), *(slot[c.variable(end)] for end in ends), loss(c.name)) for c in gaps]
     friction_rows = [
         _row(
             _string(c.name),
-            slot[f"{c.name}_direction"],
-            gaps.index(c.normal) if c.normal else -1,
+            slot[c.variable("direction")],
+            named.index(c.normal) if c.normal else -1,
             loss(c.name),
         )
         for c in model.contacts
@@ -331,7 +332,7 @@ def _contact_tables(model: Model) -> list[str]:
         *_table("Gap", "gap", gap_rows),
         *_table("DryFriction", "friction", friction_rows),
         *_table("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in operators_of(model)]),
-        *_table("size_t", "indicator", [str(first + index[name].start) for name in model.indicators]),
+        *_table("size_t", "indicator", [str(first + index[name]) for name in model.flat().indicators]),
     ]
 
 

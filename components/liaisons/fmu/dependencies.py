@@ -14,6 +14,7 @@ from scipy.sparse import csr_array, hstack
 from liaisons.expressions.rows import RowProgram, dependencies
 from liaisons.fmu.layout import TIME
 from liaisons.language import Variable
+from liaisons.language.variables import suffixed
 from liaisons.mechanics.model import Model
 
 Pattern = NDArray[np.bool_]
@@ -107,11 +108,12 @@ def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
     """
     if not model.contacts:
         return set(), set()
-    own = tuple(f"{contact.name}_" for contact in model.contacts)
+    own = tuple(suffixed(contact.name, "_").partition("[")[0] for contact in model.contacts)
     modes = [i for i, name in enumerate(model.memory) if name.startswith(own)]
-    rows = _pattern(model.outputs_function, 4)[:, modes].nonzero()[0]  # with contacts there are no arrays
+    rows = _pattern(model.outputs_function, 4)[:, modes].nonzero()[0]
+    outputs = [variable.name for variable in model.outputs for _ in range(variable.count)]
     changing = {v.name for v in model.outputs if v.variability == "discrete" and v.causality == "output"}
-    return changing, changing | {model.outputs[row].name for row in rows}
+    return changing, changing | {outputs[row] for row in rows}
 
 
 def _programs(model: Model) -> dict[str, RowProgram]:

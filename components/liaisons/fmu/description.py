@@ -72,7 +72,7 @@ def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     :param guid: that of the binary, ``"{...}"``.
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports.
     """
-    attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": str(len(model.indicators))}
+    attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": str(len(model.contacts))}
     return document(element("fmiModelDescription", attributes, _parts(model, backend)))
 
 

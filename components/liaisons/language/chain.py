@@ -12,6 +12,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import Formulas, call, declared
 from liaisons.language.declarations import (
+    Declaration,
     InternalState,
     Joint,
     Orientation,
@@ -107,6 +108,10 @@ class Chain(MechanicalComponent, abstract=True):
         return stack(ca.SX(components[axis]) for axis in type(self).joint.axes)
 
     def _check(self) -> None:
+        for item in declared(type(self), Declaration):
+            if item.size:
+                text = f"{type(self).__name__}.{item.name}: size = {item.size!r}: a Chain describes one link"
+                raise ComponentError(f"{text}; what each has is an array of length n already")
         for item in declared(type(self), _MECHANISM_ONLY):
             what = type(item).__name__
             raise ComponentError(f"{type(self).__name__}.{item.name}: a Chain has no {what}; write a Mechanism")

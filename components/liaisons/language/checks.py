@@ -132,7 +132,7 @@ class Formulas:
         :param symbols: all that occur; their units are those of the variables of their names.
         :param more: units of symbols that are no variables.
         """
-        unit = {variable.name: variable.unit for variable in variables} | more
+        unit = {v.name: v.unit for variable in variables for v in (variable, *variable.elements())} | more
         unit |= {item.name: units.ANY for item in declared(self._owner, Symbol) if item.unchecked}
         check_units({name: (symbol, unit.get(name, units.ANY)) for name, symbol in symbols.items()}, self._found)
 

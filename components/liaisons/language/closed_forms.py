@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError, ValidityError, suggestion
-from liaisons.language.chain import Chain
 from liaisons.language.component import Component
+from liaisons.language.declarations import Size
+from liaisons.language.mechanism import Mechanism
 from liaisons.language.variables import Variable
 
 R = TypeVar("R")
@@ -147,19 +148,20 @@ def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], Cl
 
 
 def _settable(owner: type[Component], values: dict[str, Any]) -> Mapping[str, Variable]:
-    """Parameters, start values and inputs, as declared; of a chain as long as n, which is taken out, or an array."""
-    if not issubclass(owner, Chain):
+    """Parameters, start values and inputs, as declared; of n, which is taken out, or as many elements as an array."""
+    size = getattr(owner, "n", None)
+    if not isinstance(size, Size):
         return _variables(owner)
     arrays = (len(value) for value in values.values() if np.ndim(value) == 1)
     try:
-        return _variables(owner, owner.n.checked(owner.__name__, values.pop("n", next(arrays, owner.n.default))))
+        return _variables(owner, size.checked(owner.__name__, values.pop("n", next(arrays, size.default))))
     except ComponentError as error:
         raise ValidityError(str(error)) from None
 
 
 @cache
 def _variables(owner: type[Component], *size: int) -> Mapping[str, Variable]:
-    layout = owner(*size).layout()
+    layout = (owner.of_size(*size)() if size and issubclass(owner, Mechanism) else owner(*size)).layout()
     sizes = (Variable(d.name, "1", d.description, "parameter", "fixed", start=d.count) for d in layout.dimensions)
     return {variable.name: variable for variable in (*layout.parameters, *layout.inputs, *sizes)}
 

@@ -41,8 +41,8 @@ class DeclarationsOf(Generic[D]):
         return declarations
 
     def find(self, owner: type) -> tuple[D, ...]:
-        """Collect the declarations."""
-        return declared(owner, self._kind)
+        """Collect the declarations, of arrays those of their elements."""
+        return tuple(element for item in declared(owner, self._kind) for element in item.elements(owner))
 
 
 class Component(ABC):
@@ -98,6 +98,9 @@ class Component(ABC):
         # Only called for names that do not exist: a misspelt symbol in a method of the component.
         if name.startswith("__") or "symbols" not in self.__dict__:
             raise AttributeError(name)
+        array, bracket, index = name.partition("[")
+        if bracket:
+            return getattr(self, array)[int(index[:-1]) - 1]
         names = [n for n in dir(type(self)) if not n.startswith("_")]
         coordinate, _, order = name.rpartition("_")
         if name in self.symbols and coordinate in names and order in ("dot", "ddot"):

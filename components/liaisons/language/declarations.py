@@ -35,6 +35,7 @@ class Declaration(ABC, Generic[T]):
 
     example: ClassVar[str] = ""  # for messages about wrong arguments
     name: str = "?"
+    size: str = ""  # of an array in a mechanism: name of a Size, or that less a number
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         try:
@@ -73,6 +74,28 @@ class Declaration(ABC, Generic[T]):
     def value_in(self, instance: Any) -> T:
         """Symbol or expression in an instance of the component."""
 
+    def extent(self, owner: type) -> Dimension | None:
+        """Number of its elements in a mechanism; None: it is no array."""
+        if not self.size:
+            return None
+        name, _, less = self.size.replace(" ", "").partition("-")
+        size = getattr(owner, name, None)
+        if not isinstance(size, Size) or (less and not less.isdigit()):
+            raise ComponentError(
+                f"{owner.__name__}.{self.name}: size = {self.size!r}: name a Size of the mechanism, as 'n' or 'n - 1'"
+            )
+        return Dimension(self.size, size.default - int(less or 0), size.description)
+
+    def elements(self, owner: type) -> tuple[Self, ...]:
+        """Declarations of the elements of an array; of a scalar itself."""
+        extent = self.extent(owner)
+        return (self,) if extent is None else tuple(self._element(i) for i in range(extent.count))
+
+    def _element(self, i: int) -> Self:
+        item = object.__new__(type(self))
+        vars(item).update(vars(self), name=element(self.name, i + 1), size="")
+        return item
+
 
 class Symbol(Declaration[ca.SX]):
     """A declaration that stands for one scalar symbol with a start value and a domain; abstract.
@@ -83,6 +106,8 @@ class Symbol(Declaration[ca.SX]):
     :param symbol: letter in the FMU's documentation, ``"κ"`` or ``"m_1"``; by default that of the name.
     :raises ComponentError: for contradictory bounds, or a value that is no number.
     """
+
+    leading: tuple[float, ...] = ()  # start values of the first elements of an array
 
     def __init__(
         self,
@@ -112,10 +137,17 @@ class Symbol(Declaration[ca.SX]):
         self.minimum, self.maximum = (x if x is None else _number(x, description) for x in (low, high))
 
     def value_in(self, instance: Any) -> ca.SX:
+        if self.size:
+            return ca.vertcat(*(instance.symbols[item.name] for item in self.elements(type(instance))))
         return instance.symbols[self.name]
 
     def __set__(self, instance: object, value: object) -> None:
         raise ComponentError(f"{type(instance).__name__}.{self.name} is a symbol and cannot be assigned")
+
+    def _element(self, i: int) -> Self:
+        item = super()._element(i)
+        item.start, item.leading = _nth(self.leading, i, self.start), ()
+        return item
 
     def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
         """FMU variable of the symbol, with its start value and domain."""
@@ -136,15 +168,16 @@ class Symbol(Declaration[ca.SX]):
 class Parameter(Symbol):
     """A parameter, set before the start.
 
-    :param default: default value [unit].
+    :param default: default value [unit]; of an array also a tuple, whose last value is that of all further elements.
     :param tunable: may change between two communication steps.
+    :param size: of an array in a mechanism: name of a Size, ``"n"``, or that less a number, ``"n - 1"``.
     """
 
     example = 'Parameter(1.0, "kg", "mass of the bob")'
 
     def __init__(
         self,
-        default: float,
+        default: float | tuple[float, ...],
         unit: str,
         description: str,
         *,
@@ -154,11 +187,15 @@ class Parameter(Symbol):
         maximum: float | None = None,
         tunable: bool = False,
         symbol: str = "",
+        size: str = "",
         unchecked: str | None = None,
     ) -> None:
+        self.leading, start = _leading(default, description)
+        if self.leading:
+            start = self.leading[-1]
         bounds = {"above": above, "minimum": minimum, "below": below, "maximum": maximum}
-        super().__init__(unit, description, start=default, symbol=symbol, unchecked=unchecked, **bounds)
-        self.tunable = tunable
+        super().__init__(unit, description, start=start, symbol=symbol, unchecked=unchecked, **bounds)
+        self.tunable, self.size = tunable, size
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -176,8 +213,7 @@ class ParameterArray(Parameter):
     example = 'ParameterArray((0.0, 1.0), "s", "instants", Dimension("knots", 100, "number of knots"))'
 
     def __init__(self, default: tuple[float, ...], unit: str, description: str, dimension: Dimension) -> None:
-        super().__init__(0.0, unit, description)
-        self.leading = tuple(_number(value, description) for value in default)
+        super().__init__(default, unit, description)
         self.dimension = dimension
 
     @property
@@ -216,7 +252,7 @@ class Coordinate(Symbol):
     """A free coordinate q, which follows the equations of motion (x^i, i <= p, of M 3.5).
 
     :param start: initial value; ``start_rate`` the initial rate.  In a chain also a tuple: values of the first links;
-        those of the others are 0.
+        those of the others are 0.  Likewise in an array, which has a ``size``, as parameters have.
     :param above: excluded lower bound of the motion, ``below`` the upper one (a singularity lies there).
     :param nominal: nominal value, which scales the absolute tolerance.
     """
@@ -229,19 +265,25 @@ class Coordinate(Symbol):
         description: str,
         *,
         start: float | tuple[float, ...] = 0.0,
-        start_rate: float = 0.0,
+        start_rate: float | tuple[float, ...] = 0.0,
         above: float | None = None,
         below: float | None = None,
         nominal: float = 1.0,
         symbol: str = "",
+        size: str = "",
     ) -> None:
-        self.leading = tuple(_number(value, description) for value in start) if isinstance(start, tuple) else ()
-        rest = 0.0 if isinstance(start, tuple) else start
+        self.leading, rest = _leading(start, description)
         super().__init__(unit, description, start=rest, above=above, below=below, symbol=symbol)
-        self.start_rate = _number(start_rate, description)
+        self.leading_rates, rate = _leading(start_rate, description)
+        self.start_rate, self.size = _number(rate, description), size
         self.nominal = _number(nominal, description)
         if self.nominal <= 0:
             raise ComponentError(f"{description!r}: nominal = {nominal} must be > 0")
+
+    def _element(self, i: int) -> Self:
+        item = super()._element(i)
+        item.start_rate, item.leading_rates = _nth(self.leading_rates, i, self.start_rate), ()
+        return item
 
 
 class ActiveCoordinate(Symbol):
@@ -263,7 +305,7 @@ class InternalState(Symbol):
 
 
 class Size(Declaration[int]):
-    """A structural parameter: the number of links of a chain, at least 2, fixed when the FMU is built.
+    """A structural parameter: the number of links of a chain, or of elements, at least 2, fixed when the FMU is built.
 
     :param default: default value.
     """
@@ -436,15 +478,22 @@ class unilateral(DeclaredFormula[ca.SX]):
     Impacts obey Newton's law, v⁺ = -e v⁻ (docs/explanation/unilateral.md).
 
     :param restitution: name of the parameter e, in [0, 1]; none: 0.
+    :param size: of an array, which the method returns as a column: name of a Size, or that less a number, ``"n - 1"``.
     """
 
     example = '@unilateral("m", "distance of ball and table", restitution="bounce")'
 
     def __init__(
-        self, unit: str, description: str, *, restitution: str | None = None, unchecked: str | None = None
+        self,
+        unit: str,
+        description: str,
+        *,
+        restitution: str | None = None,
+        size: str = "",
+        unchecked: str | None = None,
     ) -> None:
         super().__init__(unit, description, unchecked=unchecked)
-        self.restitution = restitution
+        self.restitution, self.size = restitution, size
 
 
 class dry_friction(DeclaredFormula[ca.SX]):
@@ -539,6 +588,15 @@ def _reason(why: object) -> str:
     if not isinstance(why, str) or not why.strip():
         raise ComponentError(f"unchecked = {why!r}: say why, for example unchecked='an empirical law'")
     return why
+
+
+def _leading(value: float | tuple[float, ...], description: str) -> tuple[tuple[float, ...], float]:
+    """Values of the first elements of an array, and of the rest."""
+    return (tuple(_number(x, description) for x in value), 0.0) if isinstance(value, tuple) else ((), value)
+
+
+def _nth(leading: tuple[float, ...], i: int, rest: float) -> float:
+    return leading[i] if i < len(leading) else rest
 
 
 def _number(value: float, description: str) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 
 from liaisons import units
 from liaisons.language.declarations import InternalState
@@ -17,6 +18,8 @@ from liaisons.language.variables import (
     TerminalKind,
     TerminalMember,
     Variable,
+    element,
+    suffixed,
 )
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force.
@@ -40,6 +43,63 @@ class Layout:
     def variables(self) -> tuple[Variable, ...]:
         """All of them: parameters, inputs, outputs."""
         return self.parameters + self.inputs + self.outputs
+
+    def flat(self) -> Layout:
+        """Layout with a variable for each element of an array."""
+        count = {v.name: v.count for v in self.outputs if v.dimension is not None}
+        states = (
+            [State(element(s.name, i), element(s.derivative, i)) for i in range(1, count[s.name] + 1)]
+            if s.name in count
+            else [s]
+            for s in self.states
+        )
+        groups = {"parameters": self.parameters, "inputs": self.inputs, "outputs": self.outputs}
+        elements = {name: tuple(v for array in group for v in array.elements()) for name, group in groups.items()}
+        return replace(self, **elements, states=tuple(chain.from_iterable(states)))
+
+    def with_arrays(self, dimensions: Mapping[int, Dimension]) -> Layout:
+        """Layout with arrays in the place of their elements.
+
+        :param dimensions: by their number of elements.
+        """
+
+        def arrays(variables: Iterable[Variable]) -> tuple[Variable, ...]:
+            groups: dict[str, list[Variable]] = {}
+            for variable in variables:
+                groups.setdefault(_array(variable.name), []).append(variable)
+            return tuple(_joined(name, group, dimensions) for name, group in groups.items())
+
+        states = dict.fromkeys(State(_array(state.name), _array(state.derivative)) for state in self.states)
+        ports = dict.fromkeys(
+            Terminal(_array(p.name), p.kind, tuple(TerminalMember(m.role, _array(m.variable)) for m in p.members))
+            for p in self.ports
+        )
+        return replace(
+            self,
+            parameters=arrays(self.parameters),
+            inputs=arrays(self.inputs),
+            outputs=arrays(self.outputs),
+            states=tuple(states),
+            ports=tuple(ports),
+        )
+
+
+def _array(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def _joined(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Dimension]) -> Variable:
+    first = elements[0]
+    if first.name == name:  # a scalar
+        return first
+    return replace(
+        first,
+        name=name,
+        description=first.description.replace("[1]", ""),
+        start=None if first.start is None else tuple(x for item in elements for x in item.starts),
+        derivative_of=first.derivative_of and _array(first.derivative_of),
+        dimension=dimensions[len(elements)],
+    )
 
 
 def readable(
@@ -66,13 +126,13 @@ def event_output(
 
 def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
     """The rate of a state, where it is no output."""
-    return readable(f"{name}_dot", unit, text, "local", derivative_of=name, dimension=dimension)
+    return readable(suffixed(name, "_dot"), unit, text, "local", derivative_of=name, dimension=dimension)
 
 
-def start(name: str, unit: str, value: float, dimension: Dimension | None = None) -> Variable:
+def start(name: str, unit: str, value: float | tuple[float, ...], dimension: Dimension | None = None) -> Variable:
     """Parameter of an initial value without a declaration."""
     text = f"initial value of {name}"
-    return Variable(f"{name}_0", unit, text, "parameter", "fixed", start=value, dimension=dimension)
+    return Variable(suffixed(name, "_0"), unit, text, "parameter", "fixed", start=value, dimension=dimension)
 
 
 def zero(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
@@ -93,6 +153,7 @@ def start_of_internal(state: InternalState) -> Variable:
 
 def port(name: str, unit: str, kind: TerminalKind) -> Terminal:
     """A connector: position, rate, acceleration, and force or load."""
-    variables = (name, f"{name}_dot", f"{name}_ddot", f"{name}_{'force' if kind == 'active' else 'load'}")
+    endings = ("", "_dot", "_ddot", "_force" if kind == "active" else "_load")
+    variables = [suffixed(name, ending) for ending in endings]
     roles = _ROTATION if unit == "rad" else _TRANSLATION
     return Terminal(name, kind, tuple(TerminalMember(role, name) for role, name in zip(roles, variables, strict=True)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import casadi as ca
 
@@ -16,8 +17,10 @@ from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import (
     ActiveCoordinate,
     Coordinate,
+    Declaration,
     InternalState,
     Orientation,
+    Size,
     calculated,
     constraint,
     dry_friction,
@@ -29,7 +32,7 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
-from liaisons.language.variables import ActiveInput, Dimension, State, Variable
+from liaisons.language.variables import ActiveInput, Dimension, State, Variable, suffixed
 
 
 class _Actives(DeclarationsOf[ActiveCoordinate]):
@@ -55,6 +58,7 @@ class MechanicalComponent(Component, abstract=True):
     outputs = DeclarationsOf(output)
     calculated_parameters = DeclarationsOf(calculated)
     dimension: Dimension | None = None  # of the variables of links
+    sizes: dict[str, int]
 
     @abstractmethod
     def kinetic_energy(self) -> ca.SX:
@@ -104,12 +108,13 @@ class MechanicalComponent(Component, abstract=True):
             *(name for orientation in self.orientations for name in orientation.momenta),
         ]
         moving = (*positions, *momenta, *(state.name for state in self.internal_states))
-        return Layout(
+        extents = [extent for item in declared(type(self), Declaration) if (extent := item.extent(type(self)))]
+        variables = Layout(
             parameters=(*self._declared_parameters(), *self._start_parameters()),
             inputs=tuple(self._inputs(units_at)),
             outputs=(*self._motion_outputs(), *self._dynamics_outputs()),
             states=(
-                *(State(name, f"{name}_dot") for name in moving),
+                *(State(name, suffixed(name, "_dot")) for name in moving),
                 State("work", "power"),
                 State("dissipated", "dissipation"),
             ),
@@ -119,17 +124,20 @@ class MechanicalComponent(Component, abstract=True):
                 *(layout.port(name, unit, "point") for name, unit in units_at.items()),
             ),
             active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in self.actives),
-            dimensions=() if self.dimension is None else (self.dimension,),
+            dimensions=tuple(
+                Dimension(size.name, self.sizes[size.name], size.description) for size in declared(type(self), Size)
+            ),
         )
+        return variables.with_arrays({extent.count: extent for extent in extents}) if extents else variables
 
     def _start_parameters(self) -> Iterator[Variable]:
         """Start values of configuration, and rates or momenta."""
         size = self.dimension
         for q in self.coordinates:
-            position = q.variable("parameter", "fixed", f"{q.name}_0")
+            position = q.variable("parameter", "fixed", suffixed(q.name, "_0"))
             text = f"{q.description}, at the start"
             yield replace(position, description=text, start=q.leading or q.start, dimension=size)
-            yield layout.start(f"{q.name}_dot", units.rate(q.unit), q.start_rate, size)
+            yield layout.start(suffixed(q.name, "_dot"), units.rate(q.unit), q.leading_rates or q.start_rate, size)
         for orientation in self.orientations:
             by_rate = orientation.start == "rate"
             names, unit = (orientation.rates, "rad/s") if by_rate else (orientation.momenta, "kg.m2/s")
@@ -149,9 +157,10 @@ class MechanicalComponent(Component, abstract=True):
             yield layout.zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}, {together}")
         for q in self.coordinates:
             unit, along = units.force(q.unit), f"along +{q.name}"
-            yield layout.zero(f"{q.name}_force", unit, f"generalised force on this mechanism {along} (K eq. 14)", size)
+            text = f"generalised force on this mechanism {along} (K eq. 14)"
+            yield layout.zero(suffixed(q.name, "_force"), unit, text, size)
             load = f"generalised force that this mechanism exerts {along} on what is attached to it"
-            yield layout.zero(f"{q.name}_load", unit, load, size)
+            yield layout.zero(suffixed(q.name, "_load"), unit, load, size)
         for name, of in units_at.items():
             text = f"force that this mechanism exerts along +{name} on what is attached there"
             yield layout.zero(f"{name}_load", units.force(of), text, size)
@@ -161,9 +170,10 @@ class MechanicalComponent(Component, abstract=True):
         readable, size = layout.readable, self.dimension
         for q in self.coordinates:
             speed, momentum = units.rate(q.unit), f"p_{q.name}"
+            rate, acceleration = (suffixed(q.name, end) for end in ("_dot", "_ddot"))
             yield readable(q.name, q.unit, q.description, symbol=q.symbol, dimension=size)
-            yield readable(f"{q.name}_dot", speed, f"rate of {q.name}", derivative_of=q.name, dimension=size)
-            yield readable(f"{q.name}_ddot", units.rate(speed), f"acceleration of {q.name}", dimension=size)
+            yield readable(rate, speed, f"rate of {q.name}", derivative_of=q.name, dimension=size)
+            yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}", dimension=size)
             yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}", dimension=size)
             text = f"rate of {momentum}: all generalised forces along {q.name}"
             yield layout.rate(momentum, units.force(q.unit), text, size)
@@ -227,15 +237,15 @@ class MechanicalComponent(Component, abstract=True):
         """Unilateral liaisons and dry friction (DESIGN of names: docs/reference/fmu.md)."""
         readable, at_events = layout.readable, layout.event_output
         for item in self.unilaterals:
-            name, force = item.name, units.force(item.unit)
+            name, of, momentum = item.name, partial(suffixed, item.name), units.momentum(item.unit)
             yield readable(name, item.unit, item.description)
-            yield readable(f"{name}_dot", units.rate(item.unit), f"rate of {name}")
-            yield readable(f"{name}_force", force, f"force that upholds {name} >= 0")
-            yield at_events(f"{name}_impulse", units.momentum(item.unit), f"sum of the impulses of impacts at {name}")
-            yield at_events(f"{name}_closed", "1", f"whether {name} rests at 0", of_type="Boolean")
-            yield at_events(f"{name}_impacts", "1", f"how many impacts {name} has had", of_type="Integer")
-            yield at_events(f"{name}_rests_from", "s", f"when the bounces of {name} end, or have ended", "local")
-            yield readable(f"{name}_indicator", "1", f"event indicator of {name}", "local")
+            yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
+            yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
+            yield at_events(of("_impulse"), momentum, f"sum of the impulses of impacts at {name}")
+            yield at_events(of("_closed"), "1", f"whether {name} rests at 0", of_type="Boolean")
+            yield at_events(of("_impacts"), "1", f"how many impacts {name} has had", of_type="Integer")
+            yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", "local")
+            yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
         for item in self.dry_frictions:
             name = item.name
             yield readable(name, item.unit, item.description)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cache
 from typing import NoReturn, Self
 
 import casadi as ca
@@ -13,10 +14,20 @@ import numpy as np
 from liaisons import units
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
-from liaisons.language.checks import Formulas, call, scalar
+from liaisons.language.checks import Formulas, call, declared, scalar
 from liaisons.language.component import DeclarationsOf
-from liaisons.language.declarations import ActiveCoordinate, Coordinate, Declaration, Parameter, assertion
+from liaisons.language.declarations import (
+    ActiveCoordinate,
+    Coordinate,
+    Declaration,
+    Parameter,
+    ParameterArray,
+    Size,
+    assertion,
+    unilateral,
+)
 from liaisons.language.mechanical import MechanicalComponent
+from liaisons.language.variables import suffixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +86,22 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def __init__(self) -> None:
         super().__init__()
+        self.sizes = {size.name: size.default for size in declared(type(self), Size)}
         free, orientations = [c.name for c in self.coordinates], self.orientations
         if len(orientations) > 1:
             raise ComponentError(
                 f"{type(self).__name__}: declare one Orientation at most; the names of its variables are fixed"
             )
-        rates, momenta = [f"{q}_dot" for q in free], [f"p_{q}" for q in free]
+        rates, momenta = [suffixed(q, "_dot") for q in free], [f"p_{q}" for q in free]
+        accelerations = [suffixed(q, "_ddot") for q in free]
         for orientation in orientations:
             rates, momenta = [*rates, *orientation.rates], [*momenta, *orientation.momenta]
+            accelerations += [f"{rate}_dot" for rate in orientation.rates]
         self.free = FreeColumns(
             q=self._symbols([*free, *(name for item in orientations for name in item.quaternion)]),
             q_dot=self._symbols(rates),
             p=self._symbols(momenta),
-            q_ddot=self._symbols(
-                f"{name.removesuffix('_dot')}_{'ddot' if name.endswith('_dot') else 'dot'}" for name in rates
-            ),
+            q_ddot=self._symbols(accelerations),
             kinematics=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).kinematics for o in orientations)),
             frame=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).matrix for o in orientations)),
         )
@@ -102,7 +114,8 @@ class Mechanism(MechanicalComponent, abstract=True):
         )
         self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
-        self.contact_forces = self._symbols(f"{c.name}_force" for c in (*self.unilaterals, *self.dry_frictions))
+        contacts = (*self.unilaterals, *self.dry_frictions)
+        self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in contacts)
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
     # ---- defined by components -----------------------------------------------------------------------------
@@ -114,6 +127,18 @@ class Mechanism(MechanicalComponent, abstract=True):
     def internal_rates(self) -> Mapping[str, ca.SX]:
         """Rates of the internal states, by name."""
         return {}
+
+    @classmethod
+    def of_size(cls, n: object) -> type[Mechanism]:
+        """The same mechanism with n elements.
+
+        :raises ComponentError: if it has no Size n, or n is no whole number, or too small.
+        """
+        size = getattr(cls, "n", None)
+        if not isinstance(size, Size):
+            raise ComponentError(f"{cls.__name__}: n = {n!r}: only what declares n = Size(...) has a size")
+        count = size.checked(cls.__name__, n)
+        return cls if count == size.default else _resized(cls, count, size.description)
 
     # ---- for use in methods --------------------------------------------------------------------------------------
 
@@ -136,7 +161,9 @@ class Mechanism(MechanicalComponent, abstract=True):
     def contact_force(self, name: str) -> ca.SX:
         """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
         of = "unilateral liaisons or dry frictions"
-        return self._symbol(f"{name}_force", f"contact_force({name!r})", (*self.unilaterals, *self.dry_frictions), of)
+        return self._symbol(
+            suffixed(name, "_force"), f"contact_force({name!r})", (*self.unilaterals, *self.dry_frictions), of
+        )
 
     def contact_rates(self) -> ca.SX:
         """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
@@ -181,14 +208,16 @@ class Mechanism(MechanicalComponent, abstract=True):
         declared = (*self.parameters, *self.coordinates, *self.actives, *self.internal_states)
         values = dict.fromkeys(self.symbols, 0.0) | {item.name: item.start for item in declared}
         values |= {orientation.quaternion[0]: 1.0 for orientation in self.orientations}
-        return values | {f"{q.name}_dot": q.start_rate for q in self.coordinates}
+        return values | {suffixed(q.name, "_dot"): q.start_rate for q in self.coordinates}
 
     def _check(self) -> None:
-        for item in self.coordinates:
-            if item.leading:
-                raise ComponentError(
-                    f"{type(self).__name__}.{item.name}: start = {item.leading}: only a Chain starts by links"
-                )
+        for item in (*self.coordinates, *self.parameters):
+            if item.leading and not isinstance(item, ParameterArray):
+                self._refuse(item, f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
+        for item in declared(type(self), unilateral):
+            extent, column = item.extent(type(self)), call(self, item.name)
+            if extent and ca.SX(column).shape != (extent.count, 1):
+                self._refuse(item, f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
         parameters, internal = self._named(self.parameter_column), self._named(self.internal)
         configuration = parameters | self._named(self.free.q, self.active.s)
         motion = configuration | self._named(self.free.q_dot, self.active.s_dot)
@@ -267,6 +296,12 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def _refuse(self, item: Declaration, why: str) -> NoReturn:
         raise ComponentError(f"{type(self).__name__}.{item.name} {why}")
+
+
+@cache
+def _resized(component: type[Mechanism], n: int, description: str) -> type[Mechanism]:
+    own = {"n": Size(n, description), "__doc__": component.__doc__, "__module__": component.__module__}
+    return type(component.__name__, (component,), own)
 
 
 def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:

@@ -9,6 +9,8 @@ from typing import Any, Literal, TypeAlias, final
 
 import casadi as ca
 
+from liaisons.language.variables import suffixed
+
 VariableReference: TypeAlias = Mapping[str, Any]
 """A point's components [m] by axis, ``x`` to the right, ``y`` away, ``z`` up; those left out are 0."""
 
@@ -137,7 +139,7 @@ class Flash(Drawn):
     liaison: str
 
     def document(self, named: Named) -> dict[str, Any]:
-        return {"shape": "flash", "at": _point(self.at, named), "count": f"{self.liaison}_impacts"}
+        return {"shape": "flash", "at": _point(self.at, named), "count": suffixed(self.liaison, "_impacts")}
 
 
 Shape: TypeAlias = Rod | Ball | Box | Wire | Spring | Trail | Rope | Floor | Flash

@@ -22,16 +22,16 @@ def assemble(component: type[Component], n: object = None) -> Model:
     """Model of a component: derived, and laid out as variables and functions; names: docs/reference/fmu.md.
 
     :param component: a subclass of Mechanism, Chain or Operator.
-    :param n: number of links of a chain; as declared by default.
-    :raises ComponentError: if n is no whole number, is too small, or the component is no chain.
+    :param n: number of links of a chain, or of elements of a mechanism; as declared by default.
+    :raises ComponentError: if n is no whole number, is too small, or the component has no Size n.
     """
     if issubclass(component, Chain):
         return chain_model(component, component(n).sizes["n"])
-    if n is not None:
-        raise ComponentError(f"{component.__name__}: n = {n!r}: only a Chain has links")
     if issubclass(component, Mechanism):
-        return mechanism_model(component)
+        return mechanism_model(component if n is None else component.of_size(n))
     assert issubclass(component, Operator)
+    if n is not None:
+        raise ComponentError(f"{component.__name__}: n = {n!r}: an operator has no size")
     return _operator_model(component)
 
 

@@ -32,6 +32,7 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.mechanism import Mechanism
+from liaisons.language.variables import suffixed
 from liaisons.mechanics.constraints import (
     STABILISATION,
     Constraints,
@@ -169,7 +170,9 @@ def derive(component: type[Mechanism]) -> Equations:
     rubbing = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
-    drives, loads = (stack(ca.SX.sym(f"{q.name}_{end}") for q in component.coordinates) for end in ("force", "load"))
+    drives, loads = (
+        stack(ca.SX.sym(suffixed(q.name, end)) for q in component.coordinates) for end in ("_force", "_load")
+    )
     driven = len(component.coordinates)
     points = m.point_components()
     position = ca.cse(stack(points.values()))

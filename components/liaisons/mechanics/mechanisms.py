@@ -11,6 +11,7 @@ import casadi as ca
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
+from liaisons.language.variables import suffixed
 from liaisons.mechanics.energy_accounting import definitions, function, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Model, described
@@ -32,23 +33,24 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     equations = derive(component)
     m = equations.mechanism
     contacts, layout = contacts_of(m), m.layout()
-    symbols = {v.name: ca.SX.sym(v.name) for v in layout.parameters} | equations.symbols
     if contacts:
         layout = relaxed_layout(m, layout)
-        symbols |= {f"{c.name}_multiplier": m.contact_force(c.name) for c in contacts}
+    flat = layout.flat()
+    symbols = {v.name: ca.SX.sym(v.name) for v in flat.parameters} | equations.symbols
+    symbols |= {c.variable("multiplier"): m.contact_force(c.name) for c in contacts}
 
     # The vectors of Model.
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
     y = ca.vertcat(m.free.q, m.free.p, m.internal, work, dissipated)
-    u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
+    u, k = (stack(symbols[v.name] for v in group) for group in (flat.inputs, flat.parameters))
 
     rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
     # A jump of σ̇ through a rheonomic constraint changes the state.
     projection = equations.projection
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(m), _start_conditions(equations)
-    read = _outputs(equations, layout, rates)
-    z = stack(ca.SX(read.get(v.name, 0)) for v in layout.outputs)  # 0: the energy balance, filled in below
+    read = _outputs(equations, flat, rates)
+    z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
     distances, initial = stack((lasting | at_start).values()), ca.vertcat(*_initial(equations, symbols), 0, 0)
     # All in one: what the expressions share stays shared.
     columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed]
@@ -57,7 +59,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     initial, rates, energy, z, sizes, distances, landed = ca.vertsplit(together, ends)
     booked = definitions(
         [t, y, u, k],
-        layout,
+        flat,
         initial=initial,
         rates=rates,
         energy=energy,
@@ -71,7 +73,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     shown = mechanism_picture(m, read | symbols)
     model = Model(
         **(described(m) | vars(layout)),
-        memory=memory_of(layout),
+        memory=memory_of(flat),
         **functions,
         conditions=function("conditions", [t, y, u, k], distances),
         condition_texts=(*lasting, *at_start),
@@ -105,7 +107,7 @@ def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
     m = equations.mechanism
     count = len(m.coordinates)
     names = [q.name for q in m.coordinates]
-    rates = [f"{name}_dot" for name in names]
+    rates = [suffixed(name, "_dot") for name in names]
     p = m.free.frame @ equations.momenta
     unknown: list[ca.SX] = []  # rates of an orientation that starts from its momentum
     for orientation in m.orientations:
@@ -115,8 +117,8 @@ def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
         else:
             unknown = ca.vertsplit(m.free.q_dot[count:])
             p = ca.vertcat(p[:count, 0], *(symbols[f"{name}_0"] for name in orientation.momenta))
-    q_0 = stack(symbols[f"{name}_0"] for name in names)
-    v_0 = stack([*(symbols[f"{name}_0"] for name in rates), *unknown])
+    q_0 = stack(symbols[suffixed(name, "_0")] for name in names)
+    v_0 = stack([*(symbols[suffixed(name, "_0")] for name in rates), *unknown])
     p_0 = ca.substitute(p, ca.vertcat(m.free.q, m.free.q_dot), ca.vertcat(q_0, v_0))
     return [q_0, p_0, stack(symbols[f"{state.name}_0"] for state in m.internal_states)]
 

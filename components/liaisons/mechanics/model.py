@@ -35,6 +35,7 @@ from liaisons.language.variables import (
     TerminalMember,
     Variable,
     element,
+    suffixed,
 )
 
 
@@ -96,6 +97,10 @@ class Contact:
     name: str
     friction: bool = False
     normal: str = ""  # of dry friction: the unilateral liaison whose force bounds it
+
+    def variable(self, ending: str) -> str:
+        """Name of one of its variables."""
+        return suffixed(self.name, f"_{ending}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,8 +167,10 @@ class Model:
 
     @property
     def indicators(self) -> tuple[str, ...]:
-        """Names of the event indicators."""
-        return tuple(f"{contact.name}_indicator" for contact in self.contacts)
+        """Names of the event indicators, which are one or arrays."""
+        own = {v.name for v in self.outputs}
+        names = (contact.variable("indicator") for contact in self.contacts)
+        return tuple(dict.fromkeys(name if name in own else name.partition("[")[0] for name in names))
 
     @property
     def variables(self) -> tuple[Variable, ...]:

@@ -16,6 +16,7 @@ from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.operator import Operator
+from liaisons.language.variables import suffixed
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
@@ -28,8 +29,8 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs."""
     m = equations.mechanism
     names = [q.name for q in m.coordinates]
-    rates = [f"{name}_dot" for name in names]
-    momenta, momentum_rates = [f"p_{name}" for name in names], [f"p_{name}_dot" for name in names]
+    rates, momenta = [suffixed(name, "_dot") for name in names], [f"p_{name}" for name in names]
+    momentum_rates = [suffixed(name, "_dot") for name in momenta]
     for orientation in m.orientations:
         names, rates = [*names, *orientation.quaternion], [*rates, *orientation.rates]
         momenta = [*momenta, *orientation.momenta]
@@ -136,8 +137,8 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     applied = ca.vertcat(*_applied(equations)) + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
     return (
         Equation("hamiltonian", "H", ca.dot(solved, moving) / 2 - still[-1]),
-        *_rows("canonical", [f"{name}_dot" for name in names], solved),
-        *_rows("canonical", [f"p_{name}_dot" for name in names], pulled + applied),
+        *_rows("canonical", [suffixed(name, "_dot") for name in names], solved),
+        *_rows("canonical", [suffixed(f"p_{name}", "_dot") for name in names], pulled + applied),
     )
 
 

@@ -28,7 +28,7 @@ from liaisons.expressions.algebra import stack
 from liaisons.language.declarations import Orientation
 from liaisons.language.layout import Layout, readable, zero
 from liaisons.language.mechanism import Mechanism
-from liaisons.language.variables import Variable
+from liaisons.language.variables import Variable, suffixed
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.energy_accounting import function
 from liaisons.mechanics.model import Contact, Model
@@ -58,7 +58,7 @@ def relaxed_layout(m: Mechanism, layout: Layout) -> Layout:
     """Layout with the contact forces as inputs, and what modes are chosen by as outputs, behind all others."""
     unit_of = {item.name: units.rate(item.unit) for item in m.unilaterals}
     unit_of |= {item.name: item.unit for item in m.dry_frictions}
-    forces = (zero(f"{name}_multiplier", units.multiplier(unit), name) for name, unit in unit_of.items())
+    forces = (zero(suffixed(name, "_multiplier"), units.multiplier(unit), name) for name, unit in unit_of.items())
     hidden = (readable(name, units.ANY, name) for contact in contacts_of(m) for name in _hidden(contact))
     return replace(layout, inputs=(*layout.inputs, *forces), outputs=(*layout.outputs, *hidden))
 
@@ -69,14 +69,14 @@ def contact_expressions(m: Mechanism) -> dict[str, ca.SX]:
     for item in m.unilaterals:
         gap = ca.SX(getattr(m, item.name))
         rate = m.dot(gap)
-        expressions |= {item.name: gap, f"{item.name}_dot": rate}
-        expressions |= {f"{item.name}_restitution": m.threshold(item.restitution or "")}
-        expressions |= {f"{item.name}_scale": _position_scale(m, gap)} | _scales(m, item.name, rate)
+        expressions |= {item.name: gap, suffixed(item.name, "_dot"): rate}
+        expressions |= {suffixed(item.name, "_restitution"): m.threshold(item.restitution or "")}
+        expressions |= {suffixed(item.name, "_scale"): _position_scale(m, gap)} | _scales(m, item.name, rate)
     for item in m.dry_frictions:
         rate = ca.SX(getattr(m, item.name))
         expressions |= {item.name: rate} | _scales(m, item.name, rate)
-        expressions |= {f"{item.name}_static": m.threshold(item.static)}
-        expressions |= {f"{item.name}_sliding": m.threshold(item.sliding)}
+        expressions |= {suffixed(item.name, "_static"): m.threshold(item.static)}
+        expressions |= {suffixed(item.name, "_sliding"): m.threshold(item.sliding)}
     return expressions
 
 
@@ -86,7 +86,7 @@ def with_modes(relaxed: Model) -> Model:
 
 
 def _hidden(contact: Contact) -> Iterable[str]:
-    return (f"{contact.name}_{end}" for end in _HIDDEN[contact.friction])
+    return (contact.variable(end) for end in _HIDDEN[contact.friction])
 
 
 # ---- scales, by which rounding errors are told from numbers ------------------------------------------------------
@@ -112,9 +112,9 @@ def _scales(m: Mechanism, name: str, rate: ca.SX) -> dict[str, ca.SX]:
     driven = ca.fabs(across) @ ca.fabs(active.s_dot)
     forced = ca.fabs(along) @ ca.fabs(free.q_ddot) + ca.fabs(across) @ ca.fabs(active.s_ddot) + ca.fabs(rest)
     return {
-        f"{name}_acceleration": acceleration,
-        f"{name}_rate_scale": ca.fabs(along) @ ca.fabs(free.q_dot) + nominal + driven,
-        f"{name}_acceleration_scale": forced + 1e-3 * nominal,
+        suffixed(name, "_acceleration"): acceleration,
+        suffixed(name, "_rate_scale"): ca.fabs(along) @ ca.fabs(free.q_dot) + nominal + driven,
+        suffixed(name, "_acceleration_scale"): forced + 1e-3 * nominal,
     }
 
 
@@ -134,17 +134,19 @@ class _Modes:
         self.frictions = [c for c in contacts if c.friction]
         self.contacts = (*self.gaps, *self.frictions)
         self.t, self.y, u, self.k, self.m = called.sx_in()
-        names = [v.name for v in relaxed.inputs]
-        inner = [names.index(f"{c.name}_multiplier") for c in self.contacts]
+        flat = relaxed.flat()
+        names = [v.name for v in flat.inputs]
+        inner = [names.index(c.variable("multiplier")) for c in self.contacts]
         outer = [i for i in range(len(names)) if i not in inner]
-        self.inputs = tuple(relaxed.inputs[i] for i in outer)
+        self.inputs = tuple(v for v in relaxed.inputs if v.name not in {names[i] for i in inner})
         self.x, self.u, self.all = u[inner], u[outer], u
         self.z = called.call([self.t, self.y, u, self.k, self.m], True, False)[0]
         self.rates = relaxed.derivatives.call([self.t, self.y, u, self.k], True, False)[0]
-        self.row = {v.name: i for i, v in enumerate(relaxed.outputs)}
+        self.row = {v.name: i for i, v in enumerate(flat.outputs)}
+        self.states = [state.name for state in flat.states]
         self.slot = {name: i for i, name in enumerate(relaxed.memory)}
 
-        accelerations = self._each("{}_acceleration")
+        accelerations = self._each("_acceleration")
         self.G = ca.jacobian(accelerations, self.x)
         self.resting = self._unloaded(accelerations)
         self.forces, self.indicators = self._solve()
@@ -154,8 +156,8 @@ class _Modes:
     def _read(self, name: str) -> ca.SX:
         return self.z[self.row[name]]
 
-    def _each(self, title: str, contacts: Iterable[Contact] | None = None) -> ca.SX:
-        return stack(self._read(title.format(c.name)) for c in (self.contacts if contacts is None else contacts))
+    def _each(self, ending: str, contacts: Iterable[Contact] | None = None) -> ca.SX:
+        return stack(self._read(suffixed(c.name, ending)) for c in (self.contacts if contacts is None else contacts))
 
     def _remembered(self, name: str) -> ca.SX:
         return self.m[self.slot[name]]
@@ -164,7 +166,7 @@ class _Modes:
         return ca.substitute(expression, self.x, ca.SX.zeros(*self.x.shape))
 
     def _velocities(self) -> ca.SX:
-        return ca.vertcat(self._each("{}_dot", self.gaps), self._each("{}", self.frictions))
+        return ca.vertcat(self._each("_dot", self.gaps), self._each("", self.frictions))
 
     def _solve(self) -> tuple[ca.SX, ca.SX]:
         """Contact forces x = P ζ + d in the modes of the memory, and the event indicators.
@@ -173,12 +175,12 @@ class _Modes:
         others ζ = 0.
         """
         count, first = len(self.contacts), len(self.gaps)
-        closed = {c.name: self._remembered(f"{c.name}_closed") for c in self.gaps}
+        closed = {c.name: self._remembered(c.variable("closed")) for c in self.gaps}
         held = [closed[c.name] for c in self.gaps]
         P, d = ca.SX.eye(count), ca.SX.zeros(count, 1)
-        sliding = self._each("{}_sliding", self.frictions)
+        sliding = self._each("_sliding", self.frictions)
         for i, c in enumerate(self.frictions):
-            direction, on = self._remembered(f"{c.name}_direction"), closed.get(c.normal, ca.SX(1))
+            direction, on = self._remembered(c.variable("direction")), closed.get(c.normal, ca.SX(1))
             held.append((1 - direction**2) * on)
             if c.normal:
                 P[first + i, self.gaps.index(Contact(c.normal))] = -direction * sliding[i] * on
@@ -186,27 +188,27 @@ class _Modes:
                 d[first + i] = -direction * sliding[i]
         flags = stack(held)
         v, alpha = self._velocities(), STABILISATION
-        wanted = -2 * alpha * v - alpha**2 * ca.vertcat(self._each("{}", self.gaps), ca.SX.zeros(count - first, 1))
+        wanted = -2 * alpha * v - alpha**2 * ca.vertcat(self._each("", self.gaps), ca.SX.zeros(count - first, 1))
         K = ca.diag(flags) @ self.G @ P + ca.diag(1 - flags)
         forces = P @ _eliminated(K, flags * (wanted - self.resting - self.G @ d)) + d
         return forces, self._watched(flags, forces, v)
 
     def _watched(self, flags: ca.SX, forces: ca.SX, v: ca.SX) -> ca.SX:
         """Event indicators: each falls below 0 where the mode of its contact ends."""
-        compliance = ca.diag(self.G) / self._unloaded(self._each("{}_acceleration_scale"))
+        compliance = ca.diag(self.G) / self._unloaded(self._each("_acceleration_scale"))
         rows = []
         for i, c in enumerate(self.gaps):
-            leaving = LEAVING * ca.fmax(v[i], 0) / self._read(f"{c.name}_rate_scale")
-            distance = self._read(c.name) / self._read(f"{c.name}_scale") + leaving + OPEN_MARGIN
+            leaving = LEAVING * ca.fmax(v[i], 0) / self._read(c.variable("rate_scale"))
+            distance = self._read(c.name) / self._read(c.variable("scale")) + leaving + OPEN_MARGIN
             rows.append(flags[i] * (forces[i] * compliance[i] + FORCE_MARGIN) + (1 - flags[i]) * distance)
         for i, c in enumerate(self.frictions, start=len(self.gaps)):
-            direction, bound = self._remembered(f"{c.name}_direction"), self._read(f"{c.name}_static")
+            direction, bound = self._remembered(c.variable("direction")), self._read(c.variable("static"))
             touching = ca.SX(1)
             if c.normal:
-                touching = self._remembered(f"{c.normal}_closed")
+                touching = self._remembered(suffixed(c.normal, "_closed"))
                 bound *= forces[self.gaps.index(Contact(c.normal))]
             sticks = (bound - ca.fabs(forces[i])) * compliance[i] + FORCE_MARGIN
-            slides = direction * v[i] / self._read(f"{c.name}_rate_scale") + FORCE_MARGIN
+            slides = direction * v[i] / self._read(c.variable("rate_scale")) + FORCE_MARGIN
             own = flags[i] * sticks + direction**2 * slides
             rows.append(touching * own + 1 - touching)
         return stack(rows)
@@ -219,7 +221,7 @@ class _Modes:
         booked = [*motion, self.m]
         hidden = {name for c in relaxed.contacts for name in _hidden(c)}
         outputs = [v for v in relaxed.outputs if v.name not in hidden]
-        read = self._booked(outputs)
+        read = self._booked(v for array in outputs for v in array.elements())
         rates, z = ca.vertsplit(
             self._loaded(ca.vertcat(self.rates, stack(read))), [0, self.y.shape[0], self.y.shape[0] + len(read)]
         )
@@ -262,14 +264,14 @@ class _Modes:
 
     def _booked(self, outputs: Iterable[Variable]) -> list[ca.SX]:
         """Expressions of the outputs, with those that depend on modes."""
-        special = {f"{c.name}_indicator": self.indicators[i] for i, c in enumerate(self.contacts)}
+        special = {c.variable("indicator"): self.indicators[i] for i, c in enumerate(self.contacts)}
         for i, c in enumerate(self.gaps):
-            ended = self.t >= self._remembered(f"{c.name}_rests_from")
-            special[f"{c.name}_closed"] = self._remembered(f"{c.name}_closed") * ended
-            special[f"{c.name}_force"] = ca.fmax(self.forces[i], 0)
+            ended = self.t >= self._remembered(c.variable("rests_from"))
+            special[c.variable("closed")] = self._remembered(c.variable("closed")) * ended
+            special[c.variable("force")] = ca.fmax(self.forces[i], 0)
         for c in self.frictions:
-            touching = self._remembered(f"{c.normal}_closed") if c.normal else 1
-            special[f"{c.name}_sticks"] = (1 - self._remembered(f"{c.name}_direction") ** 2) * touching
+            touching = self._remembered(suffixed(c.normal, "_closed")) if c.normal else 1
+            special[c.variable("sticks")] = (1 - self._remembered(c.variable("direction")) ** 2) * touching
         return [special.get(v.name, self._read(v.name)) for v in outputs]
 
     def _painleve(self) -> dict[str, ca.SX]:
@@ -278,7 +280,7 @@ class _Modes:
         for i, c in enumerate(self.frictions, start=len(self.gaps)):
             if c.normal:
                 n = self.gaps.index(Contact(c.normal))
-                coefficient = self._remembered(f"{c.name}_direction") * self._read(f"{c.name}_sliding")
+                coefficient = self._remembered(c.variable("direction")) * self._read(c.variable("sliding"))
                 text = f"{c.normal} must have one force while {c.name} slides (Painlevé)"
                 conditions[text] = 1 - coefficient * self.G[n, i] / self.G[n, n]
         return conditions
@@ -290,19 +292,19 @@ class _Modes:
                 self._velocities(),
                 self.resting,
                 ca.densify(ca.vec(self.G)),
-                self._each("{}_rate_scale"),
-                self._each("{}_acceleration_scale"),
-                self._each("{}", self.gaps),
-                self._each("{}_scale", self.gaps),
-                self._each("{}_restitution", self.gaps),
-                self._each("{}_static", self.frictions),
-                self._each("{}_sliding", self.frictions),
+                self._each("_rate_scale"),
+                self._each("_acceleration_scale"),
+                self._each("", self.gaps),
+                self._each("_scale", self.gaps),
+                self._each("_restitution", self.gaps),
+                self._each("_static", self.frictions),
+                self._each("_sliding", self.frictions),
             )
         )
 
     def _push(self, booked: list[ca.SX]) -> ca.Function:
         """(t, y, u, k, m, Λ, ν) → state after impulses Λ, moved by ν along the gaps; impulses of operators."""
-        names = [state.name for state in self.relaxed.states]
+        names = self.states
         impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self.gaps))
         slopes = ca.jacobian(self.rates, self.x)
         kept = ca.DM([0.0 if name.rpartition(".")[2] == "dissipated" else 1.0 for name in names])
@@ -322,7 +324,7 @@ class _Modes:
 
 def operators_of(model: Model) -> list[str]:
     """Names of the active coordinates of a model whose impulses are summed."""
-    gaps = {f"{c.name}_impulse" for c in model.contacts}
+    gaps = {c.variable("impulse") for c in model.contacts}
     return [name.removesuffix("_impulse") for name in model.memory if name.endswith("_impulse") and name not in gaps]
 
 

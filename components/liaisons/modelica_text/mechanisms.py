@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import casadi as ca
 
 from liaisons import units
+from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.formulas import Notation
 from liaisons.formulas.writing import LONGEST
@@ -34,6 +35,8 @@ from liaisons.modelica_text.text import (
 def motion(component: type[Mechanism]) -> list[str]:
     """Lines of the model ``Motion``: q, s, their rates and accelerations, and forces Q from outside as unknowns."""
     refuse_contacts(component, "Modelica text", "import its FMU")
+    if component().layout().dimensions:
+        raise ComponentError(f"{component.__name__}: Modelica text takes no arrays of a mechanism; import its FMU")
     e = derive(component)
     m, section = e.mechanism, Section(Notation.from_model(assemble(component)))
     conditions = asserted((*m.parameters, *m.actives, *m.coordinates))

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from liaisons.arguments import finite, listed, named, shown
 from liaisons.errors import PlanError, suggestion
-from liaisons.language import Chain
-from liaisons.library import Target, component
+from liaisons.library import Target, component, has_size
 from liaisons.port_names import port_names
 
 Array: TypeAlias = NDArray[np.float64]
@@ -88,8 +87,8 @@ def motion_names(move: str) -> tuple[str, str, str]:
 
 
 def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
-    """The number of links among the parameters, of a chain; else nothing."""
-    return {"n": values["n"]} if "n" in values and issubclass(component(target), Chain) else {}
+    """The number of links, or of elements, among the parameters, where there is one; else nothing."""
+    return {"n": values["n"]} if "n" in values and has_size(component(target)) else {}
 
 
 def move_names(mechanism: Target, moves: str | Sequence[str] | None) -> tuple[str, ...]:

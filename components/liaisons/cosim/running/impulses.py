@@ -40,8 +40,9 @@ def sums_of_missing(simulation: Simulation) -> dict[VariableReference, Connectio
         name, force, element = connection.source.name.rpartition("_force")
         if force and (impulse := f"{name}_impulse{element}") in moved.fmu.variables:
             connections[moved.name, impulse] = connection
-        contacts = [n.removesuffix("_impacts") for n in mover.fmu.variables if n.endswith("_impacts")]
-        connections.update({(mover.name, f"{contact}_impulse"): connection for contact in contacts})
+        for name, ending, element in (n.rpartition("_impacts") for n in mover.fmu.variables):
+            if ending:
+                connections[mover.name, f"{name}_impulse{element}"] = connection
     return connections
 
 

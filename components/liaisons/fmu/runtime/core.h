@@ -244,8 +244,10 @@ void core_enter_event_mode(Instance *);
 Status core_update_discrete_states(Instance *, int *changed, double *next);
 
 #ifdef UNILATERAL
-/* The number of a variable that must be of this type; integers may be settings, too. */
-Status core_get_typed(Instance *, NumberType type, unsigned reference, double *value);
+/* How many numbers references stand for. */
+size_t core_count(const Instance *, const unsigned references[], size_t n);
+/* An element of a variable that must be of this type; integers may be settings, too. */
+Status core_get_typed(Instance *, NumberType type, unsigned reference, size_t element, double *value);
 /* Refuse to set such a variable. */
 Status core_refuse_typed(Instance *, NumberType type, unsigned reference, double value);
 Status core_get_indicators(Instance *, double indicators[]);

@@ -91,8 +91,7 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     }
     *next = core_next_instant(self, self->v.k, self->s->time);
 #ifdef UNILATERAL
-    for (const Gap *gap = self->model->gap; gap < self->model->gap + self->model->gaps; gap++)
-        if (self->v.m[gap->rests_from] > self->s->time) *next = fmin(*next, self->v.m[gap->rests_from]);
+    *next = fmin(*next, core_next_rest(self, self->s->time));
 #endif /* UNILATERAL */
     return SUCCESS;
 }

@@ -125,7 +125,7 @@ fmi2Status fmi2GetInteger(fmi2Component instance, const fmi2ValueReference refer
 #ifdef UNILATERAL
         if (dimension != NULL) continue;
         double value = 0;
-        const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], &value);
+        const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], 0, &value);
         if (status != SUCCESS) return (fmi2Status)status;
         values[i] = (int)fmax(INT32_MIN, fmin(value, INT32_MAX));
 #else

@@ -206,18 +206,25 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
                         size_t count) {
     ENTER(GetInt32);
+#ifdef UNILATERAL
+    if (n == 0 && count == 0) return fmi3OK;
+    NEED(references);
+    if (fmi_check_count(&fmu->common, count, core_count(core, references, n), "values of type Int32") != SUCCESS)
+        return fmi3Error;
+    NEED(values);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < core_count(core, &references[i], 1); j++) {
+            double value = 0;
+            const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], j, &value);
+            if (status != SUCCESS) return (fmi3Status)status;
+            *values++ = (int)fmax(INT32_MIN, fmin(value, INT32_MAX));
+        }
+    }
+#else
     if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
     NEED(values);
-#ifdef UNILATERAL
-    for (size_t i = 0; i < n; i++) {
-        double value = 0;
-        const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], &value);
-        if (status != SUCCESS) return (fmi3Status)status;
-        values[i] = (int)fmax(INT32_MIN, fmin(value, INT32_MAX));
-    }
-#else
     for (size_t i = 0; i < n; i++)
         if (core_get_setting(core, references[i], &values[i]) != SUCCESS) return fmi3Error;
 #endif /* UNILATERAL */
@@ -301,9 +308,10 @@ NONE_OF(Int64)
 fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           fmi3Boolean values[], size_t count) {
     ENTER(GetInt32);
-    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Boolean") != SUCCESS) return fmi3Error;
-    if (n == 0) return fmi3OK;
+    if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
+    if (fmi_check_count(&fmu->common, count, core_count(core, references, n), "values of type Boolean") != SUCCESS)
+        return fmi3Error;
     NEED(values);
     return get_booleans(core, references, n, values);
 }
@@ -311,9 +319,10 @@ fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           const fmi3Boolean values[], size_t count) {
     ENTER(SetInt32);
-    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Boolean") != SUCCESS) return fmi3Error;
-    if (n == 0) return fmi3OK;
+    if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
+    if (fmi_check_count(&fmu->common, count, core_count(core, references, n), "values of type Boolean") != SUCCESS)
+        return fmi3Error;
     NEED(values);
     return (fmi3Status)core_refuse_typed(core, NUMBER_BOOLEAN, references[0], values[0]);
 }

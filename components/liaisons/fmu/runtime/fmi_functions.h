@@ -42,10 +42,12 @@ void FMI(FreeInstance)(INSTANCE instance) { fmi_free_instance(instance); }
 
 static STATUS get_booleans(Instance *core, const unsigned references[], size_t n, BOOLEAN values[]) {
     for (size_t i = 0; i < n; i++) {
-        double value = 0;
-        const Status status = core_get_typed(core, NUMBER_BOOLEAN, references[i], &value);
-        if (status != SUCCESS) return (STATUS)status;
-        values[i] = value != 0;
+        for (size_t j = 0; j < core_count(core, &references[i], 1); j++) {
+            double value = 0;
+            const Status status = core_get_typed(core, NUMBER_BOOLEAN, references[i], j, &value);
+            if (status != SUCCESS) return (STATUS)status;
+            *values++ = value != 0;
+        }
     }
     return (STATUS)SUCCESS;
 }

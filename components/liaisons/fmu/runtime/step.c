@@ -285,7 +285,12 @@ static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
     const int with_events = self->options.use == USE_CO_SIMULATION_WITH_EVENTS;
+#ifdef UNILATERAL
+    const double end = time + size, rest = with_events ? core_next_rest(self, time) : INFINITY;
+    const double instant = fmin(core_next_instant(self, self->v.k, time), rest);
+#else
     const double end = time + size, instant = core_next_instant(self, self->v.k, time);
+#endif /* UNILATERAL */
     self->step.start = time;
     self->step.size = size;
     self->step.reach = with_events && self->options.early && snapped(instant, end) > instant ? instant - time : size;
@@ -331,10 +336,10 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->events > 0 && !with_events
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
-#ifdef UNILATERAL
-    if (self->step.event) self->s->limit = self->s->time;
-#endif /* UNILATERAL */
     core_arrive(self);
+#ifdef UNILATERAL
+    if (self->step.event || (with_events && core_is_unsettled(self, self->s->time))) self->s->limit = self->s->time;
+#endif /* UNILATERAL */
     if (arrives && leaps) leap_to_inputs(self);
 #ifdef UNILATERAL
     if (arrives && leaps && !core_settle(self, self->s->time)) return 0;

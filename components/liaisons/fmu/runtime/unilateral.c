@@ -358,12 +358,16 @@ static int strike(Instance *self, double time, const int touching[], const int w
 /* How long a bounce from a gap at rate v lasts, with all that follow, under an acceleration a < 0. */
 static double lasts(double v, double a, double e) { return e < 1 ? 2 * v / (-a * (1 - e)) : 0; }
 
-/* Whether no gap overlaps by more than rounding, or by what an importer may be late. */
+/* Whether no gap overlaps by more than rounding, or by what an importer may be late, and friction brakes. */
 static int check_overlaps(Instance *self, double time, int late) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
     for (size_t i = 0; i < count_of(model); i++)
         if (!isfinite(c->v[i]) || !isfinite(c->a[i])) return core_because(self, "%s: its rate is not finite at t = %.9g", name_of(model, i), time);
+    for (size_t i = 0; i < model->frictions; i++)
+        if (!(c->slide[i] >= 0 && c->stick[i] >= c->slide[i] * (1 - STUCK)))
+            return core_because(self, "%s at t = %.9g: its static bound %g must be at least the sliding one, %g, and that >= 0",
+                                model->friction[i].name, time, c->stick[i], c->slide[i]);
     for (size_t i = 0; i < model->gaps; i++) {
         const double G = c->G[i * (count_of(model) + 1)];
         if (c->gap[i] < -(late ? LATE : OVERLAP) * c->scale[i])
@@ -375,6 +379,13 @@ static int check_overlaps(Instance *self, double time, int late) {
             return core_because(self, "%s at t = %.9g: it moves no mass (effective mass %g)", model->gap[i].name, time, 1 / G);
     }
     return 1;
+}
+
+double core_next_rest(const Instance *self, double time) {
+    double next = INFINITY;
+    for (const Gap *gap = self->model->gap; gap < self->model->gap + self->model->gaps; gap++)
+        if (self->v.m[gap->rests_from] > time) next = fmin(next, self->v.m[gap->rests_from]);
+    return next;
 }
 
 void core_follow_gaps(Instance *self) {
@@ -424,6 +435,21 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
         p.contact[p.n++] = i;
     }
     return choose(self, &p, time, modes, x, rate);
+}
+
+int core_is_unsettled(Instance *self, double time) {
+    const Model *model = self->model;
+    const Contacts *c = &self->contacts;
+    int touching[MOST_CONTACTS];
+    double x[MOST_CONTACTS], rate[MOST_CONTACTS];
+    Modes present, modes;
+    inspect(self, time);
+    read_modes(self, present);
+    for (size_t i = 0; i < model->gaps; i++) {
+        touching[i] = c->gap[i] <= (present[i] == CLOSED ? FOLLOWED : TOUCHING) * c->scale[i];
+        if (touching[i] && c->v[i] < -STILL * c->rate_scale[i]) return 1;
+    }
+    return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, count_of(model)) != 0;
 }
 
 /* A gap that bounces so little that the rest of its bounces is summed, and when they end; gaps if there is none. */

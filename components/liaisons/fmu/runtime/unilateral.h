@@ -6,8 +6,12 @@
 
 /* Impacts, then modes, at the present state and an instant; a gap that overlaps by more than rounding is refused. */
 int core_settle(Instance *, double time);
+/* Whether there are impacts, or other modes, at the present state: an event for an importer that handles them. */
+int core_is_unsettled(Instance *, double time);
 /* Put what is held back to 0 after a step of the solver. */
 void core_uphold(Instance *, double time);
+/* The first instant after a time at which bounces that have been summed end; infinity if there is none. */
+double core_next_rest(const Instance *, double time);
 /* A prescribed coordinate has jumped a little: bodies that it touches go with it. */
 void core_follow_gaps(Instance *);
 

@@ -349,7 +349,14 @@ const Dimension *core_dimension(const Instance *self, unsigned reference) {
 
 /* ---- integers, Booleans, event indicators ------------------------------------------------------------------ */
 
-Status core_get_typed(Instance *self, NumberType type, unsigned reference, double *value) {
+size_t core_count(const Instance *self, const unsigned references[], size_t n) {
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++)
+        count += references[i] - self->layout.first < self->layout.references ? span_of(self, references[i]).count : 1;
+    return count;
+}
+
+Status core_get_typed(Instance *self, NumberType type, unsigned reference, size_t element, double *value) {
     if (type == NUMBER_INTEGER && reference - self->layout.first >= self->layout.references) {
         int setting_value = 0;
         const Status status = core_get_setting(self, reference, &setting_value);
@@ -359,7 +366,7 @@ Status core_get_typed(Instance *self, NumberType type, unsigned reference, doubl
     if (check_type(self, type, reference) != SUCCESS) return ERROR;
     const Span number = span_of(self, reference);
     update(self, number);
-    *value = self->v.k[number.first];
+    *value = self->v.k[number.first + element];
     return isfinite(*value) ? SUCCESS : core_refuse_infinite(self, &reference, value, 1, "");
 }
 

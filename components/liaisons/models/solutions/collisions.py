@@ -1,4 +1,4 @@
-"""Balls in a row: impacts of two at once, by Moreau's rule, and one after the other."""
+"""Balls in a row: impacts of all at once, by Moreau's rule, and one after the other."""
 
 from __future__ import annotations
 
@@ -8,23 +8,21 @@ from numpy.typing import NDArray
 from liaisons.language import Values, closed_form
 from liaisons.models.solutions.validity import require
 
-MASSES = ("mass_1", "mass_2", "mass_3")
-RATES = ("x_1_dot_0", "x_2_dot_0", "x_3_dot_0")
 
-
-@closed_form("velocities [m/s] after ball 1 strikes two that touch and move together: Moreau's rule")
+@closed_form("velocities [m/s] after ball 1 strikes others that touch and move together: Moreau's rule")
 def moreau(at: Values) -> NDArray:
-    """Ball 1 strikes both at once: they stay together, as one body of their mass."""
-    (first, *struck), v = at.array(*MASSES), at.array(*RATES)
-    require(v[0] > v[1] == v[2], f"BallRow.moreau: velocities {v}: ball 1 must strike two that move together")
+    """Ball 1 strikes all at once: they stay together, as one body of their mass."""
+    (first, *struck), v = at.mass, at.x_dot_0
+    require(v[0] > v[1] and np.ptp(v[1:]) == 0, f"BallRow.moreau: x_dot_0 = {v}: the balls struck must move together")
     impulse = (1 + at.bounce) * (v[0] - v[1]) * first * sum(struck) / (first + sum(struck))
-    return v + impulse * np.array([-1 / first, 1 / sum(struck), 1 / sum(struck)])
+    return v + impulse * np.array([-1 / first, *(1 / sum(struck) for _ in struck)])
 
 
 @closed_form("velocities [m/s] after all impacts of ball 1 with 2 and of 2 with 3, one after the other from the left")
 def sequence(at: Values) -> NDArray:
-    """What a gap between balls 2 and 3 gives, however small; (n + 1, 3): at the start, after each impact."""
-    m, v = at.array(*MASSES), [at.array(*RATES)]
+    """What a gap between balls 2 and 3 gives, however small; (impacts + 1, 3): at the start, after each impact."""
+    m, v = at.mass, [at.x_dot_0]
+    require(len(m) == 3, f"BallRow.sequence: {len(m)} balls: of more than three the order depends on the gaps")
     while np.any(np.diff(v[-1]) < -1e-12 * np.max(np.abs(v[0]))):
         pair = int(np.argmin(np.diff(v[-1])))  # those of three balls alternate: the other pair parts
         before, masses = v[-1][pair : pair + 2], m[pair : pair + 2]
@@ -34,13 +32,11 @@ def sequence(at: Values) -> NDArray:
     return np.array(v)
 
 
-@closed_form("the motion of ball 1 up to two that touch and move together, and after Moreau's rule")
+@closed_form("the motion of ball 1 up to others that touch and move together, and after Moreau's rule")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    x, v = at.array("x_1_0", "x_2_0", "x_3_0"), at.array(*RATES)
-    after = moreau(at=at)
-    require(abs(x[2] - x[1] - at.diameter) <= 1e-9, f"BallRow.exact: x_3_0 = {x[2]}: balls 2 and 3 must touch")
-    impact = (x[1] - x[0] - at.diameter) / (v[0] - v[1])
+    x, v = at.x_0, at.x_dot_0
+    after, gaps = moreau(at=at), np.diff(x) - at.diameter
+    require(bool(np.all(np.abs(gaps[1:]) <= 1e-9)), f"BallRow.exact: x_0 = {x}: the balls struck must touch")
+    impact = gaps[0] / (v[0] - v[1])
     rates = np.where(np.expand_dims(t, -1) < impact, v, after)
-    positions = x + v * impact + rates * np.expand_dims(t - impact, -1)
-    names = ("x_1", "x_2", "x_3")
-    return {f"{n}{end}": y[..., i] for end, y in (("", positions), ("_dot", rates)) for i, n in enumerate(names)}
+    return {"x": x + v * impact + rates * np.expand_dims(t - impact, -1), "x_dot": rates}
