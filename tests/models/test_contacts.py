@@ -168,6 +168,18 @@ def test_ball_on_a_shaken_table_for_hundred_seconds(shaken: Path, ratio: float, 
         assert 20 < each[0] < 100
 
 
+@pytest.mark.parametrize("start", [1e5, 1e7])
+def test_ball_on_a_shaken_table_where_the_clock_is_coarse(shaken: Path, start: float) -> None:
+    """The table moves at 1 m/s, and so 2e-9 m between two instants that the clock can tell apart at 10⁷ s."""
+    amplitude = 1.1 * 9.81 / 100
+    place, speed = amplitude * np.sin(10 * start), amplitude * 10 * np.cos(10 * start)
+    values = {"shaker.amplitude": amplitude, "ball.height_0": place, "ball.height_dot_0": speed}
+    result = simulate(shaken, times=start + np.arange(300.0), start_values=values)
+    assert np.all(result["ball.gap"] >= -10 * np.spacing(start))
+    assert np.max(np.abs(result["ball.energy_balance"])) < 1e-4
+    assert result["ball.gap_impacts"][-1] > 1000
+
+
 def test_string_that_stays_taut_is_the_pendulum(of: Any) -> None:
     start = {"x_0": np.sin(1.2), "z_0": -np.cos(1.2)}
     result = run(of(StringPendulum), 5.0, 0.05, record=["x", "z", "slack_force"], **start)
