@@ -38,6 +38,7 @@ ORDER = (
     "plans",
     "planners",
     "identify_peers",
+    "contacts",
 )
 MOST_TRIES = 3  # of a section, when it is checked
 QUIET = 0.2  # cores that others may keep busy
