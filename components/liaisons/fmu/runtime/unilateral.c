@@ -77,6 +77,12 @@ static int holds(const Model *model, const Modes modes, size_t i) {
     return modes[i] == STICKS && (normal < 0 || modes[normal] == CLOSED);
 }
 
+/* How far a gap is from 0 by rounding, of positions and of the time at which others move. */
+static double rounding(const Contacts *c, size_t i, double time) {
+    const double tick = nextafter(fabs(time), INFINITY) - fabs(time);
+    return TOUCHING * c->scale[i] + 2 * tick * c->rate_scale[i];
+}
+
 /* ---- states that jump --------------------------------------------------------------------------------------------- */
 
 static const double NOTHING[MOST_CONTACTS];
@@ -370,12 +376,12 @@ static int check_overlaps(Instance *self, double time, int late) {
                                 model->friction[i].name, time, c->stick[i], c->slide[i]);
     for (size_t i = 0; i < model->gaps; i++) {
         const double G = c->G[i * (count_of(model) + 1)];
-        if (c->gap[i] < -(late ? LATE : OVERLAP) * c->scale[i])
+        if (c->gap[i] < -(late ? LATE : OVERLAP) * c->scale[i] - rounding(c, i, time))
             return core_because(self, "%s = %.6g at t = %.9g: bodies overlap; %s", model->gap[i].name, c->gap[i], time,
                                 self->s->phase < EVENT ? "start with a gap >= 0"
                                 : late ? "an event was stepped over: take shorter steps, or find where indicators cross 0"
                                        : "a prescribed coordinate must not jump through a body");
-        if (c->gap[i] <= TOUCHING * c->scale[i] && !(G > 0 && isfinite(G)))
+        if (c->gap[i] <= rounding(c, i, time) && !(G > 0 && isfinite(G)))
             return core_because(self, "%s at t = %.9g: it moves no mass (effective mass %g)", model->gap[i].name, time, 1 / G);
     }
     return 1;
@@ -508,7 +514,7 @@ static int settle(Instance *self, double time, int late) {
     if (!check_overlaps(self, time, late)) return 0;
     for (size_t i = 0; i < gaps; i++) {
         was_closed[i] = *closed_of(self, i) != 0;
-        touching[i] = c->gap[i] <= (was_closed[i] ? FOLLOWED : TOUCHING) * c->scale[i];
+        touching[i] = c->gap[i] <= (was_closed[i] ? FOLLOWED * c->scale[i] : rounding(c, i, time));
         if (touching[i] && held < AT_ONCE && c->gap[i] != 0) list[held++] = i;
     }
     touch(self, time, list, held);
@@ -566,6 +572,7 @@ int core_settle(Instance *self, double time) {
     self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
     for (size_t i = 0; i < gaps && exchange; i++) {
         self->contacts.lowest = fmax(c->lowest, -c->gap[i] / c->scale[i]);
+        if (*closed_of(self, i) != 0) continue; /* it drifts */
         if (!(c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])) continue;
         if (c->gap[i] / c->v[i] <= most) continue;
         most = c->gap[i] / c->v[i];
@@ -577,7 +584,7 @@ int core_settle(Instance *self, double time) {
         drift(self, time - late, -by);
         late += by;
         inspect(self, time - late);
-        if (fabs(c->gap[first]) <= TOUCHING / 2 * c->scale[first]) break;
+        if (fabs(c->gap[first]) <= rounding(c, first, time) / 2) break;
     }
     if (!settle(self, time - late, exchange)) return 0;
     if (first < gaps) {
