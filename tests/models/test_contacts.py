@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons import operator
+from liaisons import System, flatten, operator
 from liaisons.cosim import Result, simulate
-from liaisons.models import BallRow, BeadOnSphere, BouncingBall, DryOscillator, Pendulum, StringPendulum
+from liaisons.models import BallRow, BeadOnSphere, BouncingBall, DryOscillator, Pendulum, Sinusoid, StringPendulum
 
 EXACT = 1e-10
 TIGHT = 1e-13
@@ -124,6 +124,60 @@ def test_ball_stays_on_a_shaken_table_up_to_the_acceleration_of_gravity(fmu: Any
         assert np.all(result["gap_force"] > 0)
     else:
         assert result.time[~closed][0] == pytest.approx(leaves, abs=1.0001e-3)
+
+
+def test_ball_that_rests_does_so_for_ever(of: Any) -> None:
+    """It has no further impact in 10⁶ s."""
+    result = run(of(BouncingBall), 1e6, 1e4)
+    rests = result.time > 0
+    assert np.all(result["gap_closed"][rests] == 1)
+    np.testing.assert_array_equal(result["gap_impacts"][rests], result["gap_impacts"][-1])
+    assert np.all(result["gap"] >= -1e-12)
+    assert np.max(np.abs(result["energy_balance"])) < EXACT
+
+
+@pytest.fixture(scope="module", params=INTERFACES, ids=lambda kind: f"FMI {kind[0]} {kind[1]}")
+def shaken(request: pytest.FixtureRequest, fmu: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ball and shaken table as one FMU."""
+    version, kind = request.param
+    system = System("shaken")
+    shaker = system.add("shaker", fmu(Sinusoid), angular_frequency=10.0)
+    system.connect(shaker["y"], system.add("ball", fmu(BouncingBall), height_0=0.0)["table"])
+    folder = tmp_path_factory.mktemp("shaken")
+    return only(kind, flatten(system, folder, fmi=version), folder / "exchange")
+
+
+@pytest.mark.parametrize("start", [0.0, 1e3])
+@pytest.mark.parametrize("ratio", [0.9, 1.1])
+def test_ball_on_a_shaken_table_for_hundred_seconds(shaken: Path, ratio: float, start: float) -> None:
+    """It does not chatter: it lies still, or has as many impacts in each period as in the others."""
+    amplitude = ratio * 9.81 / 100
+    place, speed = amplitude * np.sin(10 * start), amplitude * 10 * np.cos(10 * start)
+    values = {"shaker.amplitude": amplitude, "ball.height_0": place, "ball.height_dot_0": speed}
+    times = start + np.arange(160) * np.pi / 5
+    result = simulate(shaken, times=times, tolerance=TIGHT, start_values=values)
+    assert np.all(result["ball.gap"] >= -1e-12)
+    assert np.all(np.diff(result["ball.impact_loss"]) >= 0)
+    assert np.max(np.abs(result["ball.energy_balance"])) < 1e-9  # of the work of 160 periods, 2 J each
+    if ratio < 1:
+        assert np.all(result["ball.gap_closed"] == 1)
+        assert np.all(result["ball.gap_impacts"] == 0)
+    else:
+        each = np.diff(result["ball.gap_impacts"])[1:]
+        assert np.ptp(each) <= 2, each  # rounding decides on the last ones
+        assert 20 < each[0] < 100
+
+
+@pytest.mark.parametrize("start", [1e5, 1e7])
+def test_ball_on_a_shaken_table_where_the_clock_is_coarse(shaken: Path, start: float) -> None:
+    """The table moves at 1 m/s, and so 2e-9 m between two instants that the clock can tell apart at 10⁷ s."""
+    amplitude = 1.1 * 9.81 / 100
+    place, speed = amplitude * np.sin(10 * start), amplitude * 10 * np.cos(10 * start)
+    values = {"shaker.amplitude": amplitude, "ball.height_0": place, "ball.height_dot_0": speed}
+    result = simulate(shaken, times=start + np.arange(300.0), start_values=values)
+    assert np.all(result["ball.gap"] >= -10 * np.spacing(start))
+    assert np.max(np.abs(result["ball.energy_balance"])) < 1e-4
+    assert result["ball.gap_impacts"][-1] > 1000
 
 
 def test_string_that_stays_taut_is_the_pendulum(of: Any) -> None:
