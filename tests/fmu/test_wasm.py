@@ -38,7 +38,7 @@ from liaisons.fmu import build
 from liaisons.fmu.wasm import DRAFT
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
-from liaisons.models import OscillatorChain, Pendulum
+from liaisons.models import BallRow, OscillatorChain, Pendulum
 
 AGREEMENT = 1e-12  # of everything that can be read, in parts of the greatest number that it was, or of 1
 FAST = ["Pendulum", "OscillatorChain"]
@@ -241,6 +241,20 @@ def test_the_example_of_the_documentation(tmp_path, monkeypatch) -> None:
     native = library.start(tolerance=1e-8, theta_0=2.0)
     native.follow(0.1, 100)
     assert found["theta"] == pytest.approx(native["theta"], abs=AGREEMENT)
+
+
+def test_integers_and_booleans_are_arrays_too(tmp_path) -> None:
+    path = build(assemble(BallRow, 4), tmp_path, fmi="3", platforms="wasm")
+    for library in (WasmLibrary(path), Library(path)):
+        instance = library.start()
+        instance.follow(0.1, 15)
+        for function, kind, name, expected in (
+            ("GetInt32", ctypes.c_int32, "gap_impacts", [1, 0, 0]),
+            ("GetBoolean", ctypes.c_bool, "gap_closed", [False] * 3),
+        ):
+            values = (kind * 3)()
+            assert instance.call(function, instance.refs([name]), 1, values, 3) == 0
+            assert list(values) == expected
 
 
 def test_own_files_and_sizes(tmp_path, capsys) -> None:

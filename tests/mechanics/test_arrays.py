@@ -149,6 +149,13 @@ def test_unknown_sizes_are_refused(size: str) -> None:
             x = Coordinate("m", "displacements", size=size)
 
 
+def test_no_array_is_empty() -> None:
+    with pytest.raises(ComponentError, match=r"Wrong.hold: size = 'n - 3' is 0 with n = 3"):
+
+        class Wrong(Row):
+            hold = Parameter(1.0, "N/m", "of the springs to the places", size="n - 3")
+
+
 def test_tuples_need_a_size() -> None:
     with pytest.raises(ComponentError, match=r"Wrong.hold starts with \(1.0, 2.0\): only an array does; say size='n'"):
 

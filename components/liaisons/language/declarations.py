@@ -84,7 +84,12 @@ class Declaration(ABC, Generic[T]):
             raise ComponentError(
                 f"{owner.__name__}.{self.name}: size = {self.size!r}: name a Size of the mechanism, as 'n' or 'n - 1'"
             )
-        return Dimension(self.size, size.default - int(less or 0), size.description)
+        count = size.default - int(less or 0)
+        if count < 1:
+            raise ComponentError(
+                f"{owner.__name__}.{self.name}: size = {self.size!r} is {count} with {name} = {size.default}"
+            )
+        return Dimension(self.size, count, size.description)
 
     def elements(self, owner: type) -> tuple[Self, ...]:
         """Declarations of the elements of an array; of a scalar itself."""

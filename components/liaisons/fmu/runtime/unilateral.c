@@ -452,7 +452,7 @@ int core_is_unsettled(Instance *self, double time) {
     inspect(self, time);
     read_modes(self, present);
     for (size_t i = 0; i < model->gaps; i++) {
-        touching[i] = c->gap[i] <= (present[i] == CLOSED ? FOLLOWED : TOUCHING) * c->scale[i];
+        touching[i] = c->gap[i] <= (present[i] == CLOSED ? FOLLOWED * c->scale[i] : rounding(c, i, time));
         if (touching[i] && c->v[i] < -STILL * c->rate_scale[i]) return 1;
     }
     return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, count_of(model)) != 0;

@@ -237,7 +237,12 @@ static const DiscreteStates *update(Self *self) {
 }
 
 static const Items *get(Get *function, Self *self, const uint32_t references[], size_t n) {
+#ifdef UNILATERAL
+    const int sized = function == (Get *)fmi3GetFloat64 || function == (Get *)fmi3GetInt32 || function == (Get *)fmi3GetBoolean;
+    const size_t count = sized ? count_numbers(references, n) : n;
+#else
     const size_t count = function == (Get *)fmi3GetFloat64 ? count_numbers(references, n) : n;
+#endif /* UNILATERAL */
     void *values = room(count * sizeof(double));
     return items(function(self->fmu, references, n, values, count), values, count);
 }
