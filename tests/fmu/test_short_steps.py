@@ -13,12 +13,14 @@ import pytest
 from liaisons.language import Component
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import contact_names
-from liaisons.models import CATALOGUE, Pendulum
+from liaisons.models import CATALOGUE, Pendulum, StringPendulum
 
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 STEP, STEPS, AMPLITUDE = 0.05, 10, 0.1
 SIZES = (1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3)
-MOVED = [c for c in CATALOGUE if getattr(c, "actives", ()) and not contact_names(c)]  # what touches does not jump
+MOVED = [c for c in CATALOGUE if getattr(c, "actives", ())]
+APART: dict[type[Component], dict[str, Any]] = {StringPendulum: {"z_0": -0.5, "gravity": 0.0}}
+"""Start values with which σ that comes late pulls no string."""
 
 
 def prescribed(component: type[Component], t: float) -> dict[str, Any]:
@@ -36,7 +38,7 @@ def prescribed(component: type[Component], t: float) -> dict[str, Any]:
 def check(library: Any, component: type[Component], target: str, mode: int, size: float) -> None:
     states = [state for state in assemble(component).states if state.name not in ("work", "dissipated")]
     names, rates = [state.name for state in states], [state.derivative for state in states]
-    start = prescribed(component, 0.0)
+    start = prescribed(component, 0.0) | APART.get(component, {})
     instance = library(component, target).start(input_reconstruction=mode, tolerance=1e-8, **start)
     instance.follow(STEP, STEPS, lambda t: prescribed(component, max(t - STEP, 0.0)))
     before, rates_before = instance.get(*names), instance.get(*rates)
@@ -55,8 +57,10 @@ def test_a_short_step_makes_no_rate_of_a_late_input(library, target: str, mode: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", ["fmi2", "fmi3", "python"])
-@pytest.mark.parametrize("component", MOVED)
+@pytest.mark.parametrize(
+    ("component", "target"),
+    [(c, t) for c in MOVED for t in ("fmi2", "fmi3", "python") if t != "python" or not contact_names(c)],
+)
 def test_short_steps_of_all_components(library, component: type[Component], target: str) -> None:
     for mode in (HOLD, EXTRAPOLATE, INTERPOLATE):
         for size in SIZES:

@@ -55,7 +55,7 @@ pymoca = pytest.importorskip("pymoca.parser")
 
 BOUND = 1e-8
 QUICK = (Pendulum, IsokineticOscillator, OscillatorChain, PlannedMotion, SmoothStep)
-WRITTEN = [c for c in CATALOGUE if not contact_names(c)]
+WRITTEN = [c for c in CATALOGUE if not contact_names(c)]  # their events are not written
 ALL = [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow, id=c.__name__) for c in WRITTEN]
 MECHANICAL = [p for p, c in zip(ALL, WRITTEN, strict=True) if issubclass(c, MechanicalComponent)]
 KNOTS = {

@@ -434,6 +434,8 @@ def states(component: type[Mechanism], count: int = 20, /, **fixed: float) -> It
         if issubclass(component, Hoop):
             scale = 0.1 if component is EllipticHoop else 0.05
             n.update({name: n[name] * scale for name in ("centre_x", "centre_y", *COEFFICIENTS) if name in n})
+        if "mu_static" in n:
+            n["mu_static"] += n.mu_sliding
         if "r" in n:
             n["r"] = abs(n.r) + 0.1
         if component.orientations:
@@ -447,4 +449,4 @@ MECHANISMS = [  # those whose coordinates may take any values; the others have t
     if issubclass(c, Mechanism) and not (c.constraints or c.non_holonomic or c.rheonomic_constraints)
 ]
 WITHOUT_ORIENTATION = [c for c in MECHANISMS if not c.orientations]
-SMOOTH = [c for c in WITHOUT_ORIENTATION if not contact_names(c)]  # without events
+SMOOTH = [c for c in WITHOUT_ORIENTATION if not contact_names(c)]  # no contacts, and so no events

@@ -87,7 +87,7 @@ def test_what_only_the_picture_needs_is_the_same_in_all_fmus(name: str, fmu: Fmu
     y, _ = model.start.call([ca.DM(0), u, k])
     expected = np.asarray(model.draw.call([ca.DM(0), y, u, k])[0]).ravel()
     names = [f"picture[{i}]" for i in range(1, expected.size + 1)]
-    for form in ({}, {"fmi": "3"}, *([] if model.contacts else [{"backend": "python"}])):
+    for form in ({}, {"fmi": "3"}, *([] if model.contacts else [{"backend": "python"}])):  # contacts are native only
         path = fmu(getattr(liaisons.models, name), **form)
         found = fmpy.simulate_fmu(str(path), stop_time=1e-6, step_size=1e-6, output=names, fmi_type="CoSimulation")
         first: Any = found[0]
