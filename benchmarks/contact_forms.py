@@ -146,9 +146,8 @@ def simulated(path: Path, case: Case) -> Run:
 
 def interfaces(model: Model, case: Case, folder: Path) -> Mapping[str, tuple[str, Callable[[], Run]]]:
     """What is asked of each, and a run by it."""
-    two, three = build(model, folder, fmi="2"), build(model, folder / "three", fmi="3")
-    library = Library(three)
-    component = WasmLibrary(build(model, folder / "wasm", fmi="3", platforms="wasm", arrays=False))
+    two, three = build(model, folder, fmi="2"), build(model, folder / "three", fmi="3", platforms="wasm")
+    library, component = Library(three), WasmLibrary(three)
     found = {
         "CS 2": (EXACT, partial(stepped, Library(two), case)),
         "CS 3": (EXACT, partial(stepped, library, case)),
