@@ -22,4 +22,4 @@ def test_without_a_compiler_for_webassembly_the_motion_is_shown(
         "page: Pendulum.html, a recorded motion; a live page needs ziglang: pip install ziglang (100 MB"
     )
     assert opened == [(tmp_path / "Pendulum.html").as_uri()]
-    assert "A recorded motion" in (tmp_path / "Pendulum.html").read_text()
+    assert "play(JSON.parse(" in (tmp_path / "Pendulum.html").read_text()
