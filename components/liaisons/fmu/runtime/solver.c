@@ -310,23 +310,23 @@ static Signal shorten(const Problem *p, double t, double *h, const double *y, do
     }
     const double slope = (low[which] - high[which]) / away;
     const size_t n = p->n;
-    double nearest = part, least = INFINITY; /* the clock may resolve no more */
-    for (int i = 0; i <= MOST_CORRECTIONS; i++) {
+    double nearest = part, least = INFINITY;
+    for (int i = 0, back = 0; !back; i++) {
+        back = part == nearest && i > 0; /* the last correction led away: the clock resolves no more */
         *h = fmax(part * whole, fmin(p->least, whole));
         if (stages(p, t, *h, y, work, &error) == STOP) return STOP;
         FOR_EACH(j) step.at[j] = y[j] + *h * sum[j];
         if (!p->watch(p->context, t + *h, step.at, values)) return STOP;
         const double off = MARGIN - values[which], change = off / slope;
-        if (fabs(off) < least) {
-            least = fabs(off);
-            nearest = part;
-        } else {
-            if (part == nearest) break;
+        if (!(fabs(off) < least)) {
             part = nearest;
-            i = MOST_CORRECTIONS - 1; /* back, and no further */
             continue;
         }
-        if (!(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < part / 4) || part + change > 1) break;
+        least = fabs(off);
+        nearest = part;
+        if (i == MOST_CORRECTIONS || !(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < part / 4)
+            || part + change > 1)
+            break;
         part += change;
     }
     return GO_ON;
