@@ -103,7 +103,10 @@ def counted(printed: str) -> dict[str, tuple[int, int]]:
 
 @linux_only
 @every_version
-@some_components
+@pytest.mark.parametrize(
+    "name",
+    ["Pendulum", "CartesianPendulum", "SwingPump", "SmoothStep", pytest.param("SpatialCat", marks=pytest.mark.slow)],
+)
 def test_calls_at_random_under_sanitizers(sanitized, name, version) -> None:
     sanitized(MEMORY, "fuzz", name, version, "1", str(CALLS))
 

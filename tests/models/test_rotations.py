@@ -97,6 +97,7 @@ def test_satellite_with_locked_wheels_is_eulers_top(fmu, start: Any, backend: st
         assert max_error(result[name], result[name][0]) == 0.0  # no torque: H is not even integrated
 
 
+@pytest.mark.slow
 def test_norm_and_momentum_for_1e5_seconds(fmu) -> None:
     """J ω + J_w φ' in the inertial frame, summed from attitude, rates and wheels; wheels in motion."""
     inputs = {"wheel_1": wave(0.0, 50.0, 0.3), "wheel_3": wave(0.0, 30.0, 0.2, 1.0)}
