@@ -23,8 +23,8 @@ from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
 
 H, STEPS = 0.01, 20
-# the length of a pendulum keeps its start value where fmpy sets 0 before the first step
-NEVER_ZERO = {"length"}
+# the length of a pendulum, or of a swing, keeps its start value where fmpy sets 0 before the first step
+NEVER_ZERO = {"length", "rope"}
 
 
 @pytest.fixture
@@ -59,17 +59,19 @@ def in_python(component: FmuPaths) -> System:
     return wired("brake.y -> shaft.angle_load", shaft=shaft, wheel=wheel, brake=brake)
 
 
-def _agree(found: Values, expected: Values) -> None:
+def _agree(found: Values, expected: Values, bound: float = 1e-12) -> None:
     for name, value in expected.items():
         # the very same calls; only the times are sums of steps there, and products here
-        assert found[name] == pytest.approx(value, rel=1e-12, abs=1e-12), name
+        assert found[name] == pytest.approx(value, rel=bound, abs=bound), name
 
 
 def _check(master: str, system: System, folder: Path) -> None:
     first = 0.0 if master == "fmpy" else None
     sweeps = SWEEPS[master](len(system.parts))
     expected = jacobi(system, folder, size=H, steps=STEPS, first=first, kept=NEVER_ZERO, sweeps=sweeps)
-    _agree(elsewhere(master, system, folder, size=H, steps=STEPS), expected)
+    # Each correction of an extrapolated table is an impact: rounding of a gap, 1e-16 m, at 1e-6 m/s is 1e-10 s.
+    contacts = any(name.endswith("_impacts") for part in system.parts.values() for name in part.fmu.variables)
+    _agree(elsewhere(master, system, folder, size=H, steps=STEPS), expected, 1e-9 if contacts else 1e-12)
 
 
 @pytest.mark.parametrize("master", MASTERS)
