@@ -31,6 +31,12 @@ def split(name: str) -> tuple[str, Shape | None]:
     return (match[1], tuple(map(int, match[2].split(",")))) if match else (name, None)
 
 
+def suffixed(name: str, ending: str) -> str:
+    """A name with an ending, which stands before the index of an element: ``x_dot[2]``."""
+    array, bracket, index = name.partition("[")
+    return f"{array}{ending}{bracket}{index}"
+
+
 def offset(index: Shape, shape: Shape) -> int | None:
     """Index of an element, from 0, the last index running fastest; None if there is no such element."""
     if len(index) != len(shape):

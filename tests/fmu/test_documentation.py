@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from liaisons.array_names import suffixed
 from liaisons.fmu.documentation import index_page
 from liaisons.fmu.documentation.sources import bibliography
 from liaisons.fmu.reference_results import trajectory
 from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
-from liaisons.language.variables import suffixed
 from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
 from liaisons.mechanics.printing import of_mechanism

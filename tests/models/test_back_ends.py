@@ -10,10 +10,10 @@ import pytest
 from hand_derivations import SMOOTH, WITHOUT_ORIENTATION, states
 from on_paper import BACKENDS, HOLD, State, Values, assert_follows, equations_of, run, wave
 
+from liaisons.array_names import suffixed
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.language import Mechanism, Operator
-from liaisons.language.variables import suffixed
 from liaisons.mechanics import Equations, assemble
 from liaisons.models import CATALOGUE
 

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.analysis.numeric import eigenproblem, frozen, instants
 from liaisons.analysis.phase_space import hamiltonian_field
 from liaisons.analysis.quantity import Quantity, Source, equations_of, require_coordinates, require_smooth
+from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
-from liaisons.language.variables import suffixed
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.inertia import inertia_of
 

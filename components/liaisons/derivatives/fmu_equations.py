@@ -13,7 +13,7 @@ from typing import Any, Literal, Self, TypeAlias, cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.array_names import split
+from liaisons.array_names import suffixed
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values
@@ -116,8 +116,7 @@ class FmuEquations:
         present = {*fmu.arrays, *fmu.variables}
         starts, states = dict(values), {}
         for name in values:
-            base = split(name)[0]
-            start = f"{base}_0{name[len(base) :]}"
+            start = suffixed(name, "_0")
             if name not in present or fmu.variables.entry(name).like.settable:
                 continue
             if start in present:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack
 
+from liaisons.array_names import split
 from liaisons.expressions.rows import RowProgram, dependencies
 from liaisons.fmu.layout import TIME
 from liaisons.language import Variable
-from liaisons.language.variables import suffixed
 from liaisons.mechanics.model import Model
 
 Pattern = NDArray[np.bool_]
@@ -108,7 +108,7 @@ def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
     """
     if not model.contacts:
         return set(), set()
-    own = tuple(suffixed(contact.name, "_").partition("[")[0] for contact in model.contacts)
+    own = tuple(f"{split(contact.name)[0]}_" for contact in model.contacts)
     modes = [i for i, name in enumerate(model.memory) if name.startswith(own)]
     rows = _pattern(model.outputs_function, 4)[:, modes].nonzero()[0]
     outputs = [variable.name for variable in model.outputs for _ in range(variable.count)]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 from liaisons import units
+from liaisons.array_names import split, suffixed
 from liaisons.language.declarations import InternalState
 from liaisons.language.variables import (
     ActiveInput,
@@ -19,7 +19,6 @@ from liaisons.language.variables import (
     TerminalMember,
     Variable,
     element,
-    suffixed,
 )
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force.
@@ -46,16 +45,31 @@ class Layout:
 
     def flat(self) -> Layout:
         """Layout with a variable for each element of an array."""
-        count = {v.name: v.count for v in self.outputs if v.dimension is not None}
-        states = (
-            [State(element(s.name, i), element(s.derivative, i)) for i in range(1, count[s.name] + 1)]
-            if s.name in count
-            else [s]
-            for s in self.states
+        sized = {v.name: v.count for v in self.variables if v.dimension is not None}
+
+        def names(group: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+            """Tuples of names, element by element; those of scalars unchanged."""
+            count = sized.get(group[0], 1)
+            return (tuple(element(n, i) if n in sized else n for n in group) for i in range(1, count + 1))
+
+        def terminal(p: Terminal) -> Iterator[Terminal]:
+            members = names(tuple(member.variable for member in p.members))
+            for i, variables in enumerate(members, start=1):
+                name = element(p.name, i) if p.name in sized else p.name
+                roles = (member.role for member in p.members)
+                yield Terminal(name, p.kind, tuple(map(TerminalMember, roles, variables)))
+
+        return replace(
+            self,
+            parameters=tuple(v for array in self.parameters for v in array.elements()),
+            inputs=tuple(v for array in self.inputs for v in array.elements()),
+            outputs=tuple(v for array in self.outputs for v in array.elements()),
+            states=tuple(State(*pair) for s in self.states for pair in names((s.name, s.derivative))),
+            active=tuple(
+                ActiveInput(*triple) for a in self.active for triple in names((a.value, a.rate, a.acceleration))
+            ),
+            ports=tuple(single for p in self.ports for single in terminal(p)),
         )
-        groups = {"parameters": self.parameters, "inputs": self.inputs, "outputs": self.outputs}
-        elements = {name: tuple(v for array in group for v in array.elements()) for name, group in groups.items()}
-        return replace(self, **elements, states=tuple(chain.from_iterable(states)))
 
     def with_arrays(self, dimensions: Mapping[int, Dimension]) -> Layout:
         """Layout with arrays in the place of their elements.
@@ -66,12 +80,12 @@ class Layout:
         def arrays(variables: Iterable[Variable]) -> tuple[Variable, ...]:
             groups: dict[str, list[Variable]] = {}
             for variable in variables:
-                groups.setdefault(_array(variable.name), []).append(variable)
+                groups.setdefault(split(variable.name)[0], []).append(variable)
             return tuple(_joined(name, group, dimensions) for name, group in groups.items())
 
-        states = dict.fromkeys(State(_array(state.name), _array(state.derivative)) for state in self.states)
+        states = dict.fromkeys(State(split(state.name)[0], split(state.derivative)[0]) for state in self.states)
         ports = dict.fromkeys(
-            Terminal(_array(p.name), p.kind, tuple(TerminalMember(m.role, _array(m.variable)) for m in p.members))
+            Terminal(split(p.name)[0], p.kind, tuple(TerminalMember(m.role, split(m.variable)[0]) for m in p.members))
             for p in self.ports
         )
         return replace(
@@ -84,10 +98,6 @@ class Layout:
         )
 
 
-def _array(name: str) -> str:
-    return name.partition("[")[0]
-
-
 def _joined(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Dimension]) -> Variable:
     first = elements[0]
     if first.name == name:  # a scalar
@@ -97,7 +107,7 @@ def _joined(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Di
         name=name,
         description=first.description.replace("[1]", ""),
         start=None if first.start is None else tuple(x for item in elements for x in item.starts),
-        derivative_of=first.derivative_of and _array(first.derivative_of),
+        derivative_of=first.derivative_of and split(first.derivative_of)[0],
         dimension=dimensions[len(elements)],
     )
 

@@ -10,6 +10,7 @@ from functools import partial
 import casadi as ca
 
 from liaisons import units
+from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.language import layout
 from liaisons.language.checks import Formulas, components_of, declared, require_units, shapes_of
@@ -32,7 +33,7 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
-from liaisons.language.variables import ActiveInput, Dimension, State, Variable, suffixed
+from liaisons.language.variables import ActiveInput, Dimension, State, Variable
 
 
 class _Actives(DeclarationsOf[ActiveCoordinate]):

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons import units
+from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import Formulas, call, declared, scalar
@@ -27,7 +28,6 @@ from liaisons.language.declarations import (
     unilateral,
 )
 from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.variables import suffixed
 
 
 @dataclass(frozen=True, eq=False)

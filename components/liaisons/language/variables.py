@@ -150,9 +150,3 @@ class Experiment:
 def element(name: str, index: int) -> str:
     """Name of an element of an array, counted from 1."""
     return f"{name}[{index}]"
-
-
-def suffixed(name: str, ending: str) -> str:
-    """A name with an ending, which stands before the index of an element: ``x_dot[2]``."""
-    array, bracket, index = name.partition("[")
-    return f"{array}{ending}{bracket}{index}"

@@ -29,10 +29,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.mechanism import Mechanism
-from liaisons.language.variables import suffixed
 from liaisons.mechanics.constraints import (
     STABILISATION,
     Constraints,

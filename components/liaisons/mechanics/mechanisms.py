@@ -8,10 +8,10 @@ from typing import Any
 
 import casadi as ca
 
+from liaisons.array_names import suffixed
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
-from liaisons.language.variables import suffixed
 from liaisons.mechanics.energy_accounting import definitions, function, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Model, described

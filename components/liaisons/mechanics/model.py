@@ -15,16 +15,18 @@ An FMU back end needs nothing else of a component.  The vectors, always in this 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from liaisons.array_names import split, suffixed
 from liaisons.errors import ComponentError, LiaisonsError
 from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component
+from liaisons.language.layout import Layout
 from liaisons.language.variables import (
     NEXT_EVENT_TIME,
     ActiveInput,
@@ -32,10 +34,7 @@ from liaisons.language.variables import (
     Experiment,
     State,
     Terminal,
-    TerminalMember,
     Variable,
-    element,
-    suffixed,
 )
 
 
@@ -170,7 +169,7 @@ class Model:
         """Names of the event indicators, which are one or arrays."""
         own = {v.name for v in self.outputs}
         names = (contact.variable("indicator") for contact in self.contacts)
-        return tuple(dict.fromkeys(name if name in own else name.partition("[")[0] for name in names))
+        return tuple(dict.fromkeys(name if name in own else split(name)[0] for name in names))
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -189,32 +188,8 @@ class Model:
         """Model with a variable for each element of an array, as in FMI 2.0."""
         if not any(v.dimension for v in self.variables):
             return self
-        sized = {v.name: v.count for v in self.variables if v.dimension is not None}
-
-        def names(group: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-            """Tuples of names, element by element; those of scalars unchanged."""
-            count = sized.get(group[0], 1)
-            return (tuple(element(n, i) if n in sized else n for n in group) for i in range(1, count + 1))
-
-        def terminal(p: Terminal) -> Iterator[Terminal]:
-            members = names(tuple(member.variable for member in p.members))
-            for i, variables in enumerate(members, start=1):
-                name = element(p.name, i) if p.name in sized else p.name
-                roles = (member.role for member in p.members)
-                yield Terminal(name, p.kind, tuple(map(TerminalMember, roles, variables)))
-
-        return replace(
-            self,
-            **{
-                group: tuple(element for v in getattr(self, group) for element in v.elements())
-                for group in ("parameters", "inputs", "outputs", "drawn")
-            },
-            states=tuple(State(*pair) for s in self.states for pair in names((s.name, s.derivative))),
-            active=tuple(
-                ActiveInput(*triple) for a in self.active for triple in names((a.value, a.rate, a.acceleration))
-            ),
-            ports=tuple(element for p in self.ports for element in terminal(p)),
-        )
+        layout = Layout(**{item.name: getattr(self, item.name) for item in fields(Layout)}).flat()
+        return replace(self, **vars(layout), drawn=tuple(element for v in self.drawn for element in v.elements()))
 
 
 def contact_names(subject: Model | type[Component]) -> tuple[str, ...]:

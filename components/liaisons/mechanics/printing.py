@@ -11,12 +11,12 @@ from collections.abc import Iterable, Iterator
 import casadi as ca
 import numpy as np
 
+from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.operator import Operator
-from liaisons.language.variables import suffixed
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation

@@ -23,12 +23,13 @@ from typing import Any
 import casadi as ca
 
 from liaisons import units
+from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.declarations import Orientation
 from liaisons.language.layout import Layout, readable, zero
 from liaisons.language.mechanism import Mechanism
-from liaisons.language.variables import Variable, suffixed
+from liaisons.language.variables import Variable
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.energy_accounting import function
 from liaisons.mechanics.model import Contact, Model

@@ -443,6 +443,12 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
     return choose(self, &p, time, modes, x, rate);
 }
 
+/* Whether a gap is at 0; what is closed drifts, and follows. */
+static int touches(Instance *self, size_t i, double time) {
+    const Contacts *c = &self->contacts;
+    return c->gap[i] <= (*closed_of(self, i) != 0 ? FOLLOWED * c->scale[i] : rounding(c, i, time));
+}
+
 int core_is_unsettled(Instance *self, double time) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
@@ -452,7 +458,7 @@ int core_is_unsettled(Instance *self, double time) {
     inspect(self, time);
     read_modes(self, present);
     for (size_t i = 0; i < model->gaps; i++) {
-        touching[i] = c->gap[i] <= (present[i] == CLOSED ? FOLLOWED * c->scale[i] : rounding(c, i, time));
+        touching[i] = touches(self, i, time);
         if (touching[i] && c->v[i] < -STILL * c->rate_scale[i]) return 1;
     }
     return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, count_of(model)) != 0;
@@ -514,7 +520,7 @@ static int settle(Instance *self, double time, int late) {
     if (!check_overlaps(self, time, late)) return 0;
     for (size_t i = 0; i < gaps; i++) {
         was_closed[i] = *closed_of(self, i) != 0;
-        touching[i] = c->gap[i] <= (was_closed[i] ? FOLLOWED * c->scale[i] : rounding(c, i, time));
+        touching[i] = touches(self, i, time);
         if (touching[i] && held < AT_ONCE && c->gap[i] != 0) list[held++] = i;
     }
     touch(self, time, list, held);
