@@ -19,7 +19,7 @@ SETTINGS: Any = {"stop_time": 3.0, "step_size": 0.011, "tolerance": 1e-12}
 RECORD, HAIR = ("x", "x_dot", "impact_loss", "energy_balance"), 1e-6
 ROWS: dict[str, dict[str, Any]] = {
     "equal masses": {},
-    "masses 2, 1, 3 kg": {"mass": [2.0, 1.0, 3.0]},
+    "masses 1, 2, 3 kg": {"mass": [1.0, 2.0, 3.0]},
     "equal masses, e = 0.5": {"bounce": 0.5},
 }
 

@@ -91,6 +91,7 @@ def test_variables_are_arrays_in_fmi_3_and_elements_in_fmi_2(tmp_path: Path) -> 
     }
     assert (shape["mass"], shape["x_force"], shape["p_x_dot"], shape["hold"]) == (["n"], ["n"], ["n"], [])
     assert shape["stiffness"] == [2]
+    assert not [v.name for v in described.modelVariables if "[" in (v.description or "")]
     names = {v.name for v in fmpy.read_model_description(str(build(Row, tmp_path))).modelVariables}
     assert {"mass[3]", "x_0[1]", "x_dot_0[2]", "x_dot[2]", "p_x[3]", "p_x_dot[3]", "x_load[1]"} <= names
     assert "stiffness[3]" not in names
