@@ -88,7 +88,7 @@ def components(target: Target) -> list[type[Component]]:
             )
         return [target]
     if not isinstance(target, (str, os.PathLike)):
-        raise ProjectError(f"{shown(target)} is no component; give its name ('Pendulum'), its file or its class")
+        raise ProjectError(_no_component(target, "is no component; give its name ('Pendulum'), its file or its class"))
     target = str(target)
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
@@ -270,10 +270,8 @@ def fmu_file(target: Target) -> Path:
     if isinstance(target, type):
         return fmu_path(target)
     if not isinstance(target, (str, os.PathLike)):
-        raise ProjectError(
-            f"{shown(target)} is no FMU and no component; give the path of an FMU, or the name ('Pendulum'), file or "
-            "class of a component"
-        )
+        remedy = "give the path of an FMU, or the name ('Pendulum'), file or class of a component"
+        raise ProjectError(_no_component(target, f"is no FMU and no component; {remedy}"))
     path = Path(target)
     if path.suffix == ".ssp":
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
@@ -282,6 +280,14 @@ def fmu_file(target: Target) -> Path:
     if path.suffix != ".py" and ".py:" not in path.name and str(target) not in catalogue():
         raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), catalogue())}")
     return fmu_path(target)
+
+
+def _no_component(target: object, text: str) -> str:
+    from liaisons.cosim import System
+
+    if isinstance(target, System):
+        return f"{target.name} is a system, no component; flatten() makes one FMU of it, sweep() runs it for many values"
+    return f"{shown(target)} {text}"
 
 
 def _is_concrete(value: object) -> TypeGuard[type[Component]]:

@@ -32,7 +32,8 @@ def equations(folder: Path, states: int, indicators: int = 0, **code: str) -> Pa
         f'numberOfEventIndicators="{indicators}"><ModelExchange modelIdentifier="x" canGetAndSetFMUstate="true" '
         'completedIntegratorStepNotNeeded="true"/>'
         f"<ModelVariables>{''.join(listed)}</ModelVariables><ModelStructure><Outputs>{outputs}"
-        f'<Unknown index="{2 * states + 2}"/></Outputs><Derivatives>{unknowns}</Derivatives></ModelStructure>'
+        f'<Unknown index="{2 * states + 2}"/></Outputs><Derivatives>{unknowns}</Derivatives><InitialUnknowns>{unknowns}'
+        f'<Unknown index="{2 * states + 2}"/></InitialUnknowns></ModelStructure>'
         "</fmiModelDescription>"
     )
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,105 @@
+"""Kinds of subject against capabilities: ``reference/crossings.md``, made from ``crossings.toml``."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+HERE = Path(__file__).parent
+WORKS, OTHERWISE, REFUSED = "works", "works by another method", "refused"
+_SIGNS = {WORKS: "✓", OTHERWISE: "≈", REFUSED: "–"}
+_INTRODUCTION = """# Crossings
+
+What each kind of subject (rows) does with each capability (columns).  ✓ works, ≈ works by another method, – is refused
+by the sentence that the number leads to.  Every cell is tried by a test: what works is held against something that
+shares no code with it, named below its table; what is refused raises that sentence.  Derivatives beside an event are
+not-a-number, with a warning that names its instant.
+"""
+
+
+class Cell(NamedTuple):
+    """A kind of subject and a capability.
+
+    :param remark: the other method, or the sentence of the refusal.
+    """
+
+    kind: str
+    capability: str
+    verdict: str
+    remark: str
+
+
+@cache
+def table() -> dict[str, Any]:
+    """The file, as it is."""
+    return tomllib.loads((HERE / "crossings.toml").read_text(encoding="utf-8"))
+
+
+def groups() -> dict[str, dict[str, tuple[str, str]]]:
+    """Capabilities by group: title, and what their results are held against."""
+    return table()["capabilities"]
+
+
+@cache
+def cells() -> dict[tuple[str, str], Cell]:
+    """All cells, by kind and capability.
+
+    :raises ValueError: for a name that is none, or a cell that two entries list.
+    """
+    kinds, capabilities = [*table()["kinds"]], [name for group in groups().values() for name in group]
+    found = {(k, c): Cell(k, c, WORKS, "") for c in capabilities for k in kinds}
+    for verdict, entries in ((OTHERWISE, table().get("otherwise", ())), (REFUSED, table().get("refused", ()))):
+        for entry in entries:
+            for pair in ((k, c) for c in entry["capabilities"] for k in entry["kinds"]):
+                if pair not in found or found[pair].verdict != WORKS:
+                    raise ValueError(f"crossings.toml: {pair} is {'listed twice' if pair in found else 'no cell'}")
+                found[pair] = Cell(*pair, verdict, entry["text"])
+    return found
+
+
+def page() -> str:
+    """The page as Markdown."""
+    counts = {verdict: sum(cell.verdict == verdict for cell in cells().values()) for verdict in _SIGNS}
+    total = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    parts = [_INTRODUCTION, f"{len(cells())} cells: {total}.\n"]
+    remarks = list(dict.fromkeys(cell.remark for cell in cells().values() if cell.remark))
+    for group, capabilities in groups().items():
+        head = "".join(f"<th>{_code(title)}</th>" for title, _ in capabilities.values())
+        lines = [
+            f"<tr><th>{escape(title)}</th>" + "".join(_cell(cells()[kind, c], remarks) for c in capabilities) + "</tr>"
+            for kind, (title, _) in table()["kinds"].items()
+        ]
+        parts += [f"## {group}\n", f'<table class="crossings">\n<tr><th></th>{head}</tr>', *lines, "</table>\n"]
+        parts += [f"- {title}: {against}" for title, against in capabilities.values()]
+        parts.append("")
+    parts.append("## Other methods, and sentences of refusals\n")
+    parts += [f'<p id="crossing-{i}"><small>{i}</small> {escape(remark)}</p>' for i, remark in enumerate(remarks, 1)]
+    parts.append("\n## What stands for a kind\n")
+    parts += [f"- {title}: {subject}" for title, subject in table()["kinds"].values()]
+    return "\n".join(parts) + "\n"
+
+
+def _cell(cell: Cell, remarks: list[str]) -> str:
+    number = remarks.index(cell.remark) + 1 if cell.remark else 0
+    note = f'<sup><a href="#crossing-{number}">{number}</a></sup>' if number else ""
+    return f'<td class="{cell.verdict}" title="{cell.verdict}">{_SIGNS[cell.verdict]}{note}</td>'
+
+
+def _code(title: str) -> str:
+    name = title.strip("`")
+    return f"<code>{escape(name)}</code>" if name != title else escape(title)
+
+
+def setup(app: Sphinx) -> None:
+    """Write the page before it is read."""
+    app.connect("builder-inited", _write, priority=700)
+
+
+def _write(app: Sphinx) -> None:
+    (Path(app.srcdir) / "reference" / "crossings.md").write_text(page(), encoding="utf-8")

@@ -1,0 +1,7 @@
+"""Where the modules of these tests are found, and those of other folders that they share."""
+
+import sys
+from pathlib import Path
+
+_TESTS = Path(__file__).parents[1]
+sys.path[:0] = [str(_TESTS / name) for name in ("crossings", "cosim", "fmu", "pictures", "../docs")]

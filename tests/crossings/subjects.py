@@ -1,0 +1,271 @@
+"""A subject of each kind, and how it moves: by a closed form, or by SciPy on equations written down by hand."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+from equations import equations
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from liaisons import (
+    ActiveCoordinate,
+    Ball,
+    Coordinate,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Shapes,
+    Size,
+    System,
+    operator,
+    point,
+)
+from liaisons.language.component import Component
+from liaisons.models import (
+    BouncingBall,
+    CartesianPendulum,
+    DryOscillator,
+    IsokineticOscillator,
+    NoseHooverOscillator,
+    Oscillator,
+    OscillatorChain,
+    Pendulum,
+    Regulator,
+    Satellite,
+    Sinusoid,
+    SwingPump,
+)
+
+COSIM = Path(__file__).parents[1] / "cosim"
+
+Signals = dict[str, NDArray]
+Exact = Callable[..., Signals]
+
+STEP, STOP = 0.05, 2.0
+T = np.linspace(0.0, STOP, 41)
+
+
+class Row(Mechanism):
+    """Beads, each bound by a spring to its place."""
+
+    n = Size(3, "number of beads")
+    mass = Parameter((1.0, 2.0, 3.0), "kg", "masses", above=0, size="n")
+    stiffness = Parameter(4.0, "N/m", "stiffness of the springs", above=0)
+    x = Coordinate("m", "displacements", start=(0.3, 0.2, 0.1), size="n")
+
+    def kinetic_energy(self) -> ca.SX:
+        return ca.dot(self.mass, self.dot(self.x) ** 2) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * ca.sumsqr(self.x)
+
+    def picture(self) -> Shapes:
+        return [Ball({"x": x}) for x in ca.vertsplit(self.x)]
+
+
+class Hoist(Mechanism):
+    """Load on an arm of variable reach; operators prescribe both, nothing is free."""
+
+    mass = Parameter(2.0, "kg", "mass of the load", above=0)
+    gravity = Gravity()
+    angle = ActiveCoordinate("rad", "angle of the arm above the horizontal")
+    reach = ActiveCoordinate("m", "length of the arm", start=1.0, above=0)
+
+    @point("m", "the load")
+    def load(self) -> dict[str, ca.SX]:
+        return {"x": self.reach * ca.cos(self.angle), "z": self.reach * ca.sin(self.angle)}
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared(self.load)
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.load["z"]
+
+
+class Ramp(NamedTuple):
+    """Input that moves at a constant rate from an instant on."""
+
+    offset: float = 0.0
+    rate: float = 0.0
+    begin: float = 0.0
+
+    def __call__(self, t: float) -> tuple[float, float, float]:
+        return self.offset + self.rate * max(t - self.begin, 0.0), self.rate * (t >= self.begin), 0.0
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is simulated.
+
+    :param component: its class; None: :attr:`put_together` makes a system, or the file of an FMU.
+    :param exact: signals at times, as a function of start values.
+    :param by: start value of which the signals are a function that can be differentiated, and its value.
+    :param ramps: operators of its active coordinates.
+    :param starts: further start values.
+    :param sizes: number of elements of ``by`` and of signals, where they are arrays.
+    """
+
+    component: type[Component] | None
+    exact: Exact
+    by: tuple[str, float]
+    ramps: Mapping[str, Ramp] = field(default_factory=dict)
+    starts: Mapping[str, Any] = field(default_factory=dict)
+    put_together: Callable[[Path], System | Path] | None = None
+
+    @property
+    def start_values(self) -> dict[str, Any]:
+        return {**self.starts, self.by[0]: self.by[1]}
+
+    @property
+    def operators(self) -> dict[str, Any]:
+        return {
+            name: operator("Ramp", offset=ramp.offset, rate=ramp.rate, start_time=ramp.begin)
+            for name, ramp in self.ramps.items()
+        }
+
+    def signals(self, t: NDArray = T, **values: float) -> Signals:
+        return self.exact(t, **(self.start_values | values))
+
+
+def integrated(rates: Callable[[float, NDArray], Any], start: Any, t: NDArray) -> NDArray:
+    """SciPy's solution of equations written down by hand, shape (states, times)."""
+    return solve_ivp(rates, (0.0, t[-1]), start, "DOP853", t, rtol=1e-13, atol=1e-14).y
+
+
+def moved_oscillator(t: NDArray, *, x_0: float, ramp: Ramp) -> Signals:
+    """On a support that starts at once with a constant rate; ω = 1."""
+    since = np.maximum(t - ramp.begin, 0.0)
+    x = x_0 * np.cos(t) + ramp.rate * (since - np.sin(since))
+    return {"x": x, "x_dot": -x_0 * np.sin(t) + ramp.rate * (1 - np.cos(since))}
+
+
+def lengthened(t: NDArray, *, x_0: float, gravity: float, ramp: Ramp, **_: float) -> Signals:
+    """Pendulum below (0, 0, 1) of length l(t): l θ'' + 2 l' θ' + g sin θ = 0, at first along the rod."""
+
+    def rates(t: float, y: NDArray) -> list[float]:
+        length, rate, _ = ramp(t)
+        return [y[1], -(2 * rate * y[1] + gravity * np.sin(y[0])) / length]
+
+    theta, length = integrated(rates, [np.arcsin(x_0), 0.0], t)[0], np.array([ramp(s)[0] for s in t])
+    return {"x": length * np.sin(theta), "z": 1 - length * np.cos(theta)}
+
+
+def thermostat(t: NDArray, *, q_0: float) -> Signals:
+    def rates(_: float, y: NDArray) -> list[float]:
+        return [y[1], -y[0] - y[2] * y[1], y[1] ** 2 - 1]
+
+    q, q_dot, xi = integrated(rates, [q_0, 0.0, 0.0], t)
+    return {"q": q, "q_dot": q_dot, "xi": xi}
+
+
+def hoisted(t: NDArray, *, mass: float, angle: Ramp, reach: Ramp) -> Signals:
+    """Newton's law along the arm and across it, without accelerations of angle and reach."""
+    phi, r = angle.offset + angle.rate * t, reach.offset + reach.rate * t
+    along = mass * (9.81 * np.sin(phi) - r * angle.rate**2)
+    moment = mass * r * (2 * reach.rate * angle.rate + 9.81 * np.cos(phi))
+    return {"reach_force": along, "angle_force": moment, "angle_power": moment * angle.rate}
+
+
+def filtered(t: NDArray, *, low: float) -> Signals:
+    """Three filters of rate 30 1/s in a row, from 1 to 0."""
+    u = 30.0 * t
+    return {"y": low + (1.05 - low) * np.exp(-u) * (1 + u + u**2 / 2)}
+
+
+def regulated(t: NDArray, *, period: float, **_: Any) -> Signals:
+    """No gains: x''' = (w - x'')/period with w = 1 from rest."""
+    decay = np.exp(-t / period)
+    return {"y": t**2 / 2 - period * (t - period * (1 - decay)), "y_ddot": 1 - decay}
+
+
+def thrown(t: NDArray, *, q_dot_0: float, **_: float) -> Signals:
+    return {"q": q_dot_0 * t + t**2 / 2, "q_dot": q_dot_0 + t}
+
+
+def pushed(t: NDArray, *, u: float) -> Signals:
+    """x'' = u - x from x = 1 at rest."""
+    return {"x0": u + (1 - u) * np.cos(t), "y": (u - 1) * np.sin(t)}
+
+
+def foreign_co_simulation(folder: Path) -> Path:
+    """A mass under constant force, from another maker: it can go back, and gives no derivatives."""
+    spec = spec_from_file_location("little_fmus", COSIM / "conftest.py")
+    assert spec is not None
+    assert spec.loader is not None
+    little = module_from_spec(spec)
+    sys.modules[spec.name] = little  # its dataclasses ask for it
+    spec.loader.exec_module(little)
+    return little._build(folder, "Cart", little.CART)
+
+
+def foreign_model_exchange(folder: Path) -> Path:
+    """An oscillator from another maker, equations only."""
+    rates = "f[0] = x[1]; f[1] = u - x[0];"
+    return equations(folder, 2, start="x[0] = 1;", rates=rates, output="y = x[1];")
+
+
+def shaken_mass(_: Path) -> System:
+    """An oscillator on a support that moves as a sine."""
+    system = System("shaken mass")
+    shaker = system.add("shaker", Sinusoid, amplitude=0.2, angular_frequency=1.7)
+    mass = system.add("mass", Oscillator)
+    system.connect(shaker["y"], mass["support"])
+    return system
+
+
+def shaken(t: NDArray, **starts: float) -> Signals:
+    exact = Oscillator.exact(t, x_0=starts["mass.x_0"], amplitude=0.2, angular_frequency=1.7)
+    return {"mass.x": exact["x"]}
+
+
+def chained(t: NDArray, **starts: Any) -> Signals:
+    exact = OscillatorChain.exact(t, n=10, u_0=np.r_[starts["u_0[1]"], np.zeros(9)])
+    return {"u[1]": exact["u"][:, 0], "u[5]": exact["u"][:, 4]}
+
+
+RAMP, PULL = Ramp(0.0, 0.3, 0.5), Ramp(1.0, 0.1)
+ANGLE, REACH = Ramp(0.2, 0.4), Ramp(1.0, 0.3)
+TOP = {"omega_y_0": 0.3, "omega_z_0": 1.0}
+LEAN = 0.3  # x of a bob at the distance 1 from its pivot
+
+SUBJECTS: dict[str, Subject] = {
+    "plain": Subject(Pendulum, Pendulum.exact, ("theta_0", 1.0)),
+    "jumps": Subject(Oscillator, partial(moved_oscillator, ramp=RAMP), ("x_0", 0.4), {"support": RAMP}),
+    "constraints": Subject(
+        CartesianPendulum, partial(lengthened, ramp=PULL), ("gravity", 9.0), {"rod": PULL},
+        {"x_0": LEAN, "z_0": 1 - np.sqrt(1 - LEAN**2), "x_dot_0": 0.1 * LEAN, "z_dot_0": -0.1 * np.sqrt(1 - LEAN**2)},
+    ),
+    "non_holonomic": Subject(IsokineticOscillator, IsokineticOscillator.exact, ("x_0", 1.1)),
+    "orientation": Subject(Satellite, Satellite.exact, ("omega_x_0", 0.2), starts=TOP),
+    "arrays": Subject(
+        Row, lambda t, **k: {"x[1]": k["x_0[1]"] * np.cos(2 * t), "x[3]": 0.1 * np.cos(2 * t / np.sqrt(3))},
+        ("x_0[1]", 0.4),
+    ),
+    "chain": Subject(OscillatorChain, chained, ("u_0[1]", 0.8)),
+    "friction": Subject(Oscillator, Oscillator.exact, ("x_0", 0.7), starts={"damping": 0.4}),
+    "unilateral": Subject(BouncingBall, BouncingBall.exact, ("height_0", 1.0)),
+    "dry_friction": Subject(DryOscillator, DryOscillator.exact, ("x_0", 0.9)),
+    "internal_states": Subject(NoseHooverOscillator, thermostat, ("q_0", 1.2)),
+    "prescribed_only": Subject(
+        Hoist, partial(hoisted, angle=ANGLE, reach=REACH), ("mass", 3.0), {"angle": ANGLE, "reach": REACH}
+    ),
+    "operator": Subject(SwingPump, filtered, ("low", 0.9)),
+    "regulator": Subject(Regulator, regulated, ("period", STEP), starts={"offset": np.ones(50)}),
+    "foreign_co_simulation": Subject(
+        None, thrown, ("q_dot_0", 0.7), starts={"q_force": 1.0}, put_together=foreign_co_simulation
+    ),
+    "foreign_model_exchange": Subject(None, pushed, ("u", 0.3), put_together=foreign_model_exchange),
+    "system": Subject(None, shaken, ("mass.x_0", 0.1), put_together=shaken_mass),
+    "flattened": Subject(
+        None, shaken, ("mass.x_0", 0.1), put_together=lambda folder: shaken_mass(folder).flatten(folder)
+    ),
+}  # fmt: skip

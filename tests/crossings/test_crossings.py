@@ -1,0 +1,54 @@
+"""Every cell of docs/crossings.toml: what works is held against something else, what is refused raises its sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import capabilities
+import pytest
+from capabilities import Workshop
+from subjects import SUBJECTS
+
+from crossings import REFUSED, Cell, cells, groups, page
+from liaisons import LiaisonsError
+
+SLOW = {"wasm", "live_page"}
+"""Their FMUs take ten seconds each; quick tests try one of them, and what is refused."""
+
+
+def trial(cell: Cell) -> Callable[[Workshop, str], None]:
+    """The function that tries a capability."""
+    return getattr(capabilities, f"try_{cell.capability}")
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
+    folder = tmp_path_factory.mktemp("crossings")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LIAISONS_FMUS", str(folder / "fmus"))
+        yield Workshop(folder)
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        pytest.param(cell, id=f"{cell.capability}-{cell.kind}", marks=[pytest.mark.slow] * slow)
+        for cell in cells().values()
+        for slow in [cell.capability in SLOW and cell.kind != "plain" and cell.verdict != REFUSED]
+    ],
+)
+def test_cell(cell: Cell, workshop: Workshop) -> None:
+    if cell.verdict != REFUSED:
+        trial(cell)(workshop, cell.kind)
+        return
+    with pytest.raises(LiaisonsError) as caught:
+        trial(cell)(workshop, cell.kind)
+    assert cell.remark in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_table_has_every_kind_and_every_capability() -> None:
+    assert {kind for kind, _ in cells()} == {*SUBJECTS}
+    assert {capability for _, capability in cells()} == {name for group in groups().values() for name in group}
+    text = page()
+    assert all(cell.remark in text.replace("&#x27;", "'").replace("&quot;", '"') for cell in cells().values())
