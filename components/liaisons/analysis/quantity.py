@@ -50,7 +50,7 @@ class Quantity:
         :raises ComponentError: for an unknown symbol, a value that is not finite or outside its domain, a result that
             is not finite, or friction, drives and loads in what is ``conservative``.
         """
-        if self.conservative and np.any(Quantity(self.equations, applied_forces(self.equations)).evaluate(**values)):
+        if self.conservative and np.any(Quantity(self.equations, _applied_forces(self.equations)).evaluate(**values)):
             raise ComponentError(
                 f"{self.equations.name}: friction, drives and loads do not enter these equations, and are not 0 here; "
                 "set them to 0, or take phase_velocity()"
@@ -142,16 +142,16 @@ def require_smooth(equations: Equations, purpose: str) -> None:
     refuse_contacts(type(equations.mechanism), purpose, "describe the mechanism without them")
 
 
-def applied_forces(equations: Equations) -> ca.SX:
-    """Friction on free and active coordinates, drives and loads: what Lagrange's function does not have; a column."""
+def _applied_forces(equations: Equations) -> ca.SX:
+    """Friction on free and active coordinates, drives and loads: what L does not have; a column on phase space."""
     m = equations.mechanism
     friction = equations.friction.against(ca.vertcat(m.free.q_dot, m.active.s_dot))
-    return ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads)
+    return equations.in_phase_space(ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads))
 
 
 def require_conservative(equations: Equations, purpose: str, values: Mapping[str, ArrayLike]) -> None:
     """Raise a ComponentError for friction, drives and loads that are not 0 at these values."""
-    if largest(equations, ca.norm_1(applied_forces(equations)), ca.SX(1), values):
+    if largest(equations, ca.norm_1(_applied_forces(equations)), ca.SX(1), values):
         raise ComponentError(f"{equations.name}: {purpose} has no friction, drives and loads; set them to 0")
 
 
@@ -188,7 +188,7 @@ def turning_part(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
-    """Random states about the start, on the constraints, the same ones each time; ``values`` are kept as they are."""
+    """Random states about the start, the same ones each time; ``values`` are kept as they are."""
     m, rng = equations.mechanism, np.random.default_rng(0)
     centres = m.start_values()
     states: dict[str, ArrayLike] = {}
@@ -200,7 +200,7 @@ def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
         states |= dict(zip(orientation.quaternion, attitudes / np.linalg.norm(attitudes, axis=0), strict=True))
     for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot, m.internal)):
         states[str(rate)] = centres[str(rate)] + rng.uniform(-1, 1, _STATES)
-    return _on_constraints(equations, states | dict(values)) | dict(values)
+    return states | dict(values)
 
 
 def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[str, ArrayLike]:
@@ -208,15 +208,12 @@ def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[
     constraints, free = equations.constraints, equations.mechanism.free
     if equations.projection is None or not constraints.matrix.shape[0]:
         return states
-    phase, before = ca.vertcat(free.q, free.p), ca.vertcat(free.q, free.q_dot)
-    moved = Quantity(equations, equations.projection)
-    violations = Quantity(equations, ca.norm_1(ca.vertcat(constraints.residuals, constraints.rate_residuals)))
-    rates = Quantity(equations, equations.in_phase_space(before))
-    for _ in range(_ROUNDS):
-        column = moved.evaluate(**states)
-        states = states | dict(zip(map(str, ca.vertsplit(phase)), column, strict=True))
-        states = states | dict(zip(map(str, ca.vertsplit(before)), rates.evaluate(**states), strict=True))
-    on = violations.evaluate(**states) <= _ROUNDING
+    residuals = ca.norm_1(ca.vertcat(constraints.residuals, constraints.rate_residuals))
+    steps = ((ca.vertcat(free.q, free.p), equations.projection), (free.q_dot, equations.velocities))
+    for column, moved in steps * _ROUNDS:
+        rows = Quantity(equations, moved).evaluate(**states)
+        states = states | dict(zip(map(str, ca.vertsplit(column)), rows, strict=True))
+    on = Quantity(equations, residuals).evaluate(**states) <= _ROUNDING
     if not np.any(on):
         raise ComponentError(
             f"{equations.name}: no states on its constraints near the start; give values for coordinates"
@@ -225,8 +222,8 @@ def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[
 
 
 def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, ArrayLike]) -> float:
-    """Largest |expression| among random states, relative to ``scale`` there; 0.0 where it vanishes to rounding."""
-    states = sample_states(equations, values)
+    """Largest |expression| at random states on the constraints, relative to ``scale`` there; 0.0 where it is rounding."""
+    states = _on_constraints(equations, sample_states(equations, values)) | dict(values)
     pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
     size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
     return 0.0 if size <= _ROUNDING * reference else float(size / reference)

@@ -178,10 +178,10 @@ def similarity(source: Source, **values: float) -> Similarity:
         )
     if np.isnan(degree):
         raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
-    _require_scaled(equations, names, degree, values)
-    rigid = (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)
+    rigid = [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)]
+    _require_scaled(equations, names, degree, rigid, values)
     moved = (item.name for item in m.actives if item.name in names and item.start != 0)
-    return Similarity(degree, tuple(dict.fromkeys([*moved, *(item.name for item in rigid)])))
+    return Similarity(degree, tuple(dict.fromkeys([*moved, *rigid])))
 
 
 def _degree(equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str, ArrayLike]) -> float | None:
@@ -193,7 +193,9 @@ def _degree(equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str
     return degree if rest <= 1e-10 * np.max(np.abs(owns)) else None
 
 
-def _require_scaled(equations: Equations, names: list[str], degree: float, values: Mapping[str, ArrayLike]) -> None:
+def _require_scaled(
+    equations: Equations, names: list[str], degree: float, rigid: list[str], values: Mapping[str, ArrayLike]
+) -> None:
     """Constraints and gaps must stay 0 under r → λ r, t → λ^(1 - h/2) t."""
     m = equations.mechanism
     scaled = {suffixed(name, "_dot") for name in names}
@@ -204,20 +206,12 @@ def _require_scaled(equations: Equations, names: list[str], degree: float, value
     ]
     where = ca.vertcat(*(m.symbols[name] for name in names), *(rate for rate, _ in rates))
     growth = ca.vertcat(*(m.symbols[name] for name in names), *(rate * power for rate, power in rates))
-    rigid = (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)
-    residuals = zip([item.name for item in rigid], ca.vertsplit(equations.constraints.residuals), strict=True)
+    residuals = ca.vertsplit(ca.vertcat(equations.constraints.residuals, *(getattr(m, c.name) for c in m.unilaterals)))
     broken = [
         name
-        for name, own in residuals
-        if largest(
-            equations,
-            ca.jtimes(own, where, growth),
-            ca.norm_2(ca.jacobian(own, where).T) * ca.norm_2(growth),
-            values,
-        )
+        for name, own in zip(rigid, residuals, strict=True)
+        if _degree(equations, own, ca.jtimes(own, where, growth), values) is None
     ]
-    gaps = ((item.name, getattr(m, item.name)) for item in m.unilaterals)
-    broken += [name for name, gap in gaps if _degree(equations, gap, ca.jtimes(gap, where, growth), values) is None]
     if broken:
         raise ComponentError(
             f"{equations.name}: {', '.join(broken)} has a length or a time of its own and does not scale with "
