@@ -44,7 +44,8 @@ class Quantity:
 
         :param values: symbols by name, numbers or arrays of shapes that broadcast: parameters, ``q``, ``p_q`` or
             ``q_dot``, ``s``, ``s_dot``, ``s_ddot``, ``q_force``, ``q_load``, ``P_x_load``.  A momentum that is not
-            given follows from the rates, p = ∂L/∂q̇; the others take their defaults or 0.
+            given follows from the rates, p = ∂L/∂q̇, and all rates from momenta alone; the others take their defaults
+            or 0.
         :returns: array; its axes are those of the quantity (scalars and columns drop the axes of length 1), then those
             of the values.
         :raises ComponentError: for an unknown symbol, a value that is not finite or outside its domain, a result that
@@ -58,7 +59,10 @@ class Quantity:
         equations, free = self.equations, self.equations.mechanism.free
         numbers = numbers_of(equations, values)
         missing = [i for i, p in enumerate(ca.vertsplit(free.p)) if str(p) not in values]
-        expression = ca.substitute(self.expression, free.p[missing], (free.frame @ equations.momenta)[missing])
+        expression = self.expression
+        if len(missing) < free.p.shape[0] and values.keys().isdisjoint(map(str, ca.vertsplit(free.q_dot))):
+            expression = ca.substitute(expression, free.q_dot, equations.velocities)
+        expression = ca.substitute(expression, free.p[missing], (free.frame @ equations.momenta)[missing])
         (rows, columns), shape = expression.shape, np.broadcast_shapes(*map(np.shape, numbers.values()))
         function = ca.Function("evaluate", [ca.vertcat(*equations.symbols.values())], [ca.densify(expression)])
         table = np.array([np.broadcast_to(number, shape).ravel() for number in numbers.values()])
@@ -143,10 +147,10 @@ def require_smooth(equations: Equations, purpose: str) -> None:
 
 
 def _applied_forces(equations: Equations) -> ca.SX:
-    """Friction on free and active coordinates, drives and loads: what L does not have; a column on phase space."""
+    """Friction on free and active coordinates, drives and loads: what L does not have; a column."""
     m = equations.mechanism
     friction = equations.friction.against(ca.vertcat(m.free.q_dot, m.active.s_dot))
-    return equations.in_phase_space(ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads))
+    return ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads)
 
 
 def require_conservative(equations: Equations, purpose: str, values: Mapping[str, ArrayLike]) -> None:
@@ -222,7 +226,7 @@ def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[
 
 
 def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, ArrayLike]) -> float:
-    """Largest |expression| at random states on the constraints, relative to ``scale`` there; 0.0 where it is rounding."""
+    """Largest |expression| at random states on the constraints, relative to ``scale``; 0.0 where it is rounding."""
     states = _on_constraints(equations, sample_states(equations, values)) | dict(values)
     pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
     size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
