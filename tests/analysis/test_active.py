@@ -151,7 +151,9 @@ RANKS = {
 ADAPTED = [
     c
     for c in CATALOGUE
-    if issubclass(c, Mechanism) and c.actives and not (c.constraints or c.non_holonomic or c.rheonomic_constraints)
+    if issubclass(c, Mechanism)
+    and c.actives
+    and not (c.constraints or c.non_holonomic or c.rheonomic_constraints or c.unilaterals or c.dry_frictions)
 ]
 
 

@@ -46,6 +46,7 @@ INDEPENDENT = [
     for c in CATALOGUE
     if issubclass(c, Mechanism)
     and not (c.constraints or c.non_holonomic or c.rheonomic_constraints or c.internal_states)
+    and not (c.unilaterals or c.dry_frictions)
 ]
 
 

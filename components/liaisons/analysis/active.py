@@ -22,7 +22,9 @@ from liaisons.analysis.quantity import (
     equations_of,
     largest,
     require_coordinates,
+    require_free,
     require_independent,
+    require_smooth,
     sample_states,
     turning_part,
 )
@@ -106,7 +108,7 @@ def _with_multipliers(equations: Equations, h: ca.SX, p_s: ca.SX, momenta: ca.SX
     field, slope = (ca.substitute(part, p_s, momenta) for part in (field, gradient(h, m.active.s)))
     state = ca.vertcat(m.free.q, m.free.p, m.active.s, m.active.s_dot)
     change = ca.jtimes(momenta, state, ca.densify(ca.vertcat(field, m.active.s_dot, m.active.s_ddot)))
-    return Quantity(equations, ca.vertcat(field, change + slope))
+    return Quantity(equations, ca.vertcat(field, change + slope), conservative=True)
 
 
 def _rates(equations: Equations) -> ca.SX:
@@ -133,6 +135,7 @@ def kinetic_connection(source: Source) -> Quantity:
     :raises ComponentError: unless there are active coordinates and the free ones are independent.
     """
     equations = _adapted(source)
+    require_free(equations, "a connection")
     m = equations.mechanism
     mixed = ca.jacobian(gradient(equations.kinetic_energy, m.free.q_dot), m.active.s_dot)
     return Quantity(equations, -solve_symmetric(equations.mass_matrix, mixed))
@@ -192,7 +195,7 @@ def dynamic_field(source: Source) -> DynamicField:
 
     def field(h: ca.SX, shape_rate: ca.SX) -> Quantity:
         x_dot, p_dot = hamiltonian_field(equations, h)
-        return Quantity(equations, ca.vertcat(x_dot, shape_rate, p_dot))
+        return Quantity(equations, ca.vertcat(x_dot, shape_rate, p_dot), conservative=True)
 
     still = ca.SX.zeros(Y.shape)
     return DynamicField(field(H_0, still), field(-K_Y, still), field(ca.dot(m.free.p, lifted), Y))
@@ -254,9 +257,10 @@ def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str,
 
 
 def _adapted(source: Source) -> Equations:
-    """The equations of a mechanism with active coordinates and without constraints, adapted in M's sense."""
+    """The equations of a mechanism with active coordinates, without constraints and contacts, adapted in M's sense."""
     equations = equations_of(source)
     require_independent(equations, "the geometry of active constraints")
+    require_smooth(equations, "the geometry of active constraints")
     if not equations.mechanism.actives:
         raise ComponentError(f"{equations.name}: it has no active coordinate; declare one as ActiveCoordinate")
     return equations

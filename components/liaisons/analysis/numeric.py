@@ -52,6 +52,13 @@ def integrate(
     return solution.y[:, -1]
 
 
+def spline_integral(time: NDArray, samples: NDArray) -> NDArray:
+    """Integral of the cubic spline through samples (r, n) over their instants; (r,)."""
+    from scipy.interpolate import make_interp_spline
+
+    return make_interp_spline(time, samples, k=min(3, time.size - 1), axis=1).integrate(time[0], time[-1])
+
+
 def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> NDArray:
     """The instants of samples of the given shape, checked."""
     t = np.asarray(time, dtype=float)

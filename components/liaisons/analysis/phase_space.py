@@ -16,8 +16,10 @@ from liaisons.analysis.quantity import (
     Source,
     equations_of,
     generators,
+    require_free,
     require_independent,
     require_smooth,
+    require_still,
     turning_part,
 )
 from liaisons.errors import ComponentError, suggestion
@@ -46,10 +48,12 @@ def hamilton_equations(source: Source) -> Quantity:
     An orientation has its quaternion among the q, ∂/∂q by turns about the axes of the inertial frame, and -p × ∂H/∂p
     more in ṗ, as turns do not commute.
 
-    :raises ComponentError: for constraints.
+    :raises ComponentError: for constraints and contacts; when evaluated, for friction, drives and loads.
     """
     H = hamiltonian(source)
-    return Quantity(H.equations, ca.vertcat(*hamiltonian_field(H.equations, H.expression)))
+    require_smooth(H.equations, "Hamilton's motion")
+    require_free(H.equations, "Hamilton's motion")
+    return Quantity(H.equations, ca.vertcat(*hamiltonian_field(H.equations, H.expression)), conservative=True)
 
 
 def hamiltonian_field(equations: Equations, h: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -84,10 +88,12 @@ def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
 def phase_velocity(source: Source) -> Quantity:
     """V of Ẋ = V(X), X = (q, p, internal states), with friction, drives and loads (K eq. 95); a column.
 
-    :raises ComponentError: for constraints.
+    :raises ComponentError: for constraints and contacts.
     """
     equations = equations_of(source)
     require_independent(equations, "phase space")
+    require_smooth(equations, "a phase velocity")
+    require_free(equations, "phase space")
     q_dot = equations.mechanism.free.kinematics @ equations.velocities
     column = ca.vertcat(q_dot, equations.momentum_rates, equations.internal_rates)
     return Quantity(equations, equations.in_phase_space(column))
@@ -98,7 +104,7 @@ def divergence(source: Source) -> Quantity:
 
     The four components of a quaternion count like coordinates: V leaves its norm alone.
 
-    :raises ComponentError: for constraints.
+    :raises ComponentError: for constraints and contacts.
     """
     V = phase_velocity(source)
     return Quantity(V.equations, ca.trace(ca.jacobian(V.expression, _phase(V.equations))))
@@ -124,12 +130,12 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     :param tolerance: of the integration, relative and absolute.
     :param values: start by ``q``, ``q_dot``, internal states; parameters; active coordinates, each a number or a
         function of time, from CasADi expression to expression, e.g. ``length=lambda t: 1 + 0.1 * ca.sin(t)``.
-    :raises ComponentError: for constraints, an unknown symbol, a duration that is not > 0, or a motion
+    :raises ComponentError: for constraints and contacts, an unknown symbol, a duration that is not > 0, or a motion
         that cannot be continued.
     """
     V = phase_velocity(source)
     equations, owner = V.equations, V.equations.name
-    require_smooth(equations, "a flow")
+    require_still(equations, values)
     if not (duration > 0 and np.isfinite(duration)):
         raise ComponentError(f"{owner}: duration = {duration} must be finite and > 0")
     t, X = ca.SX.sym("t"), _phase(equations)

@@ -12,7 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.analysis.numeric import eigenproblem, frozen, instants
 from liaisons.analysis.phase_space import hamiltonian_field
-from liaisons.analysis.quantity import Quantity, Source, equations_of, require_coordinates, require_smooth
+from liaisons.analysis.quantity import (
+    Quantity,
+    Source,
+    equations_of,
+    require_conservative,
+    require_coordinates,
+    require_free,
+    require_smooth,
+    require_still,
+)
 from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
@@ -51,12 +60,16 @@ def action(
     :param path: ``q`` and ``q_dot`` of each free coordinate, also ``s`` and ``s_dot`` of active ones that move; (n,).
     :param variation: δq, δs in the same way, 0 at both ends; coordinates that are not named do not vary.
     :param values: parameters, and active coordinates that do not move.
-    :raises ComponentError: for an orientation, missing or unknown samples, shapes that do not fit, or a variation that
-        moves the ends.
+    :raises ComponentError: for an orientation, contacts, missing or unknown samples, shapes that do not fit, or a
+        variation that moves the ends.
     """
     equations = equations_of(source)
+    require_smooth(equations, "the action")
     require_coordinates(equations, "the action", independent=False)
+    require_still(equations, values)
     names = _moving(equations, path)
+    if not names:
+        raise ComponentError(f"{equations.name}: the path moves no coordinate; give one and its rate")
     t, z = _samples(equations, time, path, names)
     eta = np.zeros_like(z)
     if variation is not None:
@@ -88,11 +101,15 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
     :param time: instants [s], shape (n,), increasing; some tens of them.
     :param guess: ``q`` and ``q_dot`` of each free coordinate, (n,); q at both ends is kept.
     :param values: parameters and active coordinates.
-    :raises ComponentError: if the ends are conjugate points, as for an oscillator with ω T = k π, which no path or
+    :raises ComponentError: for constraints, contacts, an orientation, friction, drives and loads, of which S knows
+        nothing; if the ends are conjugate points, as for an oscillator with ω T = k π, which no path or
         infinitely many join; or if Newton's method finds none near the guess.
     """
     equations = equations_of(source)
     require_coordinates(equations, "the action")
+    require_free(equations, "a path of stationary action")
+    require_still(equations, values)
+    require_conservative(equations, "a path of stationary action", values)
     names = [item.name for item in equations.mechanism.coordinates]
     t, z = _samples(equations, time, guess, names)
     h = np.diff(t)
@@ -131,6 +148,7 @@ def vakonomic_equations(source: Source) -> Quantity:
     """
     equations = equations_of(source)
     require_smooth(equations, "vakonomic motion")
+    require_free(equations, "vakonomic motion")
     m, constraints = equations.mechanism, equations.constraints
     if ca.depends_on(constraints.matrix, m.free.q_dot):
         raise ComponentError(f"{equations.name}: vakonomic equations need constraints that are linear in the rates")
@@ -140,7 +158,7 @@ def vakonomic_equations(source: Source) -> Quantity:
     correction, _ = metric.under(C, zero, -residuals, constraints.squares)
     H = ca.dot(m.free.frame.T @ m.free.p, m.free.q_dot) - equations.lagrangian
     field = hamiltonian_field(equations, ca.substitute(H, m.free.q_dot, velocities + correction))
-    return Quantity(equations, ca.vertcat(*field))
+    return Quantity(equations, ca.vertcat(*field), conservative=True)
 
 
 def gauss_function(source: Source) -> Quantity:
@@ -149,8 +167,11 @@ def gauss_function(source: Source) -> Quantity:
     It is least, among the accelerations that the constraints allow, on the motion, where it is ½ Zᵀ A⁻¹ Z with the
     forces Z of the constraints (K eq. 109).  Written in the accelerations: give ``q_ddot`` to ``evaluate``.  In
     Cartesian coordinates it is K's sum; in others it lacks a constant.
+
+    :raises ComponentError: for contacts.
     """
     equations = equations_of(source)
+    require_smooth(equations, "Gauss's function")
     excess = equations.mechanism.free.q_ddot - solve_symmetric(equations.mass_matrix, equations.forces)
     return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
 

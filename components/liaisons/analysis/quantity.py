@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.arguments import shown
 from liaisons.errors import ComponentError
+from liaisons.language.chain import Chain
 from liaisons.language.checks import scalar
+from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import refuse_contacts
@@ -26,6 +28,7 @@ Formula = Callable[[Any], Any]
 
 _STATES = 16  # an analytic identity that holds at this many random states holds everywhere
 _ROUNDING = 1e-11  # relative: some thousand operations in doubles
+_ROUNDS = 10  # projections, each of some Newton steps, from a random state onto the constraints
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,25 +37,38 @@ class Quantity:
 
     equations: Equations
     expression: ca.SX  # (r, c)
+    conservative: bool = False  # whether friction, drives and loads were left out, so that evaluate() refuses them
 
     def evaluate(self, **values: ArrayLike) -> NDArray:
         """Numbers for the quantity at one state or at many.
 
         :param values: symbols by name, numbers or arrays of shapes that broadcast: parameters, ``q``, ``p_q`` or
             ``q_dot``, ``s``, ``s_dot``, ``s_ddot``, ``q_force``, ``q_load``, ``P_x_load``.  A momentum that is not
-            given follows from the rates, p = ∂L/∂q̇; the others take their defaults or 0.
+            given follows from the rates, p = ∂L/∂q̇, and all rates from momenta alone; the others take their defaults
+            or 0.
         :returns: array; its axes are those of the quantity (scalars and columns drop the axes of length 1), then those
             of the values.
-        :raises ComponentError: for an unknown symbol, or a value that is not finite or outside its domain.
+        :raises ComponentError: for an unknown symbol, a value that is not finite or outside its domain, a result that
+            is not finite, or friction, drives and loads in what is ``conservative``.
         """
+        if self.conservative and np.any(Quantity(self.equations, _applied_forces(self.equations)).evaluate(**values)):
+            raise ComponentError(
+                f"{self.equations.name}: friction, drives and loads do not enter these equations, and are not 0 here; "
+                "set them to 0, or take phase_velocity()"
+            )
         equations, free = self.equations, self.equations.mechanism.free
         numbers = numbers_of(equations, values)
         missing = [i for i, p in enumerate(ca.vertsplit(free.p)) if str(p) not in values]
-        expression = ca.substitute(self.expression, free.p[missing], (free.frame @ equations.momenta)[missing])
+        expression = self.expression
+        if len(missing) < free.p.shape[0] and values.keys().isdisjoint(map(str, ca.vertsplit(free.q_dot))):
+            expression = ca.substitute(expression, free.q_dot, equations.velocities)
+        expression = ca.substitute(expression, free.p[missing], (free.frame @ equations.momenta)[missing])
         (rows, columns), shape = expression.shape, np.broadcast_shapes(*map(np.shape, numbers.values()))
         function = ca.Function("evaluate", [ca.vertcat(*equations.symbols.values())], [ca.densify(expression)])
         table = np.array([np.broadcast_to(number, shape).ravel() for number in numbers.values()])
         result = np.asarray(function(table)).reshape(rows, -1, columns).swapaxes(1, 2)
+        if not np.all(np.isfinite(result)):
+            raise ComponentError(f"{equations.name}: not finite at these values; give others for its coordinates")
         kept = () if (rows, columns) == (1, 1) else (rows,) if columns == 1 else (rows, columns)
         return result.reshape((*kept, *shape))
 
@@ -61,18 +77,25 @@ def observable(source: Source, formula: Formula) -> Quantity:
     """A formula of coordinates and rates as a function on phase space: q̇ is expressed by q and p (K 3.3).
 
     :param formula: for example ``lambda m: m.x * m.momentum(m.y)`` or ``lambda m: m.angular_momentum``.
-    :raises ComponentError: if it is no scalar expression in the symbols of the mechanism.
+    :raises ComponentError: if it is no scalar expression in the symbols of the mechanism, or contains forces of
+        contacts, accelerations under them included.
     """
     equations = equations_of(source)
     owner = type(equations.mechanism)
     expression = scalar(owner, "observable", formula(equations.mechanism), equations.symbols)
-    return Quantity(equations, equations.in_phase_space(expression))
+    expression = equations.in_phase_space(expression)
+    if ca.depends_on(expression, equations.mechanism.contact_forces):
+        require_smooth(equations, "an observable that contains forces")
+    return Quantity(equations, expression)
 
 
 def equations_of(source: Source) -> Equations:
     """The equations of a mechanism; the same ones at each call, so that their symbols agree."""
     if isinstance(source, Equations):
         return source
+    if isinstance(source, type) and issubclass(source, Component) and not issubclass(source, Mechanism):
+        what = "a chain; write its links as arrays of a Mechanism" if issubclass(source, Chain) else "an operator"
+        raise ComponentError(f"{source.__name__}: analysis takes mechanisms, which have a Lagrangian, and it is {what}")
     if not (isinstance(source, type) and issubclass(source, Mechanism)):
         raise ComponentError(f"{shown(source)} is no mechanism; give its class, or derive({shown(source)})")
     return _derived(source)
@@ -123,6 +146,35 @@ def require_smooth(equations: Equations, purpose: str) -> None:
     refuse_contacts(type(equations.mechanism), purpose, "describe the mechanism without them")
 
 
+def _applied_forces(equations: Equations) -> ca.SX:
+    """Friction on free and active coordinates, drives and loads: what L does not have; a column."""
+    m = equations.mechanism
+    friction = equations.friction.against(ca.vertcat(m.free.q_dot, m.active.s_dot))
+    return ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads)
+
+
+def require_conservative(equations: Equations, purpose: str, values: Mapping[str, ArrayLike]) -> None:
+    """Raise a ComponentError for friction, drives and loads that are not 0 at these values."""
+    if largest(equations, ca.norm_1(_applied_forces(equations)), ca.SX(1), values):
+        raise ComponentError(f"{equations.name}: {purpose} has no friction, drives and loads; set them to 0")
+
+
+def require_free(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError where all coordinates are prescribed."""
+    if not equations.mechanism.free.q_dot.shape[0]:
+        raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all of its are prescribed")
+
+
+def require_still(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
+    """Raise a ComponentError for the rate of an active coordinate that is held."""
+    for name in map(str, ca.vertsplit(equations.mechanism.active.s_dot)):
+        if np.any(values.get(name, 0)):
+            raise ComponentError(
+                f"{equations.name}: {name} = {values[name]} of an active coordinate that is held; set it to 0, or give "
+                "the coordinate as it moves"
+            )
+
+
 def generators(equations: Equations) -> ca.SX:
     """G, (n, f): dq = G ε for a shift of each coordinate, and a turn about each axis of the inertial frame, by ε.
 
@@ -150,16 +202,32 @@ def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
     for orientation in m.orientations:
         attitudes = rng.normal(size=(4, _STATES))
         states |= dict(zip(orientation.quaternion, attitudes / np.linalg.norm(attitudes, axis=0), strict=True))
-    for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot)):
+    for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot, m.internal)):
         states[str(rate)] = centres[str(rate)] + rng.uniform(-1, 1, _STATES)
     return states | dict(values)
 
 
+def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[str, ArrayLike]:
+    """The states, moved onto the constraints; without those that get nowhere."""
+    constraints, free = equations.constraints, equations.mechanism.free
+    if equations.projection is None or not constraints.matrix.shape[0]:
+        return states
+    residuals = ca.norm_1(ca.vertcat(constraints.residuals, constraints.rate_residuals))
+    steps = ((ca.vertcat(free.q, free.p), equations.projection), (free.q_dot, equations.velocities))
+    for column, moved in steps * _ROUNDS:
+        rows = Quantity(equations, moved).evaluate(**states)
+        states = states | dict(zip(map(str, ca.vertsplit(column)), rows, strict=True))
+    on = Quantity(equations, residuals).evaluate(**states) <= _ROUNDING
+    if not np.any(on):
+        raise ComponentError(
+            f"{equations.name}: no states on its constraints near the start; give values for coordinates"
+        )
+    return {name: value[on] if np.shape(value) == on.shape else value for name, value in states.items()}
+
+
 def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, ArrayLike]) -> float:
-    """Largest |expression| among random states, relative to ``scale`` there; 0.0 where it vanishes to rounding."""
-    states = sample_states(equations, values)
+    """Largest |expression| at random states on the constraints, relative to ``scale``; 0.0 where it is rounding."""
+    states = _on_constraints(equations, sample_states(equations, values)) | dict(values)
     pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
     size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
-    if not np.isfinite(size + reference):
-        raise ComponentError(f"{equations.name}: not finite near its start; give values for its coordinates")
     return 0.0 if size <= _ROUNDING * reference else float(size / reference)

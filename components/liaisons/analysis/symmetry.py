@@ -10,13 +10,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.analysis.numeric import instants
+from liaisons.analysis.numeric import instants, spline_integral
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
     equations_of,
     generators,
     largest,
+    require_conservative,
     require_coordinates,
     require_smooth,
     sample_states,
@@ -31,10 +32,10 @@ from liaisons.mechanics.equations import Equations
 def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
     """Coordinates that L does not contain, and their momenta p = ∂L/∂q̇, which are constant (K eq. 32, 33).
 
-    A momentum changes only by friction, drives and loads; the operator may move the active coordinates.  Coordinates on
-    which unilateral liaisons or dry friction depend are none.
+    The operator may move the active coordinates.  Coordinates along which constraints, contacts, friction, drives or
+    loads have a force are none.
 
-    :param values: parameters, or coordinates that are held, where they differ from their defaults.
+    :param values: parameters, forces, or coordinates that are held, where they differ from their defaults.
     :returns: the momentum by the name of the coordinate, in the rates.
     :raises ComponentError: for an unknown symbol or a value outside its domain.
     """
@@ -45,20 +46,23 @@ def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
         item.name: Quantity(equations, equations.momenta[k])
         for k, item in enumerate(m.coordinates)
         if largest(equations, gradient(L, m.free.q[k]), scale, values) == 0
-        and not _moved_contacts(equations, ca.SX.eye(m.free.q_dot.shape[0])[:, k], values)
+        and not _forces_along(equations, ca.SX.eye(m.free.q_dot.shape[0])[:, k], values)
     }
 
 
 def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values: float) -> Quantity:
     """The quantity Σ ξ^k ∂L/∂q̇_k that is constant because L is invariant under q → q + ε ξ(q) (K 2.4, eq. 43-52).
 
+    On constraints L need be invariant there only.  Their forces, C ξ = 0, and those of contacts, friction, drives and
+    loads must do no work along ξ.
+
     :param field: the symmetry, ξ by the names of the coordinates; those not named are kept.  A rotation is
         ``lambda m: {"x": -m.y, "y": m.x}``; that of an orientation, which has the axis in the inertial frame,
         ``lambda m: {"attitude": (0, 0, 1)}``.
-    :param values: parameters where they differ from their defaults.
+    :param values: parameters and forces where they differ from their defaults.
     :returns: the conserved quantity, in the rates.
-    :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, bodies in contact would part or
-        slip, or for an unknown coordinate.
+    :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, or a force does work along ξ, with the
+        name of the constraint or contact; for an unknown coordinate.
     """
     equations = equations_of(source)
     m, owner = equations.mechanism, equations.name
@@ -79,17 +83,35 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
             f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in components.items())} is no symmetry: it changes L "
             f"by {change:.2g} of its terms; choose a field that leaves T and V as they are"
         )
-    if moved := _moved_contacts(equations, m.free.frame.T @ xi, values):
-        raise ComponentError(f"{owner}: the field moves {', '.join(moved)}, whose forces change what it would conserve")
+    if forces := _forces_along(equations, m.free.frame.T @ xi, values):
+        raise ComponentError(
+            f"{owner}: the field {forces} what it would conserve; choose one along which no such force works"
+        )
     return Quantity(equations, ca.dot(xi, p))
 
 
-def _moved_contacts(equations: Equations, direction: ca.SX, values: Mapping[str, float]) -> list[str]:
-    """Names of unilateral liaisons and dry frictions that change, or slip, along a direction of the rates."""
-    m = equations.mechanism
-    along = ca.jacobian(m.contact_rates(), m.free.q_dot) @ direction
-    names = (item.name for item in (*m.unilaterals, *m.dry_frictions))
-    return [name for i, name in enumerate(names) if largest(equations, along[i], ca.SX(1), values)]
+def _forces_along(equations: Equations, direction: ca.SX, values: Mapping[str, ArrayLike]) -> str:
+    """Forces beside L that do work along a direction of the rates, as the verb of a sentence; empty if none does."""
+    m, count = equations.mechanism, len(equations.mechanism.coordinates)
+    rows = ca.vertcat(equations.constraints.matrix, ca.jacobian(m.contact_rates(), m.free.q_dot))
+    items = (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals, *m.dry_frictions)
+
+    def works(power: ca.SX, terms: ca.SX) -> bool:
+        return largest(equations, power, ca.fabs(terms), values) != 0
+
+    size = ca.norm_2(direction)
+    moved = [item.name for i, item in enumerate(items) if works(rows[i, :] @ direction, ca.norm_2(rows[i, :]) * size)]
+    if moved:
+        return f"moves {', '.join(moved)}, whose forces change"
+    friction = equations.friction.against(m.free.q_dot)
+    if works(ca.dot(friction, direction), ca.norm_2(friction) * size):
+        return "moves against friction, which changes"
+    points = ca.jtimes(stack(equations.points.values()), m.free.q, m.free.kinematics @ direction)
+    virtual = ca.vertcat(direction[:count, 0], -direction[:count, 0], -points)
+    forces = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
+    if works(ca.dot(forces, virtual), ca.norm_2(forces) * size):
+        return "moves against drives or loads, which change"
+    return ""
 
 
 def _components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
@@ -105,6 +127,7 @@ class Similarity:
     """Mechanical similarity: V(λ r) = λ^h V(r), so that r → λ r, t → λ^(1 - h/2) t takes motions to motions."""
 
     degree: float  # h of K eq. 53
+    held: tuple[str, ...] = ()  # lengths and constraints whose forces have a virial of their own
 
     @property
     def time_exponent(self) -> float:
@@ -118,8 +141,13 @@ class Similarity:
     def mean_energies(self, energy: float) -> tuple[float, float]:
         """Long-time means T̄ = h E/(h + 2) and V̄ = 2 E/(h + 2) of a bounded motion (K eq. 75) [J].
 
-        :raises ComponentError: for h = -2, where the mean is not determined.
+        :raises ComponentError: for h = -2, where the mean is not determined, and where forces hold lengths.
         """
+        if self.held:
+            raise ComponentError(
+                f"mean_energies: the forces that hold {', '.join(self.held)} have a virial of their own, so that h "
+                "does not tell the means; take those of a motion"
+            )
         if self.degree == -2:
             raise ComponentError("mean_energies: degree = -2 has no mean energies (E = 0); use virial()")
         return self.degree * energy / (self.degree + 2), 2 * energy / (self.degree + 2)
@@ -128,29 +156,67 @@ class Similarity:
 def similarity(source: Source, **values: float) -> Similarity:
     """Degree h of homogeneity of the potential, V(λ r) = λ^h V(r) (K eq. 53), by Euler's Σ r·∂V/∂r = h V (eq. 73).
 
-    All coordinates in metres are scaled, free and active; angles are not.
+    All coordinates in metres are scaled, free and active; angles are not.  Constraints and gaps must scale, too.
 
     :param values: parameters, and coordinates that are held and therefore not scaled.
-    :raises ComponentError: if T is not of degree 2 in the lengths, V vanishes or is not homogeneous.
+    :raises ComponentError: if T is not of degree 2 in the lengths, V vanishes or is not homogeneous, a constraint or a
+        gap does not scale; for friction, drives and loads.
     """
     equations = equations_of(source)
-    require_smooth(equations, "similarity")
     m, owner = equations.mechanism, equations.name
+    if m.dry_frictions:
+        require_smooth(equations, "similarity")
+    require_conservative(equations, "similarity", values)
     names = [item.name for item in (*m.coordinates, *m.actives) if item.unit == "m" and item.name not in values]
     _require_lengths(equations, names, values)
     V, lengths = equations.potential_energy, stack(m.symbols[name] for name in names)
-    euler = Quantity(equations, ca.vertcat(ca.jtimes(V, lengths, lengths), V))
-    stretched, potential = euler.evaluate(**sample_states(equations, values))
-    square = float(potential @ potential)
-    if square == 0:
-        raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
-    degree = float(stretched @ potential) / square
-    if np.max(np.abs(stretched - degree * potential)) > 1e-10 * np.max(np.abs(potential)):
+    degree = _degree(equations, V, ca.jtimes(V, lengths, lengths), values)
+    if degree is None:
         raise ComponentError(
             f"{owner}: the potential is not homogeneous in {', '.join(names)}: it has a length of its own; "
             "set that parameter to 0, or measure coordinates from the centre of force"
         )
-    return Similarity(degree)
+    if np.isnan(degree):
+        raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
+    rigid = [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)]
+    _require_scaled(equations, names, degree, rigid, values)
+    moved = (item.name for item in m.actives if item.name in names and item.start != 0)
+    return Similarity(degree, tuple(dict.fromkeys([*moved, *rigid])))
+
+
+def _degree(equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str, ArrayLike]) -> float | None:
+    """k with change = k own (Euler) at random states; NaN where both vanish, None where there is none."""
+    changes, owns = Quantity(equations, ca.vertcat(change, own)).evaluate(**sample_states(equations, values))
+    square = float(owns @ owns)
+    degree = float(changes @ owns) / square if square else np.nan
+    rest = np.max(np.abs(changes - degree * owns)) if square else 0.0
+    return degree if rest <= 1e-10 * np.max(np.abs(owns)) else None
+
+
+def _require_scaled(
+    equations: Equations, names: list[str], degree: float, rigid: list[str], values: Mapping[str, ArrayLike]
+) -> None:
+    """Constraints and gaps must stay 0 under r → λ r, t → λ^(1 - h/2) t."""
+    m = equations.mechanism
+    scaled = {suffixed(name, "_dot") for name in names}
+    # Rates of lengths grow as λ^(h/2), others as λ^(h/2 - 1).
+    rates = [
+        (rate, degree / 2 - (str(rate) not in scaled))
+        for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot))
+    ]
+    where = ca.vertcat(*(m.symbols[name] for name in names), *(rate for rate, _ in rates))
+    growth = ca.vertcat(*(m.symbols[name] for name in names), *(rate * power for rate, power in rates))
+    residuals = ca.vertsplit(ca.vertcat(equations.constraints.residuals, *(getattr(m, c.name) for c in m.unilaterals)))
+    broken = [
+        name
+        for name, own in zip(rigid, residuals, strict=True)
+        if _degree(equations, own, ca.jtimes(own, where, growth), values) is None
+    ]
+    if broken:
+        raise ComponentError(
+            f"{equations.name}: {', '.join(broken)} has a length or a time of its own and does not scale with "
+            f"{', '.join(names)}; set that parameter to 0"
+        )
 
 
 @dataclass(frozen=True)
@@ -171,11 +237,12 @@ class Virial:
 def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **values: float) -> Virial:
     """The virial theorem over a finite time, 2 T̄ - mean(Σ r·∂V/∂r) = [Σ p·r]/τ (K eq. 71, 72 before the limit).
 
-    r are the free coordinates in metres; angles beside them do not enter.  The means are integrals of the cubic
-    Hermite interpolant: fourth order in the distance of the samples.
+    r are the free coordinates in metres; angles beside them do not enter.  The means are integrals of a cubic spline:
+    fourth order in the distance of the samples.
 
     :param time: instants [s], shape (n,), increasing.
-    :param motion: samples by name, ``q`` and ``q_dot`` of each coordinate, forces if there are any; shape (n,).
+    :param motion: samples by name, ``q`` and ``q_dot`` of each coordinate, internal states, forces and active
+        coordinates if they are not constant; shape (n,).
     :param values: parameters where they differ from their defaults.
     :raises ComponentError: if T is not of degree 2 in the lengths, or for samples that do not fit.
     """
@@ -187,17 +254,15 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
     rows = [k for k, item in enumerate(m.coordinates) if item.name in names]
     r, T, V = m.free.q[rows], equations.kinetic_energy, equations.potential_energy
     force = equations.momentum_rates[rows] - gradient(T, r)
-    integrands = equations.in_motion(ca.vertcat(T, V, -ca.dot(r, force)))
-    rates = equations.in_motion(m.dot(integrands))
-    p_r = ca.dot(equations.momenta[rows], r)
-    samples = Quantity(equations, ca.vertcat(integrands, rates, p_r)).evaluate(**dict(motion), **values)
+    quantities = Quantity(equations, ca.vertcat(T, V, -ca.dot(r, force), ca.dot(equations.momenta[rows], r)))
+    for name in map(str, ca.vertsplit(ca.vertcat(m.free.q, m.free.q_dot, m.internal))):
+        if name not in motion:
+            raise ComponentError(f"{equations.name}: the motion lacks {name}; give coordinates and rates")
+    samples = quantities.evaluate(**dict(motion), **values)
     t = instants(equations, time, samples.shape[1:])
-    f, f_dot, G = samples[:3], samples[3:6], samples[6]
-    h = np.diff(t)
-    integral = (f[:, 1:] + f[:, :-1]) @ h / 2 - (f_dot[:, 1:] - f_dot[:, :-1]) @ h**2 / 12
     tau = t[-1] - t[0]
-    kinetic, potential, mean = integral / tau
-    return Virial(float(kinetic), float(potential), float(mean), float((G[-1] - G[0]) / tau))
+    kinetic, potential, mean = spline_integral(t, samples[:3]) / tau
+    return Virial(float(kinetic), float(potential), float(mean), float((samples[3, -1] - samples[3, 0]) / tau))
 
 
 def _require_lengths(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:

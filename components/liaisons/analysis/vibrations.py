@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.analysis.numeric import eigenproblem, frozen
-from liaisons.analysis.quantity import Source, equations_of, numbers_of, require_coordinates
+from liaisons.analysis.quantity import Source, equations_of, numbers_of, require_coordinates, require_free
 from liaisons.errors import ComponentError
 
 _ROUNDS = 50  # Newton doubles the digits each round; what has not converged by then does not
@@ -51,7 +51,8 @@ def equilibrium(source: Source, **values: float) -> dict[str, float]:
 
     :param values: guess by ``q`` (default: the start), active coordinates, parameters, constant forces.
     :returns: q by name.
-    :raises ComponentError: for constraints, an orientation, unknown symbols, or if none is found near the guess.
+    :raises ComponentError: for constraints, contacts, an orientation, internal states, rates that are not 0, unknown
+        symbols, or if none is found near the guess.
     """
     return _about(source, values)[0]
 
@@ -59,22 +60,34 @@ def equilibrium(source: Source, **values: float) -> dict[str, float]:
 def normal_modes(source: Source, **values: float) -> NormalModes:
     """Mass and stiffness at the equilibrium near a guess, and the modes of K u = Ω² M u (K eq. 137-151).
 
-    Friction does not enter.  See :func:`equilibrium` for the arguments and errors.
+    See :func:`equilibrium` for the arguments and errors; friction and magnetic forces are refused.
     """
-    rest, M, K = _about(source, values)
+    rest, M, K, B = _about(source, values)
+    if np.max(np.abs(B)) > _ZERO * np.sqrt(np.max(np.abs(K)) * np.max(np.abs(M))):
+        raise ComponentError(
+            f"{equations_of(source).name}: its forces depend on the rates (friction, a magnetic field), and M ü = -K u "
+            "leaves them out; set them to 0, or take linearize()"
+        )
     squares, modes = eigenproblem(K, M)
     squares[np.abs(squares) <= _ZERO * np.max(np.abs(squares))] = 0.0
     return NormalModes(rest, M, K, squares, modes)
 
 
-def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], NDArray, NDArray]:
-    """Equilibrium, M and K.  At rest K eq. 15 leaves ∂L/∂q + Q, and K is minus its derivative."""
+def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], NDArray, NDArray, NDArray]:
+    """Equilibrium, M, K and B.  At rest K eq. 15 leaves f = ∂L/∂q + Q; K = -∂f/∂q, B = -∂f/∂q̇."""
     equations = equations_of(source)
     require_coordinates(equations, "an equilibrium")
-    m = equations.mechanism
+    m, f = equations.mechanism, equations.forces
     still = ca.vertcat(m.free.q_dot, m.active.s_dot, m.active.s_ddot)
+    moving = [name for name in map(str, ca.vertsplit(still)) if values.get(name)]
+    if moving or m.internal_states:
+        what = moving or [item.name for item in m.internal_states]
+        raise ComponentError(
+            f"{equations.name}: an equilibrium is at rest, which leaves out {', '.join(what)}; simulate the mechanism"
+        )
+    require_free(equations, "an equilibrium")
     at_rest = ca.substitute(
-        ca.horzcat(equations.forces, -ca.jacobian(equations.forces, m.free.q), equations.mass_matrix),
+        ca.horzcat(f, -ca.jacobian(f, m.free.q), equations.mass_matrix, -ca.jacobian(f, m.free.q_dot)),
         still,
         ca.SX.zeros(still.shape),
     )
@@ -82,14 +95,14 @@ def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], 
     names, numbers = [item.name for item in m.coordinates], numbers_of(equations, values)
     q = np.array([float(numbers[name]) for name in names])
     for _ in range(_ROUNDS):
-        force, K, M = np.split(np.asarray(function(q)), [1, 1 + q.size], axis=1)
+        force, K, M, B = np.split(np.asarray(function(q)), np.array([0, 1, 2]) * q.size + 1, axis=1)
         if not np.all(np.isfinite(K)):
             break
         step = np.linalg.lstsq(K, force[:, 0], rcond=_ZERO)[0]
         q = q + step
         if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(q))) and _balanced(K, force[:, 0], step):
-            force, K, M = np.split(np.asarray(function(q)), [1, 1 + q.size], axis=1)
-            return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2
+            force, K, M, B = np.split(np.asarray(function(q)), np.array([0, 1, 2]) * q.size + 1, axis=1)
+            return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2, B
     guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
     raise ComponentError(f"{equations.name}: no equilibrium found from the guess {guess}; start nearer to one")
 
