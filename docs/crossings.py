@@ -35,6 +35,37 @@ class Cell(NamedTuple):
     remark: str
 
 
+class Trial(NamedTuple):
+    """A line of Python in ``analysis_crossings.toml``.
+
+    :param holds: condition on X, what it returns; empty where it is refused.
+    :param against: what the condition holds it against; else the sentence.
+    """
+
+    call: str
+    holds: str
+    against: str
+
+
+@cache
+def trials() -> dict[tuple[str, str], list[Trial]]:
+    """Lines of the functions of ``liaisons.analysis``, by kind and function."""
+    functions = tomllib.loads((HERE / "analysis_crossings.toml").read_text(encoding="utf-8"))
+    subjects, everywhere = functions.pop("subjects"), functions.pop("refused")
+    found: dict[tuple[str, str], list[Trial]] = {}
+    for function, entry in functions.items():
+        for kind, subject in subjects.items():
+            default = entry["default"].replace("{subject}", subject)
+            lines = [everywhere[kind]] if kind in everywhere else entry[kind]
+            found[kind, function] = [
+                Trial(default, "", line)
+                if isinstance(line, str)
+                else Trial(line["call"], line.get("holds", ""), line.get("against") or line["refused"])
+                for line in lines
+            ]
+    return found
+
+
 @cache
 def table() -> dict[str, Any]:
     """The file, as it is."""
@@ -43,7 +74,8 @@ def table() -> dict[str, Any]:
 
 def groups() -> dict[str, dict[str, tuple[str, str]]]:
     """Capabilities by group: title, and what their results are held against."""
-    return table()["capabilities"]
+    analysed = {name: (f"`{name}`", "below") for _, name in trials()}
+    return table()["capabilities"] | {"Analysis": analysed}
 
 
 @cache
@@ -60,6 +92,9 @@ def cells() -> dict[tuple[str, str], Cell]:
                 if pair not in found or found[pair].verdict != WORKS:
                     raise ValueError(f"crossings.toml: {pair} is {'listed twice' if pair in found else 'no cell'}")
                 found[pair] = Cell(*pair, verdict, entry["text"])
+    for pair, lines in trials().items():
+        refusals = "; ".join(dict.fromkeys(line.against for line in lines if not line.holds))
+        found[pair] = Cell(*pair, WORKS if any(line.holds for line in lines) else REFUSED, refusals)
     return found
 
 

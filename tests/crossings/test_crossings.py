@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import capabilities
 import pytest
+from analysis_names import NAMES
 from capabilities import Workshop
 from subjects import SUBJECTS
 
-from crossings import REFUSED, Cell, cells, groups, page
-from liaisons import LiaisonsError
+from crossings import REFUSED, Cell, Trial, cells, groups, page, trials
+from liaisons import LiaisonsError, analysis
 
 SLOW = {"wasm", "live_page"}
 """Their FMUs take ten seconds each; quick tests try one of them, and what is refused."""
@@ -34,6 +36,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     [
         pytest.param(cell, id=f"{cell.capability}-{cell.kind}", marks=[pytest.mark.slow] * slow)
         for cell in cells().values()
+        if cell.capability not in groups()["Analysis"]
         for slow in [cell.capability in SLOW and cell.kind != "plain" and cell.verdict != REFUSED]
     ],
 )
@@ -45,6 +48,32 @@ def test_cell(cell: Cell, workshop: Workshop) -> None:
         trial(cell)(workshop, cell.kind)
     assert cell.remark in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("function", "line"),
+    [pytest.param(name, line, id=f"{name}-{kind}") for (kind, name), lines in trials().items() for line in lines],
+)
+def test_line_of_analysis(function: str, line: Trial) -> None:
+    """What is refused may be refused when a quantity is evaluated."""
+    assert f"analysis.{function}(" in line.call
+
+    def result() -> Any:
+        X = eval(line.call, NAMES)
+        return X if line.holds or not hasattr(X, "evaluate") else X.evaluate()
+
+    if line.holds:
+        assert eval(line.holds, NAMES | {"X": result()})
+        return
+    with pytest.raises(LiaisonsError) as caught:
+        result()
+    assert line.against in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_function_of_analysis_is_there() -> None:
+    functions = {name for name in analysis.__all__ if not isinstance(getattr(analysis, name), type)}
+    assert functions == {*groups()["Analysis"]}
 
 
 def test_the_table_has_every_kind_and_every_capability() -> None:
