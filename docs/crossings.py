@@ -36,7 +36,7 @@ class Cell(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """A line of Python in ``analysis_crossings.toml``.
+    """A line of Python in ``crossing_lines.toml``.
 
     :param holds: condition on X, what it returns; empty where it is refused.
     :param against: what the condition holds it against; else the sentence.
@@ -48,15 +48,23 @@ class Trial(NamedTuple):
 
 
 @cache
+def _lines() -> dict[str, Any]:
+    return tomllib.loads((HERE / "crossing_lines.toml").read_text(encoding="utf-8"))
+
+
+def _functions() -> dict[str, dict[str, Any]]:
+    """Entries of functions, by group."""
+    return {group: entries for group, entries in _lines().items() if group not in {"subjects", "refused"}}
+
+
+@cache
 def trials() -> dict[tuple[str, str], list[Trial]]:
-    """Lines of the functions of ``liaisons.analysis``, by kind and function."""
-    functions = tomllib.loads((HERE / "analysis_crossings.toml").read_text(encoding="utf-8"))
-    subjects, everywhere = functions.pop("subjects"), functions.pop("refused")
+    """Lines of ``crossing_lines.toml`` by kind and function."""
     found: dict[tuple[str, str], list[Trial]] = {}
-    for function, entry in functions.items():
-        for kind, subject in subjects.items():
+    for function, entry in (item for group in _functions().values() for item in group.items()):
+        for kind, subject in _lines()["subjects"].items():
             default = entry["default"].replace("{subject}", subject)
-            lines = [everywhere[kind]] if kind in everywhere else entry[kind]
+            lines = entry[kind] if kind in entry else [_lines()["refused"][kind]]
             found[kind, function] = [
                 Trial(default, "", line)
                 if isinstance(line, str)
@@ -74,8 +82,8 @@ def table() -> dict[str, Any]:
 
 def groups() -> dict[str, dict[str, tuple[str, str]]]:
     """Capabilities by group: title, and what their results are held against."""
-    analysed = {name: (f"`{name}`", "below") for _, name in trials()}
-    return table()["capabilities"] | {"Analysis": analysed}
+    lines = {group: {name: (f"`{name}`", "") for name in functions} for group, functions in _functions().items()}
+    return table()["capabilities"] | lines
 
 
 @cache

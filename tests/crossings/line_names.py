@@ -1,0 +1,263 @@
+"""Names in the lines of docs/crossing_lines.toml: mechanisms, their states, and motions by SciPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from liaisons import (
+    ActiveCoordinate,
+    Controller,
+    Coordinate,
+    Gravity,
+    InternalState,
+    Mechanism,
+    Parameter,
+    Plan,
+    Size,
+    System,  # noqa: F401 - in lines, as are the functions
+    analysis,  # noqa: F401
+    constraint,
+    hold,  # noqa: F401
+    non_holonomic,
+    plan,  # noqa: F401
+)
+from liaisons.library import catalogue
+
+
+class Skate(Mechanism):
+    """Knife edge on a slope that falls towards +x."""
+
+    mass = Parameter(0.7, "kg", "mass", above=0)
+    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
+    gravity = Parameter(2.0, "m/s2", "gravity along the slope")
+    x = Coordinate("m", "down the slope")
+    y = Coordinate("m", "along the slope")
+    angle = Coordinate("rad", "direction of the edge from x", start_rate=1.5)
+
+    @non_holonomic("m/s", "speed across the edge")
+    def edge(self) -> ca.SX:
+        return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
+
+    def kinetic_energy(self) -> ca.SX:
+        return (
+            self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+            + self.inertia / 2 * self.dot(self.angle) ** 2
+        )
+
+    def potential_energy(self) -> ca.SX:
+        return -self.mass * self.gravity * self.x
+
+
+class Masses(Mechanism):
+    """Masses in a row, joined by springs without length."""
+
+    n = Size(3, "number of masses")
+    mass = Parameter((1.0, 2.0, 3.0), "kg", "masses", above=0, size="n")
+    stiffness = Parameter(5.0, "N/m", "stiffness")
+    x = Coordinate("m", "positions", start=(0.1, -0.2, 0.3), size="n")
+
+    def kinetic_energy(self) -> ca.SX:
+        return ca.dot(self.mass, self.dot(self.x) ** 2) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * ca.sumsqr(ca.diff(self.x))
+
+
+class Cart(Mechanism):
+    """Cart on a lift, whose height is prescribed."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    gravity = Gravity()
+    x = ActiveCoordinate("m", "height", start=0.5)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.x
+
+
+class EdgedSkate(Mechanism):
+    """Skate on ice whose edge an operator turns: y' = x' tan(heading), at constant speed."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    x = Coordinate("m", "along x")
+    y = Coordinate("m", "along y")
+    heading = ActiveCoordinate("rad", "direction of the edge")
+
+    @non_holonomic("m/s", "speed across the edge")
+    def edge(self) -> ca.SX:
+        return self.dot(self.x) * ca.sin(self.heading) - self.dot(self.y) * ca.cos(self.heading)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+
+
+class Thermostat(Mechanism):
+    """x'' = 4 (support - x) - z x', z' = (support - z)/lag."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(4.0, "N/m", "stiffness", above=0)
+    lag = Parameter(0.5, "s", "lag", above=0)
+    scale = Parameter(1.0, "m.s", "support at which the friction is 1/s", above=0)
+    x = Coordinate("m", "position")
+    support = ActiveCoordinate("m", "position of the support")
+    z = InternalState("1/s", "friction")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (self.x - self.support) ** 2
+
+    def friction_coefficient(self) -> ca.SX:
+        return self.z
+
+    def internal_rates(self) -> dict[str, ca.SX]:
+        return {"z": (self.support / self.scale - self.z) / self.lag}
+
+
+class Winch(Mechanism):
+    """Drum on a spring, whose angle is prescribed."""
+
+    inertia = Parameter(2.0, "kg.m2", "inertia", above=0)
+    stiffness = Parameter(3.0, "N.m/rad", "stiffness", above=0)
+    angle = ActiveCoordinate("rad", "angle")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.inertia / 2 * self.dot(self.angle) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * self.angle**2
+
+
+class Bead(Mechanism):
+    """Bead on a circle, a passive constraint, on a spring whose support an operator moves."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(4.0, "N/m", "stiffness", above=0)
+    gravity = Gravity()
+    radius = Parameter(1.0, "m", "radius", above=0)
+    x = Coordinate("m", "horizontal position")
+    z = Coordinate("m", "height", start=-1.0)
+    pivot = ActiveCoordinate("m", "position of the support")
+
+    @constraint("m", "distance from the circle")
+    def circle(self) -> ca.SX:
+        return ca.sqrt(self.x**2 + self.z**2) - self.radius
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "z": self.z})
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z + self.stiffness / 2 * (self.x - self.pivot) ** 2
+
+
+class Wagons(Mechanism):
+    """Wagons in a row, bound by springs, the first one to a hook that an operator moves."""
+
+    n = Size(3, "number of wagons")
+    mass = Parameter((1.0, 2.0, 3.0), "kg", "masses", above=0, size="n")
+    stiffness = Parameter(5.0, "N/m", "stiffness of the springs", minimum=0)
+    x = Coordinate("m", "displacements", size="n")
+    hook = ActiveCoordinate("m", "displacement of the hook")
+
+    def kinetic_energy(self) -> ca.SX:
+        return ca.dot(self.mass, self.dot(self.x) ** 2) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (ca.sumsqr(ca.diff(self.x)) + (self.x[0] - self.hook) ** 2)
+
+
+def least(A: NDArray, B: NDArray, duration: float, end: NDArray) -> float:
+    """Least ∫ u² dt by which x' = A x + B u goes from 0 to the end: Kalman's Gramian, by Van Loan's exponential."""
+    n = len(A)
+    E = expm(np.block([[A, B @ B.T], [0 * A, -A.T]]) * duration)
+    return float(end @ np.linalg.solve(E[:n, n:] @ E[:n, :n].T, end))
+
+
+def drawn(masses: Sequence[float], stiffness: float) -> tuple[NDArray, NDArray]:
+    """A and B of masses in a row on springs, the first one on a hook of acceleration u; x, x', hook, hook'."""
+    n = len(masses)
+    K = stiffness * (np.diag([2.0] * (n - 1) + [1.0]) - np.eye(n, k=1) - np.eye(n, k=-1))
+    A = np.zeros((2 * n + 2,) * 2)
+    A[:n, n : 2 * n] = np.eye(n)
+    A[n : 2 * n, :n] = -K / np.c_[masses]
+    A[n, 2 * n], A[2 * n, 2 * n + 1] = stiffness / masses[0], 1.0
+    return A, np.eye(2 * n + 2)[:, -1:]
+
+
+def left(controller: Controller, stop_time: float, **start: float) -> float:
+    """What is left of a deviation, relative to sizes."""
+    run = controller.simulate(stop_time, **start)
+    return float(np.abs(controller.deviation(run)[:, -1] / controller.sizes).max())
+
+
+def thermostat_end(motion: Plan) -> NDArray:
+    def rates(t: float, y: NDArray) -> list[float]:
+        support = float(motion.sigma(t)["support"])
+        return [y[1], 4 * (support - y[0]) - y[2] * y[1], (support - y[2]) / 0.5]
+
+    return ivp(rates, [0, 0, 0], 2.0)[:, -1]
+
+
+def close(a: Any, b: Any, tolerance: float = 1e-9) -> bool:
+    """Equal up to rounding, and SciPy's tolerance of 1e-12 over a few seconds."""
+    return bool(np.allclose(a, b, rtol=tolerance, atol=tolerance))
+
+
+def ivp(rates: Callable[[float, NDArray], Any], start: Sequence[float], end: float = 1.0, **options: Any) -> NDArray:
+    return solve_ivp(rates, (0, end), start, rtol=1e-12, atol=1e-12, method="DOP853", **options).y
+
+
+def turned(rates: Callable[[float], Sequence[float]], start: Sequence[float], end: float) -> NDArray:
+    """Quaternion at the end of q' = q (0, ω)/2, ω in the body frame."""
+
+    def rate(t: float, q: NDArray) -> list[float]:
+        (w, x, y, z), (a, b, c) = q, rates(t)
+        return [
+            -(x * a + y * b + z * c) / 2,
+            (w * a + y * c - z * b) / 2,
+            (w * b + z * a - x * c) / 2,
+            (w * c + x * b - y * a) / 2,
+        ]
+
+    return ivp(rate, start, end)[:, -1]
+
+
+def circle(names: Sequence[str], radius: float = 0.1) -> Callable[[Any], dict[str, Any]]:
+    return lambda a: {names[0]: radius * ca.cos(a), names[1]: radius * ca.sin(a)}
+
+
+def thermostat(_: float, y: NDArray) -> list[float]:
+    q, p, xi, _eta = y
+    return [p, -q - xi * p, p**2 - 1, xi]
+
+
+def row(x: ArrayLike, p: ArrayLike) -> dict[str, float]:
+    pairs = (("x", x), ("p_x", p))
+    return {f"{name}[{i}]": v for name, column in pairs for i, v in enumerate(np.asarray(column).tolist(), start=1)}
+
+
+T = np.linspace(0, 1, 101)
+M, K3 = np.diag([1.0, 2.0, 3.0]), 5 * np.array([[1, -1, 0], [-1, 2, -1], [0, -1, 1.0]])
+A3 = np.block([[np.zeros((3, 3)), np.linalg.inv(M)], [-K3, np.zeros((3, 3))]])  # d/dt (x, p) of Masses
+x3, p3 = np.array([0.1, -0.2, 0.3]), np.array([0.5, 0.6, -0.7])
+ROW = row(x3, p3)
+MOTION = np.array([expm(A3 * t) @ [*x3, 0, 0, 0] for t in T]).T
+SQUARE = {"x": 0.3, "y": -0.2, "p_x": 0.7, "p_y": 0.4}  # of PlanarOscillator
+SWING = {"theta": 0.4, "length": 1.5, "mass": 0.8}  # of Pendulum
+BODY = {"q_w": 1.0, "H_x": 1.0, "H_y": 2.0, "H_z": 3.0}  # of Satellite
+H3, J3, W3 = np.array([1.0, 2, 3]), np.array([10.0, 12, 8]), 0.1
+w3 = H3 / J3
+THERMOSTAT = ivp(thermostat, [1.0, 1.0, 0, 0], t_eval=T)
+
+NAMES: dict[str, Any] = {**catalogue(), **globals(), "approx": pytest.approx}
