@@ -28,6 +28,7 @@ from liaisons.operators.feedback import (
     Array,
     Step,
     backward,
+    least_defects,
     periodic,
     pushes,
     reachable,
@@ -66,6 +67,8 @@ _UNKNOWN = 1e-10
 """Of a step's matrix, relative: what the integration leaves."""
 _AHEAD = 6
 """So many knots ahead corrections keep to the room that there will be."""
+_FAR_OFF = 1e-3
+"""Of its size: what is of second order in it is as small as what a plan may miss."""
 _SAME = 1e-6
 """By how much a motion that returns may miss its begin: more than a mesh leaves, less than what anybody means."""
 
@@ -282,7 +285,7 @@ def _reference_trajectory(
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
     sigma = motion.sigma(times)
     planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
-    reference, steps = sampled.steps(times, planned, H)
+    reference, steps = _stepped(motion, sampled, times, planned, H)
     gap = np.abs(reference[:, -1] - reference[:, 0])
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
     missed = gap > _SAME * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
@@ -303,8 +306,30 @@ def _reference_trajectory(
     if np.any(np.abs(last - planned[:, :, -1]) > _SAME * size):
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
-        reference, steps = sampled.steps(times, planned, H)
+        reference, steps = _stepped(motion, sampled, times, planned, H)
     return ReferenceTrajectory(times, planned, reference, after), steps, not missing - {*Orientation.quaternion}
+
+
+def _stepped(
+    motion: Plan, sampled: SampledMechanism, times: Array, planned: Array, H: float
+) -> tuple[Array, list[Step]]:
+    """States and matrices of steps along the plan, to its very end: what is unstable leaves it without feedback.
+
+    :raises PlanError: if the steps miss the end of the plan by so much that nothing of first order leads there.
+    """
+    reference, steps = sampled.steps(times, planned, H)
+    n = len(sampled.names)
+    ends = dict(zip(motion.problem.states, motion.solution.trajectory.knots[:, -1], strict=True))
+    missed = np.array([ends.get(*pair) - pair[1] for pair in zip(sampled.names, reference[:n, -1], strict=True)])
+    missed /= sampled.sizes[:n]
+    if not np.max(np.abs(missed), initial=0.0) <= _FAR_OFF:
+        i = int(np.argmax(np.abs(missed)))
+        raise PlanError(
+            f"{sampled.name}: in steps of {H:.3g} s the motion misses the plan's end, {sampled.names[i]} by "
+            f"{missed[i] * sampled.sizes[i]:.2g}: give a shorter step_size, or plan it with a finer mesh (accuracy)"
+        )
+    reference[:n] += least_defects([A[:n, :n] for A, _ in steps], missed) * sampled.sizes[:n, None]
+    return reference, steps
 
 
 # ---- both ---------------------------------------------------------------------------------------------------------
