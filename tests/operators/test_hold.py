@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 import liaisons
 from liaisons import Controller, Plan, hold, plan
+from liaisons.errors import LiaisonsError
 from liaisons.fmu.code import model_code
 from liaisons.library import component
 from liaisons.library import model as component_model
@@ -187,6 +188,7 @@ def test_wheels_take_the_momentum_that_a_torque_leaves() -> None:
         ("CartesianPendulum", {"at": {"x": 0, "z": 2}, "moves": "rod"}, "to first order rod cannot change x"),
         ("Pendulum", {"weights": {"thetta": 1}}, "weights of 'thetta': the states are theta, p_theta"),
         ("Pendulum", {"step_size": 0.0}, "must be > 0"),
+        ("Pendulum", {"step_size": 1e-300}, r"step_size = 1e-300: give seconds > 0, 1e-100 to 1e\+100$"),
         ("Pendulum", {"at": {"theta": np.nan}}, "at: theta = nan: finite numbers only"),
         ("Pendulum", {"at": {"theta": "up"}}, "at: theta = 'up': give numbers"),
         ("Satellite", {"at": {"attitude": (0, 0, 0, 0)}}, r"attitude = \(0, 0, 0, 0\): give four numbers, not all 0"),
@@ -317,7 +319,7 @@ def test_a_plan_that_its_steps_do_not_follow_is_refused_in_one_line() -> None:
     end = {"theta": np.pi, "theta_dot": 0, "pivot_x": 1.0, "pivot_x_dot": 0}
     goal: dict[str, Any] = {"start": {"theta": np.pi}, "end": end, "duration": 2.0, "length": 0.2, "accuracy": None}
     upright = plan("Pendulum", "pivot_x", minimize="pivot_x_ddot**2", **goal)
-    with pytest.raises(PlanError, match=r"in steps of 0.25 s the motion misses the plan's end, p?_?theta by [-\d.e]+: give"):
+    with pytest.raises(PlanError, match="in steps of 0.25 s the motion misses the plan's end, .*theta by .*: give"):
         hold(upright, step_size=0.25)
 
 
@@ -505,13 +507,19 @@ def test_what_is_no_push_is_refused(caplog: pytest.LogCaptureFixture) -> None:
         ({"duration": 0}, "survives: duration = 0: must be > 0"),
         ({"duration": -1}, "survives: duration = -1: must be > 0"),
         ({"duration": 1, "stop_time": 1}, "stop_time = 1 s: must be greater than the push, duration = 1 s"),
+        ({"duration": 1, "stop_time": 1e9}, "points, and 5 signals at each of them .* of memory"),
         ({"duration": 1, "first": 0}, "survives: first = 0: must be > 0"),
         ({"duration": 1, "port": "x_fource"}, "no input 'x_fource' is free; did you mean 'x_force'"),
     ):
-        with pytest.raises(PlanError, match=message):
+        with pytest.raises(LiaisonsError, match=message):
             regulator.survives(**({"port": "x_force"} | arguments))
-    for stop in (np.nan, 0.0, "late"):
-        with pytest.raises(PlanError, match="stop_time = "):
+    for stop, message in (
+        (np.nan, "stop_time = "),
+        (0.0, "> 0"),
+        ("late", "stop_time = "),
+        (1e9, "of memory are free"),
+    ):
+        with pytest.raises(LiaisonsError, match=message):
             regulator.simulate(stop)
     assert regulator.trajectory.after == "ends"
     regulator.simulate(1.1 * regulator.duration)

@@ -19,6 +19,7 @@ from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
+from liaisons.cosim.structure.memory import check_memory
 from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
@@ -221,7 +222,13 @@ class Controller:
         return np.where([name in self.free for name in self.states], gap, 0.0)
 
     def times(self, stop_time: float) -> Array:
-        """Communication points until then [s]."""
+        """Communication points until then [s].
+
+        :raises PlanError: if it is no number greater than 0.
+        :raises SimulationError: if they are more than fit into memory.
+        """
+        positive("stop_time", stop_time, PlanError)
+        check_memory(0.0, stop_time, self.step_size, len(self.states))
         trajectory = self.trajectory
         if trajectory.after == "repeats":
             rounds = np.arange(int(np.ceil(stop_time / self.duration - _SAME)))
@@ -253,7 +260,7 @@ class Controller:
         for name, value in starts.items():
             finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._stop if stop_time is None else stop_time
-        positive("stop_time", stop_time, PlanError)
+        times = self.times(stop_time)
         if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
             logger.warning(
                 "%s: the plan ends in motion at %g s; what is simulated until %g s is not planned: σ goes on evenly",
@@ -261,11 +268,11 @@ class Controller:
                 self.duration,
                 stop_time,
             )
-        return self._run(self.system(start_values=starts), stop_time, ports or None)
+        return self._run(self.system(start_values=starts), times, ports or None)
 
-    def _run(self, system: System, stop_time: float, inputs: Mapping[str, Any] | None = None) -> Result:
+    def _run(self, system: System, times: Array, inputs: Mapping[str, Any] | None = None) -> Result:
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
-        return system.simulate(times=self.times(stop_time), coupling=coupling, tolerance=1e-11, inputs=inputs)
+        return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
 
     def deviation(self, run: Result) -> Array:
         """By how much the states of a run differ from those that are held, (states, times)."""
@@ -353,7 +360,8 @@ class Controller:
         for direction in self.perturbations:
             shifted = [{name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)]
             with _unwarned():  # of steps too long for a continuous feedback: that is in the matrix
-                runs = [self._run(unbounded.system(start_values=values), self.duration) for values in shifted]
+                times = self.times(self.duration)
+                runs = [self._run(unbounded.system(start_values=values), times) for values in shifted]
             change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
             starts.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])

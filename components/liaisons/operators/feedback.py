@@ -84,7 +84,7 @@ def through(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Arra
 
 
 def least_defects(matrices: Sequence[Array], end: Array) -> Array:
-    """What starts at 0 and ends there, column by column, where the sum of squares of what it is off each step is least."""
+    """What starts at 0 and ends there, column by column, with the least sum of squares of what it is off each step."""
     to_end = [np.eye(len(end))]
     for A in reversed(matrices[1:]):
         to_end.append(to_end[-1] @ A)

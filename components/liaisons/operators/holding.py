@@ -36,7 +36,7 @@ from liaisons.operators.feedback import (
     steady,
     through,
 )
-from liaisons.operators.goals import Goal, is_expression, motion_names, move_names
+from liaisons.operators.goals import Goal, duration_range, is_expression, motion_names, move_names
 from liaisons.operators.plans import Plan
 from liaisons.operators.sampling import SampledMechanism, reduced
 from liaisons.operators.symbols import goal_symbols
@@ -119,6 +119,7 @@ def hold(
     positive("effort", effort, PlanError)
     if step_size is not None:
         positive("step_size", step_size, PlanError)
+        duration_range(step_size, "step_size")
     criterion = _Criterion(named("weights", weights or {}, PlanError), effort, named("bounds", bounds or {}, PlanError))
     if isinstance(motion, Plan):
         if at is not None or moves is not None or values:
