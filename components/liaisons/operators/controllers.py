@@ -32,6 +32,8 @@ After = Literal["rests", "repeats", "ends"]
 
 _NEAR = 1e-5
 """Size of the differences by which the FMUs' multipliers are measured."""
+_CONTRACTED = 0.1
+"""Of a deviation: where no more is left, what differs is a solver's tolerance over the differences' size."""
 _STILL = 1e-6
 """What is off by less, relative to its size, has not moved."""
 _RADIANS = 20
@@ -376,7 +378,7 @@ class Controller:
         """
         measured = self.measured()
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
-        error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
+        error = float(np.max(np.abs(measured - self.loop)) / max(_CONTRACTED, np.max(np.abs(self.loop))))
         far = np.abs(self.floquet_multipliers[:, None] - self.prediction.multipliers(measured))
         apart = float(np.max(far[linear_sum_assignment(far)]))
         why = "differences of 1e-5, solver tolerance 1e-11"

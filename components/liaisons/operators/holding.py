@@ -39,7 +39,7 @@ from liaisons.operators.feedback import (
 from liaisons.operators.goals import Goal, duration_range, is_expression, motion_names, move_names
 from liaisons.operators.plans import Plan
 from liaisons.operators.sampling import SampledMechanism, reduced
-from liaisons.operators.symbols import goal_symbols
+from liaisons.operators.symbols import ROUNDING, goal_symbols
 
 _PAIRS = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Bounds of a correction, its rate and its acceleration, as a Regulator calls them."""
@@ -262,14 +262,24 @@ def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Cont
 def _beside(motion: Plan) -> SampledMechanism:
     """The mechanism at the start of the plan."""
     goal, T = motion.goal, motion.duration
-    bare = Goal(goal.component, goal.moves, (T, T), goal.values, {})
+    bare, symbols = Goal(goal.component, goal.moves, (T, T), goal.values, {}), goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
-    start: dict[str, Any] = {name: starts[parameter] for name, parameter in goal_symbols(bare).start_parameters.items()}
+    start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
     start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
+    # What IPOPT leaves of a 0 would be a size.
+    start = {name: x if abs(x) > ROUNDING * symbols.sizes.get(name, 1.0) else 0.0 for name, x in start.items()}
     groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not is_expression(group)]
     required = {name for group in groups for name in group}
+    trajectory, states = motion.solution.trajectory, motion.problem.states
+    extents = dict(zip(states, np.abs(trajectory.knots).max(axis=1), strict=True))
+    extents |= {m: float(np.abs(motion.sigma(trajectory.breaks)[m]).max()) for m in goal.moves}
     return SampledMechanism(
-        replace(bare, start=start), required, interpolate=True, time=T / _PARTS, longest=T / _RADIANS
+        replace(bare, start=start),
+        required,
+        interpolate=True,
+        time=T / _PARTS,
+        longest=T / _RADIANS,
+        extents=extents,
     )
 
 
