@@ -48,6 +48,7 @@ class Regulator(Operator):
         vars()[f"reading_{_i}"] = Input(ANY, f"reading {_i}")
     period = Parameter(0.01, "s", "sampling period: distance of the communication points", above=0)
     repeats = Parameter(1e30, "s", "time after which the motion repeats itself", above=0)
+    announced = Parameter(1.0, "1", "next_event_time has samples, too; 0: communication points are there anyhow")
     sampled = Input("s", "time elapsed at the last communication point")
     elapsed = InternalState("s", "time since the start")
     value = InternalState(ANY, "correction of y")
@@ -75,13 +76,17 @@ class Regulator(Operator):
         return y + v * tau + a * tau**2 / 2 + rest * u**3 + self.value
 
     def next_event_time(self) -> ca.SX:
-        """Next repeated instant of this round, or the start of the next round.
+        """Next repeated instant of this round, the start of the next round, or the next sample if these are announced.
 
-        At the others, as at every communication point, only the third derivative jumps.
+        At samples only the third derivative jumps.
         """
-        ((next_jump,), _) = self.interval(self._time(self.elapsed), "next_jump", rests=True)
+        (next_jump, t_0), (_, t_1) = self.interval(self._time(self.elapsed), "next_jump", "instant", rests=True)
         begin = self._round(self.elapsed) * self.repeats
-        return self.first_after(self.clock + (begin + instant - self.elapsed) for instant in (next_jump, self.repeats))
+        since = self.elapsed - begin - t_0
+        sample = ca.if_else(t_1 > t_0, t_1, t_0 + self.period * (ca.floor(since / self.period + _NEAR) + 1))
+        announced = begin + ca.if_else(self.announced > 0, sample, next_jump)
+        instants = begin + next_jump, begin + self.repeats, announced
+        return self.first_after(self.clock + (instant - self.elapsed) for instant in instants)
 
     def samples(self) -> dict[str, ca.SX]:
         """The correction that is wanted from a knot on, of what is read there."""

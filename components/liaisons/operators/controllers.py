@@ -160,12 +160,22 @@ class Controller:
         :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
             what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
+        return self._system(
+            merged(self.name, start_values, keywords, PlanError), announced=self.trajectory.times.size > 1
+        )
+
+    def _system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
+        """The same; samples are announced to importers that choose their communication points."""
         system = System(f"held_{self.name}")
-        starts: dict[str, Any] = {**self.starts, **merged(self.name, start_values, keywords, PlanError)}
+        starts: dict[str, Any] = {**self.starts, **start_values}
         trajectory, sources, regulators = self.trajectory, {}, []
         for i, move in enumerate(self.moves):
             # What is read is a sample: it stays until the next communication point.
-            settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}
+            settings: dict[str, Any] = {
+                "period": self.step_size,
+                "input_reconstruction": 0,
+                "announced": float(announced),
+            }
             fmu, columns = self._regulator(i)
             settings |= columns
             triple = motion_names(move)
@@ -270,7 +280,7 @@ class Controller:
                 self.duration,
                 stop_time,
             )
-        return self._run(self.system(start_values=starts), times, ports or None)
+        return self._run(self._system(starts), times, ports or None)
 
     def _run(self, system: System, times: Array, inputs: Mapping[str, Any] | None = None) -> Result:
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
@@ -363,7 +373,7 @@ class Controller:
             shifted = [{name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)]
             with _unwarned():  # of steps too long for a continuous feedback: that is in the matrix
                 times = self.times(self.duration)
-                runs = [self._run(unbounded.system(start_values=values), times) for values in shifted]
+                runs = [self._run(unbounded._system(values), times) for values in shifted]  # noqa: SLF001
             change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
             starts.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])
