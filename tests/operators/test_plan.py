@@ -100,6 +100,8 @@ def test_sigma_is_one_polynomial_and_its_derivatives() -> None:
         # h² of the third derivative: 1e-8 times some 10
         np.testing.assert_allclose((ahead[value] - behind[value]) / (2 * h), here[rate], rtol=0, atol=1e-6)
     assert motion.sigma(3.0)["pivot_x"] == pytest.approx(0.5, abs=1e-11)
+    with pytest.raises(PlanError, match="t = 'a': give numbers"):
+        motion.sigma("a")
 
 
 def test_a_mesh_that_is_too_coarse_is_found_out_though_ipopt_succeeds() -> None:
@@ -239,6 +241,7 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
         {"minimize": "().__class__"},
         "at character 1: only numbers, names",
     ),
+    "a number that overflows": ("Pendulum", {"minimize": "9**9**9**9"}, "a number in it is not finite"),
     "unknown name in a text": ("Pendulum", {"minimize": "pivot_xddot**2"}, "'pivot_x_ddot'"),
     "moved and required": ("PlanarCat", CAT | {"psi_1": 1.0}, "psi_1 is moved"),
     "excluded by bounds": ("PlanarCat", CAT | {"end": {"psi_1": 4}, "bounds": LIMBS}, "lies outside of its bounds"),
@@ -585,6 +588,8 @@ DAMAGED: dict[str, tuple[tuple[str | int, ...], Any]] = {
     "no numbers": (("track", "knots"), [["a"]]),
     "not a number": (("track", "durations"), [float("nan")]),
     "no time": (("track", "durations"), [0.0]),
+    "another time than the goal's": (("track", "durations"), [3.001]),
+    "a time whose powers overflow": (("track", "durations"), [1e300]),
     "ragged": (("track", "inner"), [[1.0], [1.0, 2.0]]),
     "other states": (("track", "knots"), [[0.0] * 21]),
     "no solution": (("solution",), None),

@@ -152,6 +152,8 @@ def _row_functions(
         return {}
     functions = {name: function for name, function in members.items() if name.startswith("calculate")}
     functions |= {"draw": model.table.draw} if model.table.draw else {}
+    functions |= {"distances": model.table.conditions} if model.condition_texts else {}
+    functions |= {"jump": model.table.jump} if model.states else {}
     functions |= {function.name(): function for pair in rates for function in pair}
     arguments = {name: function.sx_in() for name, function in functions.items()}
     return {name: ca.Function(f"seen_{name}", x, functions[name].call(x, True, False)) for name, x in arguments.items()}

@@ -128,6 +128,14 @@ class Operator(Component, abstract=True):
         """Rates of the internal states, by name."""
         return {}
 
+    def samples(self) -> Mapping[str, ca.SX]:
+        """What internal states jump to, by name, where inputs are set; of inputs, too.  The others stay."""
+        return {}
+
+    def conditions(self) -> Mapping[str, ca.SX]:
+        """What must stay > 0, by the words that say so where it does not."""
+        return {}
+
     def events(self) -> Sequence[ca.SX]:
         """Instants [s] at which y or one of its first two derivatives is not smooth; the solver stops there.
 

@@ -45,21 +45,25 @@ def _operator_model(component: type[Operator]) -> Model:
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
     k, none = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1)
     outputs = ca.densify(stack([*triple, x, rates]))
+    sampled, limits = operator.samples(), operator.conditions()
+    after = (sampled.get(state.name, operator.symbols[state.name]) for state in component.internal_states)
+    jumped = ca.densify(stack(map(ca.SX, after)))
+    kept = ca.densify(stack(map(ca.SX, limits.values())))
     equations = of_operator(operator, triple[0])
     table = None
     if operator.lookups:
-        table = _table(operator, k, rates, outputs, announced)
-        rates, outputs, announced = _of_all_rows(operator, rates, outputs, announced)
+        table = _table(operator, k, rates, outputs, announced, jumped, kept)
+        rates, outputs, announced, jumped, kept = _of_all_rows(operator, rates, outputs, announced, jumped, kept)
     events = stack(map(ca.SX, operator.events()))
     instants_of = [k, t] if ca.depends_on(events, t) else [k]
     functions = {
         "start": ([t, u, k], [start, none]),
         "derivatives": ([t, x, u, k], [rates]),
         "outputs": ([t, x, u, k, none], [outputs]),
-        "jump": ([t, x, u, k, none], [x]),
+        "jump": ([t, x, u, k, none], [jumped]),
         "remember": ([t, x, u, k, none], [none]),
         "nominals": ([t, x, u, k], [ca.SX.ones(x.shape)]),
-        "conditions": ([t, x, u, k], [none]),
+        "conditions": ([t, x, u, k], [kept]),
         "events": (instants_of, [events]),
     }
     if next_event is not None:
@@ -71,13 +75,15 @@ def _operator_model(component: type[Operator]) -> Model:
         outputs_function=made.pop("outputs"),
         **made,
         drawn=() if next_event is None else (NEXT_EVENT,),
-        condition_texts=(),
+        condition_texts=tuple(limits),
         equations=equations,
         table=table,
     )
 
 
-def _table(operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced: ca.SX) -> LookupTable:
+def _table(
+    operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced: ca.SX, jumped: ca.SX, kept: ca.SX
+) -> LookupTable:
     """Functions of the two rows of each look-up."""
     t, x, u, lookups = operator.clock, operator.internal, operator.input_column, operator.lookups or []
     names = [column.name for column in operator.table]
@@ -85,7 +91,7 @@ def _table(operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced
     behind = k[len(names) * rows :]
     seen = stack([*(row for lookup in lookups for row in (lookup.begin, lookup.end)), behind])
     has_events = any(ca.is_equal(lookup.time, t) for lookup in lookups)
-    seeing = [rates, outputs] if has_events else [rates, outputs, announced]
+    seeing = [rates, outputs, jumped, kept] if has_events else [rates, outputs, jumped, kept, announced]
     elements = {name for column in operator.table for name in column.names}
     unseen = [name for name in map(str, ca.symvar(stack(seeing))) if name in elements]
     if unseen:
@@ -98,6 +104,8 @@ def _table(operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced
         times=ca.Function("times", [t, x, u, behind], [stack(lookup.time for lookup in lookups)]),
         derivatives=ca.Function("derivatives", [t, x, u, seen], [rates]),
         outputs_function=ca.Function("outputs", [t, x, u, seen, ca.SX(0, 1)], [outputs]),
+        jump=ca.Function("jump", [t, x, u, seen, ca.SX(0, 1)], [jumped]),
+        conditions=ca.Function("conditions", [t, x, u, seen], [kept]),
         has_events=has_events,
         draw=None if has_events or announced.is_empty() else ca.Function("draw", [t, x, u, seen], [announced]),
     )

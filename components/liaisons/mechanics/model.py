@@ -59,6 +59,8 @@ class LookupTable:
     :param times: (t, y, u, parameters behind the table) → (times,).
     :param derivatives: (t, y, u, r) → (y_dot,).
     :param outputs_function: (t, y, u, r, m) → (z,).
+    :param jump: (t, y, u, r, m) → (y,).
+    :param conditions: (t, y, u, r) → (c,).
     :param has_events: whether its first column holds the instants of :attr:`Model.events`.
     :param draw: (t, y, u, r) → (next event,), unless these instants are it, or there is none.
     """
@@ -70,6 +72,8 @@ class LookupTable:
     times: ca.Function
     derivatives: ca.Function
     outputs_function: ca.Function
+    jump: ca.Function
+    conditions: ca.Function
     has_events: bool
     draw: ca.Function | None = None
 

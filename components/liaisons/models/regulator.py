@@ -10,21 +10,24 @@ from liaisons.language import Dimension, Input, InternalState, Operator, Paramet
 from liaisons.units import ANY
 
 READINGS, KNOTS = 24, 50
+_NEAR = 1e-6
+"""Part of a period: knots that are nearer to each other are both sides of a jump."""
 _KNOTS = Dimension("knots", KNOTS, "number of knots")
 
 
 class Regulator(Operator):
-    """A motion through knots, and its correction by linear feedback of what was read at the last communication point.
+    """A motion through knots, and its correction by linear feedback of what was read at the last sample.
 
-    From the knot k on that was begun at that point, in the round n of a motion that repeats itself::
+    Samples are the knots, and one each period behind the last of them; each has to be a communication point, of which
+    there may be more.  From the knot k on at which was sampled, in the round n of a motion that repeats itself::
 
         y = y_k + y_k' τ + y_k'' τ²/2 + ... + x       between knots as PlannedMotion, after the last one without "..."
         w = clip(offset_k + n advance_k - Σ gain_ki reading_i, lowest_k, highest_k)
         x''' = (w - x'') / period
 
     so that x stays between least_k and most_k and x' between slowest_k and fastest_k: bounds that are approached no
-    faster than by exp(-t/(2 period)).  Readings and ``sampled``, the time that was read from ``elapsed``, stay as they
-    are until the next communication point.  The last knot is repeated where there are less than there is room for.
+    faster than by exp(-t/(2 period)).  ``sampled`` is read from ``elapsed``, so that each communication
+    point is known.  The last knot is repeated where there are less than there is room for.
     """
 
     instant = ParameterArray((), "s", "instants of the knots, ascending", _KNOTS)
@@ -45,11 +48,14 @@ class Regulator(Operator):
         vars()[f"reading_{_i}"] = Input(ANY, f"reading {_i}")
     period = Parameter(0.01, "s", "sampling period: distance of the communication points", above=0)
     repeats = Parameter(1e30, "s", "time after which the motion repeats itself", above=0)
+    announced = Parameter(1.0, "1", "next_event_time has samples, too; 0: communication points are there anyhow")
     sampled = Input("s", "time elapsed at the last communication point")
     elapsed = InternalState("s", "time since the start")
     value = InternalState(ANY, "correction of y")
     rate = InternalState(ANY, "its rate")
     acceleration = InternalState(ANY, "its acceleration")
+    sample = InternalState("s", "time elapsed at the last sample")
+    wanted = InternalState(ANY, "acceleration that was wanted there")
 
     def _round(self, t: ca.SX) -> ca.SX:
         """Number of completed rounds; one that ends within rounding errors is completed."""
@@ -70,26 +76,53 @@ class Regulator(Operator):
         return y + v * tau + a * tau**2 / 2 + rest * u**3 + self.value
 
     def next_event_time(self) -> ca.SX:
-        """Next repeated instant of this round, or the start of the next round.
+        """Next repeated instant of this round, the start of the next round, or the next sample if these are announced.
 
-        At the others, as at every communication point, only the third derivative jumps.
+        At samples only the third derivative jumps.
         """
-        ((next_jump,), _) = self.interval(self._time(self.elapsed), "next_jump", rests=True)
+        (next_jump, t_0), (_, t_1) = self.interval(self._time(self.elapsed), "next_jump", "instant", rests=True)
         begin = self._round(self.elapsed) * self.repeats
-        return self.first_after(self.clock + (begin + instant - self.elapsed) for instant in (next_jump, self.repeats))
+        since = self.elapsed - begin - t_0
+        sample = ca.if_else(t_1 > t_0, t_1, t_0 + self.period * (ca.floor(since / self.period + _NEAR) + 1))
+        announced = begin + ca.if_else(self.announced > 0, sample, next_jump)
+        instants = begin + next_jump, begin + self.repeats, announced
+        return self.first_after(self.clock + (instant - self.elapsed) for instant in instants)
+
+    def samples(self) -> dict[str, ca.SX]:
+        """The correction that is wanted from a knot on, of what is read there."""
+        gains = [f"gain_{i}" for i in range(1, READINGS + 1)]
+        begin, end = self.interval(self._time(self.elapsed), "instant", "offset", "advance", *gains, rests=True)
+        t_0, offset, advance, *row = begin
+        rounds, period = self._round(self.elapsed), self.period
+        since, h = self.elapsed - rounds * self.repeats - t_0, end[0] - t_0
+        since -= ca.if_else(h > 0, 0, period * ca.floor(since / period + _NEAR))
+        is_sample = ca.logic_and(since <= _NEAR * period, ca.logic_or(h <= 0, h > _NEAR * period))
+        readings = (self.symbols[f"reading_{i}"] for i in range(1, READINGS + 1))
+        wanted = offset + rounds * advance - sum(map(mul, row, readings))
+        return {
+            "wanted": ca.if_else(is_sample, wanted, self.wanted),
+            "sample": ca.if_else(is_sample, self.sampled, self.sample),
+        }
+
+    def conditions(self) -> dict[str, ca.SX]:
+        (t_0, *_), (t_1, *_) = self._held_rows()
+        due = ca.if_else(t_1 > t_0, self._round(self.sample) * self.repeats + t_1, self.sample + self.period)
+        text = "each sample has to be a communication point: choose a communication step that divides the period, so that it does"
+        return {text: due + 2 * _NEAR * self.period - self.elapsed}
+
+    def _held_rows(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        """What holds from the last sample on."""
+        limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
+        return self.interval(self._time(self.sample), "instant", *limits, rests=True)
 
     def internal_rates(self) -> dict[str, ca.SX]:
-        now, rounds = self._time(self.sampled), self._round(self.sampled)
-        numbers = range(1, READINGS + 1)
-        limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
-        row, _ = self.interval(now, "offset", "advance", *limits, *(f"gain_{i}" for i in numbers), rests=True)
-        offset, advance, lowest, highest, slowest, fastest, least, most, *of_readings = row
-        wanted = offset + rounds * advance - sum(map(mul, of_readings, (self.symbols[f"reading_{i}"] for i in numbers)))
-        x, v, a, H, p = self.value, self.rate, self.acceleration, self.period, 1 / self.period
+        (_, lowest, highest, slowest, fastest, least, most), _ = self._held_rows()
+        x, v, a, H, p, wanted = self.value, self.rate, self.acceleration, self.period, 1 / self.period, self.wanted
         for low, high in (
             (lowest, highest),
             (a + H * (p**2 * (bound - v) - 2 * p * a) for bound in (slowest, fastest)),
             (a + H * (p**3 * (bound - x) - 3 * p**2 * v - 3 * p * a) for bound in (least, most)),
         ):
             wanted = ca.fmin(ca.fmax(wanted, low), high)
-        return {"elapsed": ca.SX(1), "value": v, "rate": a, "acceleration": (wanted - a) / H}
+        rates = {"elapsed": ca.SX(1), "value": v, "rate": a, "acceleration": (wanted - a) / H}
+        return rates | {"sample": ca.SX(0), "wanted": ca.SX(0)}

@@ -19,6 +19,7 @@ from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
+from liaisons.cosim.structure.memory import check_memory
 from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
@@ -31,6 +32,8 @@ After = Literal["rests", "repeats", "ends"]
 
 _NEAR = 1e-5
 """Size of the differences by which the FMUs' multipliers are measured."""
+_CONTRACTED = 0.1
+"""Of a deviation: where no more is left, what differs is a solver's tolerance over the differences' size."""
 _STILL = 1e-6
 """What is off by less, relative to its size, has not moved."""
 _RADIANS = 20
@@ -157,12 +160,22 @@ class Controller:
         :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
             what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
+        return self._system(
+            merged(self.name, start_values, keywords, PlanError), announced=self.trajectory.times.size > 1
+        )
+
+    def _system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
+        """The same; samples are announced to importers that choose their communication points."""
         system = System(f"held_{self.name}")
-        starts: dict[str, Any] = {**self.starts, **merged(self.name, start_values, keywords, PlanError)}
+        starts: dict[str, Any] = {**self.starts, **start_values}
         trajectory, sources, regulators = self.trajectory, {}, []
         for i, move in enumerate(self.moves):
             # What is read is a sample: it stays until the next communication point.
-            settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}
+            settings: dict[str, Any] = {
+                "period": self.step_size,
+                "input_reconstruction": 0,
+                "announced": float(announced),
+            }
             fmu, columns = self._regulator(i)
             settings |= columns
             triple = motion_names(move)
@@ -221,7 +234,13 @@ class Controller:
         return np.where([name in self.free for name in self.states], gap, 0.0)
 
     def times(self, stop_time: float) -> Array:
-        """Communication points until then [s]."""
+        """Communication points until then [s].
+
+        :raises PlanError: if it is no number greater than 0.
+        :raises SimulationError: if they are more than fit into memory.
+        """
+        positive("stop_time", stop_time, PlanError)
+        check_memory(0.0, stop_time, self.step_size, len(self.states))
         trajectory = self.trajectory
         if trajectory.after == "repeats":
             rounds = np.arange(int(np.ceil(stop_time / self.duration - _SAME)))
@@ -253,7 +272,7 @@ class Controller:
         for name, value in starts.items():
             finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._stop if stop_time is None else stop_time
-        positive("stop_time", stop_time, PlanError)
+        times = self.times(stop_time)
         if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
             logger.warning(
                 "%s: the plan ends in motion at %g s; what is simulated until %g s is not planned: σ goes on evenly",
@@ -261,11 +280,11 @@ class Controller:
                 self.duration,
                 stop_time,
             )
-        return self._run(self.system(start_values=starts), stop_time, ports or None)
+        return self._run(self._system(starts), times, ports or None)
 
-    def _run(self, system: System, stop_time: float, inputs: Mapping[str, Any] | None = None) -> Result:
+    def _run(self, system: System, times: Array, inputs: Mapping[str, Any] | None = None) -> Result:
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
-        return system.simulate(times=self.times(stop_time), coupling=coupling, tolerance=1e-11, inputs=inputs)
+        return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
 
     def deviation(self, run: Result) -> Array:
         """By how much the states of a run differ from those that are held, (states, times)."""
@@ -353,7 +372,8 @@ class Controller:
         for direction in self.perturbations:
             shifted = [{name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)]
             with _unwarned():  # of steps too long for a continuous feedback: that is in the matrix
-                runs = [self._run(unbounded.system(start_values=values), self.duration) for values in shifted]
+                times = self.times(self.duration)
+                runs = [self._run(unbounded._system(values), times) for values in shifted]  # noqa: SLF001
             change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
             starts.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])
@@ -368,7 +388,7 @@ class Controller:
         """
         measured = self.measured()
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
-        error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
+        error = float(np.max(np.abs(measured - self.loop)) / max(_CONTRACTED, np.max(np.abs(self.loop))))
         far = np.abs(self.floquet_multipliers[:, None] - self.prediction.multipliers(measured))
         apart = float(np.max(far[linear_sum_assignment(far)]))
         why = "differences of 1e-5, solver tolerance 1e-11"

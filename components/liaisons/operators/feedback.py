@@ -83,6 +83,18 @@ def through(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Arra
     return reduce(lambda before, A: A @ before, matrices)
 
 
+def least_defects(matrices: Sequence[Array], end: Array) -> Array:
+    """What starts at 0 and ends there, column by column, with the least sum of squares of what it is off each step."""
+    to_end = [np.eye(len(end))]
+    for A in reversed(matrices[1:]):
+        to_end.append(to_end[-1] @ A)
+    weights = np.linalg.lstsq(sum(map(np.matmul, to_end, (P.T for P in to_end))), end, rcond=None)[0]
+    columns = [np.zeros_like(end)]
+    for A, P in zip(matrices, reversed(to_end), strict=True):
+        columns.append(A @ columns[-1] + P.T @ weights)
+    return np.transpose(columns)
+
+
 def pushes(steps: Sequence[Step]) -> Array:
     """What each of the inputs of all steps does at the end of the last one, column by column."""
     columns: Array = np.zeros((len(steps[0][0]), 0))

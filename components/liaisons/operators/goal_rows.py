@@ -96,6 +96,10 @@ def _evaluated(symbols: GoalSymbols, label: str, expression: Any) -> ca.SX:
         raise
     except Exception as error:
         raise PlanError(f"{symbols.name}: {label}: {type(error).__name__}: {error}") from error
+    program = ca.Function("value", ca.symvar(value), [value])
+    steps = (i for i in range(program.n_instructions()) if program.instruction_id(i) == ca.OP_CONST)
+    if not np.all(np.isfinite([program.instruction_constant(i) for i in steps])):
+        raise PlanError(f"{symbols.name}: {label} = {shown(expression)}: a number in it is not finite")
     return ca.vec(value)
 
 

@@ -67,7 +67,7 @@ class Readings(Mapping[str, ca.SX]):
         return len(self._signals)
 
 
-def duration_range(value: Any) -> tuple[float, float]:
+def duration_range(value: Any, label: str = "duration") -> tuple[float, float]:
     """A duration [s], or the least and the greatest.
 
     :raises PlanError: if it is none.
@@ -75,9 +75,10 @@ def duration_range(value: Any) -> tuple[float, float]:
     pair: Any = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
     low, high = pair
     for seconds in pair:
-        finite("duration", seconds, PlanError)
+        finite(label, seconds, PlanError)
     if not _SHORTEST < low <= high < _LONGEST:
-        raise PlanError(f"duration = {shown(value)}: give seconds > 0, or (low, high)")
+        pairs = ", or (low, high)" * (label == "duration")
+        raise PlanError(f"{label} = {shown(value)}: give seconds > 0, {_SHORTEST:g} to {_LONGEST:g}{pairs}")
     return float(low), float(high)
 
 

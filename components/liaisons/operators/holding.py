@@ -28,6 +28,7 @@ from liaisons.operators.feedback import (
     Array,
     Step,
     backward,
+    least_defects,
     periodic,
     pushes,
     reachable,
@@ -35,10 +36,10 @@ from liaisons.operators.feedback import (
     steady,
     through,
 )
-from liaisons.operators.goals import Goal, is_expression, motion_names, move_names
+from liaisons.operators.goals import Goal, duration_range, is_expression, motion_names, move_names
 from liaisons.operators.plans import Plan
 from liaisons.operators.sampling import SampledMechanism, reduced
-from liaisons.operators.symbols import goal_symbols
+from liaisons.operators.symbols import ROUNDING, goal_symbols
 
 _PAIRS = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Bounds of a correction, its rate and its acceleration, as a Regulator calls them."""
@@ -66,6 +67,8 @@ _UNKNOWN = 1e-10
 """Of a step's matrix, relative: what the integration leaves."""
 _AHEAD = 6
 """So many knots ahead corrections keep to the room that there will be."""
+_FAR_OFF = 1e-3
+"""Of its size: what is of second order in it is as small as what a plan may miss."""
 _SAME = 1e-6
 """By how much a motion that returns may miss its begin: more than a mesh leaves, less than what anybody means."""
 
@@ -116,6 +119,7 @@ def hold(
     positive("effort", effort, PlanError)
     if step_size is not None:
         positive("step_size", step_size, PlanError)
+        duration_range(step_size, "step_size")
     criterion = _Criterion(named("weights", weights or {}, PlanError), effort, named("bounds", bounds or {}, PlanError))
     if isinstance(motion, Plan):
         if at is not None or moves is not None or values:
@@ -258,14 +262,24 @@ def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Cont
 def _beside(motion: Plan) -> SampledMechanism:
     """The mechanism at the start of the plan."""
     goal, T = motion.goal, motion.duration
-    bare = Goal(goal.component, goal.moves, (T, T), goal.values, {})
+    bare, symbols = Goal(goal.component, goal.moves, (T, T), goal.values, {}), goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
-    start: dict[str, Any] = {name: starts[parameter] for name, parameter in goal_symbols(bare).start_parameters.items()}
+    start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
     start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
+    # What IPOPT leaves of a 0 would be a size.
+    start = {name: x if abs(x) > ROUNDING * symbols.sizes.get(name, 1.0) else 0.0 for name, x in start.items()}
     groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not is_expression(group)]
     required = {name for group in groups for name in group}
+    trajectory, states = motion.solution.trajectory, motion.problem.states
+    extents = dict(zip(states, np.abs(trajectory.knots).max(axis=1), strict=True))
+    extents |= {m: float(np.abs(motion.sigma(trajectory.breaks)[m]).max()) for m in goal.moves}
     return SampledMechanism(
-        replace(bare, start=start), required, interpolate=True, time=T / _PARTS, longest=T / _RADIANS
+        replace(bare, start=start),
+        required,
+        interpolate=True,
+        time=T / _PARTS,
+        longest=T / _RADIANS,
+        extents=extents,
     )
 
 
@@ -282,7 +296,7 @@ def _reference_trajectory(
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
     sigma = motion.sigma(times)
     planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
-    reference, steps = sampled.steps(times, planned, H)
+    reference, steps = _stepped(motion, sampled, times, planned, H)
     gap = np.abs(reference[:, -1] - reference[:, 0])
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
     missed = gap > _SAME * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
@@ -303,8 +317,30 @@ def _reference_trajectory(
     if np.any(np.abs(last - planned[:, :, -1]) > _SAME * size):
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
-        reference, steps = sampled.steps(times, planned, H)
+        reference, steps = _stepped(motion, sampled, times, planned, H)
     return ReferenceTrajectory(times, planned, reference, after), steps, not missing - {*Orientation.quaternion}
+
+
+def _stepped(
+    motion: Plan, sampled: SampledMechanism, times: Array, planned: Array, H: float
+) -> tuple[Array, list[Step]]:
+    """States and matrices of steps along the plan, to its very end: what is unstable leaves it without feedback.
+
+    :raises PlanError: if the steps miss the end of the plan by so much that nothing of first order leads there.
+    """
+    reference, steps = sampled.steps(times, planned, H)
+    n = len(sampled.names)
+    ends = dict(zip(motion.problem.states, motion.solution.trajectory.knots[:, -1], strict=True))
+    missed = np.array([ends.get(*pair) - pair[1] for pair in zip(sampled.names, reference[:n, -1], strict=True)])
+    missed /= sampled.sizes[:n]
+    if not np.max(np.abs(missed), initial=0.0) <= _FAR_OFF:
+        i = int(np.argmax(np.abs(missed)))
+        raise PlanError(
+            f"{sampled.name}: in steps of {H:.3g} s the motion misses the plan's end, {sampled.names[i]} by "
+            f"{missed[i] * sampled.sizes[i]:.2g}: give a shorter step_size, or plan it with a finer mesh (accuracy)"
+        )
+    reference[:n] += least_defects([A[:n, :n] for A, _ in steps], missed) * sampled.sizes[:n, None]
+    return reference, steps
 
 
 # ---- both ---------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from liaisons.arguments import as_path, finite, listed, named, shown, whole
+from liaisons.arguments import as_path, finite, listed, named, numbers, shown, whole
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
@@ -43,6 +43,8 @@ _LOST = 1e-12
 """So much of its range σ may differ between the knots from what was planned."""
 _INSTANT = 1e-9
 """How long before a jump, relative to the duration, a replay looks once more: what holds until then."""
+_SAME = 1e-7
+"""By how much IPOPT may leave the bounds of a duration, relative to it."""
 _TOLERANCE = 1e-12
 """Of the solvers in a replay: so near the rounding level that what is left is the plan's own error."""
 
@@ -93,7 +95,9 @@ class Plan:
         """σ, σ̇ and σ̈ of what is moved, by the names of the FMU's variables; at a jump what comes after it.
 
         :param t: times [s], of any shape; beyond both ends the polynomials go on.
+        :raises PlanError: if these are no numbers.
         """
+        t = numbers("t", t, PlanError)
         return {
             name: polynomial.derivative(n)(t)
             for move, polynomial in self._polynomials.items()
@@ -320,16 +324,19 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     m, n, c, path = interval_count(arcs), len(problem.states), len(problem.controls), problem.path
     points, rows = m * DEGREE, len(path.labels)
     shapes = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
-    numbers = {name: _finite(name, trajectory[name], shape) for name, shape in shapes.items()}
-    if not arcs or not (numbers["durations"] > 0).all():
+    columns = {name: _finite(name, trajectory[name], shape) for name, shape in shapes.items()}
+    if not arcs or not (columns["durations"] > 0).all():
         raise PlanError("it has to have arcs with durations > 0")
+    (low, high), T = problem.duration, columns["durations"].sum()
+    if not low * (1 - _SAME) <= T <= high * (1 + _SAME):
+        raise PlanError(f"its arcs last {T:g} s, where the goal's duration is {low:g} s to {high:g} s")
     for i, bound in (active for arc in arcs for active in arc.active_bounds):
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
     shapes = {"hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": (len(problem.end.labels),)}
     values: dict[str, Any] = {name: _finite(name, document[name], shape) for name, shape in shapes.items()}
     return Solution(
-        trajectory=CollocatedTrajectory(arcs, **numbers),
+        trajectory=CollocatedTrajectory(arcs, **columns),
         cost=float(_finite("cost", document["cost"], ())),
         status=str(document["status"]),
         finished=document["finished"] in (1, True),

@@ -186,7 +186,7 @@ def _problem(symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str]
     if goal.minimize == "time" and path.function.jac_sparsity(0, 1).nnz() == 0:
         raise PlanError(f"{symbols.name}: minimize = 'time' would take none: bound {', '.join(controls)}, or forces")
     _refuse_controls(symbols, rows, U, controls)
-    ranges = {row.label: (row.low, row.high) for row in rows.start}
+    ranges = {row.label: (row.low, row.high) for row in rows.start if row.expression.is_symbolic()}
     initial = {name: middle(ranges.get(name), initial[name]) for name in names}
     constraints = ("constraints", "non_holonomic", "rheonomic_constraints")
     return Problem(

@@ -41,12 +41,22 @@ class SampledMechanism:
     :param required: names of coordinates that move and are held even if they enter nothing.
     :param time: in what time [s] states change by their sizes where no free motion determines it.
     :param longest: a free motion of which a radian takes longer [s] does not.
+    :param extents: the greatest absolute values that coordinates have on the way; else those at the start.
     :ivar states: names: the mechanism's on which moves act, or on which these depend; σ where it is held; σ̇, σ̈.
     :ivar names: those of the mechanism.
     :ivar free: coordinates that are held.
     """
 
-    def __init__(self, goal: Goal, required: Container[str], *, interpolate: bool, time: float, longest: float) -> None:
+    def __init__(
+        self,
+        goal: Goal,
+        required: Container[str],
+        *,
+        interpolate: bool,
+        time: float,
+        longest: float,
+        extents: Mapping[str, float] | None = None,
+    ) -> None:
         symbols = goal_symbols(goal)
         starts, parameters, start = symbols.start_parameters, dict(symbols.parameters), symbols.start
         for name, axes in symbols.quaternions.items():
@@ -59,7 +69,7 @@ class SampledMechanism:
         self.sigma = np.zeros((len(self.moves), 3))
         self.sigma[:, 0] = symbols.initial_sigma
         self.sigma[:, 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
-        self._usual_time, self._longest = time, longest
+        self._usual_time, self._longest, self._extents = time, longest, {} if extents is None else extents
         first = ca.Function("start", symbols.arguments, [symbols.initial_state])
         self.start = np.array(first(symbols.declared_state, *self.sigma.T)).ravel()
         self.state_indices = self._coupled()
@@ -70,7 +80,9 @@ class SampledMechanism:
         self.held_moves = [self.moves[i] for i in held]
         n, c = len(self.names), len(self.moves)
         self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
-        free = (n for n in self.names if n in starts and n not in Orientation.momenta)
+        internal = {state.name for state in getattr(symbols.component, "internal_states", ())}
+        self.internal = [name for name in self.names if name in internal]
+        free = (n for n in self.names if n in starts and n not in {*Orientation.momenta, *internal})
         self.free = (*free, *self.held_moves)
         _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
         self.states = (*self.names, *self.held_moves, *chain.from_iterable(derivatives))
@@ -160,12 +172,13 @@ class SampledMechanism:
         moved = {rate: moving(rate) for rate in rates}
         inertia = {u: np.array([moved[rate][0] for rate, q in rates.items() if units[q] == u]) for u in units.values()}
         mean = {u: float(np.exp(np.mean(np.log(m[m > 0])))) for u, m in inertia.items() if m.max() > 0}
-        values = dict(zip(states, self.start, strict=True)) | sigma
+        values = dict(zip(states, self.start, strict=True)) | sigma | dict(self._extents)
         far = {u: max(abs(values.get(q, 0.0)) for q in units if units[q] == u) or 1.0 for u in inertia} | {"rad": 1.0}
         first = "rad" if "rad" in mean else next(iter(mean), "rad")
         whole = mean.get(first, 1.0) * far[first] ** 2
         by_unit = {u: np.sqrt(whole / mean[u]) if u in mean else x for u, x in far.items()}
         coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
+        coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal}
         changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()])
         momenta = {
             name: float(size) if size > 0 else whole / self.time

@@ -140,7 +140,7 @@ class Slave(Fmi2Slave):
             size[~((size > 0) & np.isfinite(size))] = 1.0
             problem = self._bad_start()
             self._unusable = problem and f"{problem}; reset, set another value and initialize again"
-        self._jumped = self._evaluated = False
+        self._jumped, self._evaluated = self._prescribed is None, False  # a sample may be due
         self._enter(stepping=True)
         if self._prescribed is not None:
             self._prescribed.arrive(0.0)

@@ -207,7 +207,7 @@ Status core_exit_initialization(Instance *self) {
     core_measure(self);
     core_follow(self);
     self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;
-    self->s->jumped = 0;
+    self->s->jumped = self->model->columns > 0; /* a table's knots may ask for what was read */
     return SUCCESS;
 }
 
