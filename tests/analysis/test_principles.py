@@ -1,11 +1,12 @@
 """Stationary action and least constraint against closed forms."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import simpson
+from scipy.integrate import cumulative_simpson, simpson
 
 from liaisons import analysis
 from liaisons.check import slope
@@ -176,6 +177,36 @@ def test_vakonomic_equations_of_a_skate() -> None:
     found = analysis.vakonomic_equations(Skate).evaluate(angle=phi, p_x=p_x, p_y=p_y, p_angle=p_phi)
     expected = [u * np.cos(phi), u * np.sin(phi), p_phi / 0.3, 0.7 * 2.0, 0.0, -u * across]
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("field", "gravity", "kept"),
+    [
+        (lambda _: {"angle": 1}, 2.0, True),
+        (lambda m: {"x": ca.cos(m.angle), "y": ca.sin(m.angle)}, 0.0, True),  # L is invariant on the constraint alone
+        (lambda m: {"x": ca.cos(m.angle), "y": ca.sin(m.angle)}, 2.0, False),
+        (lambda _: {"y": 1}, 2.0, False),
+        (lambda m: {"x": -m.y, "y": m.x}, 0.0, False),
+    ],
+)
+def test_symmetries_of_a_skate_are_those_that_its_edge_keeps(field: Any, gravity: float, kept: bool) -> None:
+    """d'Alembert: u' = g cos φ along the edge, φ'' = 0."""
+    t, u_0, w, m = np.linspace(0, 3, 31), 0.8, 1.5, SimpleNamespace(angle=1.5 * np.linspace(0, 3, 31))
+    u = u_0 + gravity / w * np.sin(w * t)
+    v = {"x": u * np.cos(m.angle), "y": u * np.sin(m.angle), "angle": 0 * t + w}
+    m.x, m.y = (cumulative_simpson(v[q], x=t, initial=0) for q in "xy")
+    momentum = sum(np.asarray(xi) * {"angle": 0.3}.get(q, 0.7) * v[q] for q, xi in field(m).items())
+    assert (np.ptp(momentum) < 1e-12) == kept
+    if kept:
+        quantity = analysis.noether(Skate, field, gravity=gravity)
+        along = quantity.evaluate(angle=m.angle, **{f"{q}_dot": rate for q, rate in v.items()})
+        np.testing.assert_allclose(along, momentum, rtol=1e-13)
+    else:
+        with pytest.raises(
+            ComponentError, match="is no symmetry" if gravity and "x" in field(m) else "moves edge, who"
+        ):
+            analysis.noether(Skate, field, gravity=gravity)
+    assert list(analysis.cyclic_coordinates(Skate)) == ["angle"]
 
 
 def test_vakonomic_equations_of_a_geometric_constraint_are_dalemberts() -> None:

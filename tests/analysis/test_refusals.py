@@ -9,18 +9,39 @@ import pytest
 
 from liaisons import analysis
 from liaisons.errors import ComponentError
+from liaisons.language import ActiveCoordinate, Mechanism, Parameter
 from liaisons.models import (
+    BeadOnSphere,
+    BouncingBall,
     CartesianPendulum,
     ChargedParticle,
     CircularHoop,
+    DryOscillator,
     FreeParticle,
+    IsokineticOscillator,
     KeplerOrbit,
     LinearMolecule,
+    NoseHooverOscillator,
     Oscillator,
+    OscillatorChain,
     Pendulum,
     PlanarCat,
+    Regulator,
     Satellite,
+    SpatialCat,
+    StringPendulum,
 )
+
+
+class Table(Mechanism):
+    """A table that is prescribed."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    height = ActiveCoordinate("m", "height")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.height) ** 2
+
 
 T = np.linspace(0.0, 1.0, 5)
 PATH = {"x": T, "x_dot": 0 * T + 1}
@@ -85,6 +106,72 @@ def joined(periods: float) -> Any:
             lambda: analysis.noether(Satellite, lambda _: {"attitude": 1.0}),
             "gives 1 components for attitude; it must give 3",
         ),
+        (
+            lambda: analysis.noether(CartesianPendulum, lambda _: {"x": 1}),
+            "Pendulum: the field moves rod, whose forces",
+        ),
+        (lambda: analysis.noether(CartesianPendulum, lambda m: {"x": -m.y, "y": m.x}), "the field moves plane, whose"),
+        (lambda: analysis.noether(IsokineticOscillator, lambda m: {"x": -m.y, "y": m.x}), "the field moves kinetic"),
+        (lambda: analysis.noether(DryOscillator, lambda _: {"x": 1}, stiffness=0.0), "the field moves slip, whose"),
+        (lambda: analysis.noether(NoseHooverOscillator, lambda _: {"q": 1}, stiffness=0.0), "moves against friction"),
+        (lambda: analysis.noether(FreeParticle, lambda _: {"x": 1}, x_load=1.0), "moves against friction, drives or l"),
+        (
+            lambda: analysis.noether(OscillatorChain, lambda _: {}),
+            "OscillatorChain: analysis takes .* it is a chain; wr",
+        ),
+        (lambda: analysis.hamiltonian(Regulator), "Regulator: analysis takes mechanisms, .* it is an operator$"),
+        (lambda: analysis.similarity(IsokineticOscillator), "Oscillator: kinetic does not scale with x, y, z alone"),
+        (lambda: analysis.similarity(CartesianPendulum), "CartesianPendulum: rod does not scale with x, y, z, rod al"),
+        (lambda: analysis.similarity(BeadOnSphere), "BeadOnSphere: gap does not scale with x, z alone; set a length"),
+        (lambda: analysis.similarity(Oscillator, damping=0.1), "Oscillator: similarity has no friction, drives and lo"),
+        (lambda: analysis.similarity(DryOscillator), r"similarity takes no unilateral .* \(slip\)"),
+        (
+            lambda: analysis.similarity(Pendulum).mean_energies(1.0),
+            "forces that hold length have a virial of their own",
+        ),
+        *(
+            (lambda name=name: getattr(analysis, name)(StringPendulum), r"takes no unilateral .* \(slack\)")
+            for name in ("hamilton_equations", "phase_velocity", "divergence", "gauss_function", "effective_mass")
+        ),
+        (lambda: analysis.action(BouncingBall, T, {}), r"BouncingBall: the action takes no unilateral .* \(gap\)"),
+        (
+            lambda: analysis.observable(BouncingBall, lambda m: m.contact_force("gap")),
+            r"that contains forces .* \(gap\)",
+        ),
+        *(
+            (lambda make=make: make(Pendulum).evaluate(p_theta=1.0, friction=0.3), "Pendulum: friction, drives and l")
+            for make in (
+                analysis.hamilton_equations,
+                analysis.dynamic_field,
+                analysis.reduced_multiplier_equations,
+                analysis.vakonomic_equations,
+            )
+        ),
+        (lambda: analysis.hamilton_equations(Oscillator).evaluate(x_force=1.0), "Oscillator: friction, drives and lo"),
+        (
+            lambda: analysis.stationary_path(Oscillator, T, PATH, damping=0.1),
+            "of stationary action has no friction, dr",
+        ),
+        (lambda: analysis.flow(Pendulum, 1.0, length_dot=0.1), "length_dot = 0.1 of an active coordinate that is held"),
+        (lambda: analysis.virial(Oscillator, T, {"x": T}), "Oscillator: the motion lacks x_dot; give coordinates"),
+        (lambda: analysis.virial(NoseHooverOscillator, T, {"q": T, "q_dot": T}), "the motion lacks xi; give"),
+        (
+            lambda: analysis.normal_modes(Oscillator, damping=0.1),
+            r"its forces depend on the rates .*take linearize\(\)",
+        ),
+        (lambda: analysis.normal_modes(ChargedParticle), r"its forces depend on the rates .*take linearize\(\)"),
+        (lambda: analysis.equilibrium(NoseHooverOscillator), "an equilibrium is at rest, which leaves out xi, eta; s"),
+        (lambda: analysis.equilibrium(CircularHoop, beta_dot=2.0), "an equilibrium is at rest, .* out beta_dot; simul"),
+        (lambda: analysis.multiplier_equations(SpatialCat).evaluate(), "SpatialCat: not finite at these values; give"),
+        *(
+            (
+                lambda name=name: getattr(analysis, name)(Table),
+                "Table: .* needs a free coordinate; all of its are presc",
+            )
+            for name in ("hamilton_equations", "divergence", "vakonomic_equations", "kinetic_connection", "equilibrium")
+        ),
+        (lambda: analysis.stationary_path(Table, T, {}), "Table: .* needs a free coordinate"),
+        (lambda: analysis.action(Table, T, {}), "Table: the path moves no coordinate; give one and its rate"),
         (lambda: analysis.Similarity(-2.0).mean_energies(0.0), "degree = -2 has no mean energies"),
         (
             lambda: analysis.similarity(LinearMolecule),

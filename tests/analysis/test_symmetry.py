@@ -5,14 +5,21 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from liaisons import analysis
+from liaisons.language import Parameter, constraint
 from liaisons.models import (
+    BouncingBall,
+    CartesianPendulum,
     ChargedParticle,
     CircularHoop,
+    DryOscillator,
     FreeParticle,
+    IsokineticOscillator,
     KeplerOrbit,
     LinearMolecule,
+    NoseHooverOscillator,
     Oscillator,
     Pendulum,
     PlanarCat,
@@ -41,6 +48,14 @@ def rotation(m: Any) -> dict[str, ca.SX]:
         (Pendulum, {"gravity": 0.0, "pivot_x_dot": 0.0, "pivot_z_dot": 0.0}, {"theta"}),
         (CircularHoop, {}, set()),
         (CircularHoop, {"offset": 0.0}, {"xi"}),
+        (CartesianPendulum, {}, set()),  # its rod and its plane push
+        (IsokineticOscillator, {"stiffness": 0.0}, set()),
+        (BouncingBall, {"gravity": 0.0}, set()),  # impacts
+        (DryOscillator, {"stiffness": 0.0}, set()),
+        (NoseHooverOscillator, {"stiffness": 0.0}, set()),
+        (Pendulum, {"gravity": 0.0, "pivot_x_dot": 0.0, "pivot_z_dot": 0.0, "friction": 0.1}, set()),
+        (PolarOscillator, {"r_force": 1.0}, {"phi"}),
+        (PolarOscillator, {"phi_force": 1.0}, set()),
     ],
 )
 def test_cyclic_coordinates(component, held, cyclic) -> None:
@@ -79,12 +94,58 @@ def test_translations_conserve_the_momentum_with_each_mass_of_its_own() -> None:
         (FreeParticle, {}, 1),
         (Pendulum, {}, 1),  # lengths are active: τ grows as the root of the length
         (KeplerOrbit, {}, -1),
+        (CartesianPendulum, {"height": 0.0}, 1),
     ],
 )
 def test_degree_of_homogeneity(component, held, degree) -> None:
     found = analysis.similarity(component, **held)
     assert found.degree == pytest.approx(degree, abs=1e-12)  # a regression over 16 states
     assert found.time_ratio(4.0) == pytest.approx(2.0 ** (2 - degree), rel=1e-11)
+
+
+def test_rotation_that_a_constraint_keeps() -> None:
+    """r'' = -g e_z + λ r with λ = (g z - v²)/l², by hand: x y' - y x' is constant, x' is not."""
+
+    class Bowl(FreeParticle):
+        """Point mass in a smooth bowl of 1 m."""
+
+        radius = Parameter(1.0, "m", "radius", above=0)
+
+        @constraint("m2", "distance from the bowl, squared")
+        def bowl(self) -> ca.SX:
+            return self.x**2 + self.y**2 + self.z**2 - self.radius**2
+
+    def rate(_: float, state: np.ndarray) -> np.ndarray:
+        r, v = state[:3], state[3:]
+        return np.r_[v, (9.81 * r[2] - v @ v) * r - [0, 0, 9.81]]
+
+    motion = solve_ivp(rate, (0, 2), [0.6, 0, -0.8, 0, 1.5, 0], rtol=1e-10, atol=1e-10).y
+    names = ("x", "y", "z", "x_dot", "y_dot", "z_dot")
+    along = analysis.noether(Bowl, rotation).evaluate(**dict(zip(names, motion, strict=True)))
+    np.testing.assert_allclose(along, 0.6 * 1.5, rtol=1e-8)  # 100 x tolerance
+    assert np.ptp(motion[3]) > 1
+    assert analysis.cyclic_coordinates(Bowl) == {}
+    by_momenta = dict(zip(("x", "y", "z", "p_x", "p_y", "p_z"), motion[:, -1], strict=True))
+    assert analysis.noether(Bowl, rotation).evaluate(**by_momenta) == pytest.approx(0.9, rel=1e-8)
+
+
+def test_impacts_scale_with_the_height() -> None:
+    t, ball = np.linspace(0, 2, 201), analysis.similarity(BouncingBall)
+    drops = [BouncingBall.exact(t * ball.time_ratio(h), height_0=h)["height"] / h for h in (1.0, 4.0)]
+    np.testing.assert_allclose(drops[0], drops[1], atol=1e-12)  # parabolas, one after the other
+
+
+def test_virial_under_a_force_that_changes_and_with_a_thermostat() -> None:
+    """x = cos 3t by F = -8 cos 3t; q' = p, p' = -q - ξ p, ξ' = p² - 1 by SciPy."""
+    t = np.linspace(0, 2, 401)
+    x = np.cos(3 * t)
+    driven = analysis.virial(Oscillator, t, {"x": x, "x_dot": -3 * np.sin(3 * t), "x_force": -8 * x})
+    bath = solve_ivp(
+        lambda _, y: [y[1], -y[0] - y[2] * y[1], y[1] ** 2 - 1, y[2]], (0, 2), [1, 1, 0, 0], t_eval=t, rtol=1e-10
+    )
+    warm = analysis.virial(NoseHooverOscillator, t, dict(zip(("q", "q_dot", "xi", "eta"), bath.y, strict=True)))
+    assert abs(driven.residual) < 1e-7  # (3 h)⁴ = 5e-8
+    assert abs(warm.residual) < 1e-7  # of the tolerance, by 2 s
 
 
 def test_mean_energies() -> None:

@@ -222,7 +222,7 @@ def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[
         raise ComponentError(
             f"{equations.name}: no states on its constraints near the start; give values for coordinates"
         )
-    return {name: value[on] if np.shape(value) == on.shape else value for name, value in states.items()}
+    return {name: np.asarray(value)[on] if np.shape(value) == on.shape else value for name, value in states.items()}
 
 
 def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, ArrayLike]) -> float:

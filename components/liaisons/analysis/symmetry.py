@@ -26,6 +26,7 @@ from liaisons.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import scalar
+from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations
 
 
@@ -83,35 +84,33 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
             f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in components.items())} is no symmetry: it changes L "
             f"by {change:.2g} of its terms; choose a field that leaves T and V as they are"
         )
-    if forces := _forces_along(equations, m.free.frame.T @ xi, values):
-        raise ComponentError(
-            f"{owner}: the field {forces} what it would conserve; choose one along which no such force works"
-        )
+    if forces := _forces_along(equations, xi, values):
+        raise ComponentError(f"{owner}: the field {forces} what it would conserve; choose one along which none works")
     return Quantity(equations, ca.dot(xi, p))
 
 
-def _forces_along(equations: Equations, direction: ca.SX, values: Mapping[str, ArrayLike]) -> str:
-    """Forces beside L that do work along a direction of the rates, as the verb of a sentence; empty if none does."""
-    m, count = equations.mechanism, len(equations.mechanism.coordinates)
+def _forces_along(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLike]) -> str:
+    """Which forces beside those of L work along ξ, as part of a sentence; empty if none does."""
+    m = equations.mechanism
     rows = ca.vertcat(equations.constraints.matrix, ca.jacobian(m.contact_rates(), m.free.q_dot))
-    items = (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals, *m.dry_frictions)
-
-    def works(power: ca.SX, terms: ca.SX) -> bool:
-        return largest(equations, power, ca.fabs(terms), values) != 0
-
-    size = ca.norm_2(direction)
-    moved = [item.name for i, item in enumerate(items) if works(rows[i, :] @ direction, ca.norm_2(rows[i, :]) * size)]
+    names = [*_rigid(m), *(item.name for item in m.dry_frictions)]
+    direction, size = m.free.frame.T @ xi, ca.norm_2(xi)
+    moved = [
+        name
+        for name, row in zip(names, ca.vertsplit(rows), strict=True)
+        if largest(equations, row @ direction, ca.norm_2(row) * size, values)
+    ]
     if moved:
         return f"moves {', '.join(moved)}, whose forces change"
-    friction = equations.friction.against(m.free.q_dot)
-    if works(ca.dot(friction, direction), ca.norm_2(friction) * size):
-        return "moves against friction, which changes"
-    points = ca.jtimes(stack(equations.points.values()), m.free.q, m.free.kinematics @ direction)
-    virtual = ca.vertcat(direction[:count, 0], -direction[:count, 0], -points)
-    forces = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
-    if works(ca.dot(forces, virtual), ca.norm_2(forces) * size):
-        return "moves against drives or loads, which change"
+    p_dot, slope = equations.momentum_rates, generators(equations).T @ gradient(equations.lagrangian, m.free.q)
+    if largest(equations, ca.dot(xi, p_dot - slope), (ca.norm_2(p_dot) + ca.norm_2(slope)) * size, values):
+        return "moves against friction, drives or loads, which change"
     return ""
+
+
+def _rigid(m: Mechanism) -> list[str]:
+    """Names of constraints and unilateral liaisons, in the order of their rows."""
+    return [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)]
 
 
 def _components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
@@ -169,6 +168,7 @@ def similarity(source: Source, **values: float) -> Similarity:
     require_conservative(equations, "similarity", values)
     names = [item.name for item in (*m.coordinates, *m.actives) if item.unit == "m" and item.name not in values]
     _require_lengths(equations, names, values)
+    rates = ca.vertcat(m.free.q_dot, m.active.s_dot)
     V, lengths = equations.potential_energy, stack(m.symbols[name] for name in names)
     degree = _degree(equations, V, ca.jtimes(V, lengths, lengths), values)
     if degree is None:
@@ -178,10 +178,15 @@ def similarity(source: Source, **values: float) -> Similarity:
         )
     if np.isnan(degree):
         raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
-    rigid = [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)]
-    _require_scaled(equations, names, degree, rigid, values)
+    residuals = ca.vertcat(equations.constraints.residuals, *(getattr(m, item.name) for item in m.unilaterals))
+    for name, own in zip(_rigid(m), ca.vertsplit(residuals), strict=True):
+        if ca.depends_on(own, rates) or _degree(equations, own, ca.jtimes(own, lengths, lengths), values) is None:
+            raise ComponentError(
+                f"{owner}: {name} does not scale with {', '.join(names)} alone; set a length of its own to 0, or "
+                "describe the mechanism without it"
+            )
     moved = (item.name for item in m.actives if item.name in names and item.start != 0)
-    return Similarity(degree, tuple(dict.fromkeys([*moved, *rigid])))
+    return Similarity(degree, tuple(dict.fromkeys([*moved, *_rigid(m)])))
 
 
 def _degree(equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str, ArrayLike]) -> float | None:
@@ -191,32 +196,6 @@ def _degree(equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str
     degree = float(changes @ owns) / square if square else np.nan
     rest = np.max(np.abs(changes - degree * owns)) if square else 0.0
     return degree if rest <= 1e-10 * np.max(np.abs(owns)) else None
-
-
-def _require_scaled(
-    equations: Equations, names: list[str], degree: float, rigid: list[str], values: Mapping[str, ArrayLike]
-) -> None:
-    """Constraints and gaps must stay 0 under r → λ r, t → λ^(1 - h/2) t."""
-    m = equations.mechanism
-    scaled = {suffixed(name, "_dot") for name in names}
-    # Rates of lengths grow as λ^(h/2), others as λ^(h/2 - 1).
-    rates = [
-        (rate, degree / 2 - (str(rate) not in scaled))
-        for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot))
-    ]
-    where = ca.vertcat(*(m.symbols[name] for name in names), *(rate for rate, _ in rates))
-    growth = ca.vertcat(*(m.symbols[name] for name in names), *(rate * power for rate, power in rates))
-    residuals = ca.vertsplit(ca.vertcat(equations.constraints.residuals, *(getattr(m, c.name) for c in m.unilaterals)))
-    broken = [
-        name
-        for name, own in zip(rigid, residuals, strict=True)
-        if _degree(equations, own, ca.jtimes(own, where, growth), values) is None
-    ]
-    if broken:
-        raise ComponentError(
-            f"{equations.name}: {', '.join(broken)} has a length or a time of its own and does not scale with "
-            f"{', '.join(names)}; set that parameter to 0"
-        )
 
 
 @dataclass(frozen=True)
