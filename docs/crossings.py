@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -16,10 +17,9 @@ WORKS, OTHERWISE, REFUSED = "works", "works by another method", "refused"
 _SIGNS = {WORKS: "✓", OTHERWISE: "≈", REFUSED: "–"}
 _INTRODUCTION = """# Crossings
 
-What each kind of subject (rows) does with each capability (columns).  ✓ works, ≈ works by another method, – is refused
-by the sentence that the number leads to.  Every cell is tried by a test: what works is held against something that
-shares no code with it, named below its table; what is refused raises that sentence.  Derivatives beside an event are
-not-a-number, with a warning that names its instant.
+What can be done (rows) with each kind of subject (columns).  ✓ works, ≈ works by another method, – is refused by the
+sentence that the number leads to.  Every cell is tried by a test: what works is held against something that shares no
+code with it, and is named below its table; what is refused raises that sentence.
 """
 
 
@@ -112,20 +112,31 @@ def page() -> str:
     total = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     parts = [_INTRODUCTION, f"{len(cells())} cells: {total}.\n"]
     remarks = list(dict.fromkeys(cell.remark for cell in cells().values() if cell.remark))
+    kinds = {kind: title for kind, (title, _) in table()["kinds"].items()}
+    head = "".join(f"<th>{escape(title)}</th>" for title in kinds.values())
     for group, capabilities in groups().items():
-        head = "".join(f"<th>{_code(title)}</th>" for title, _ in capabilities.values())
-        lines = [
-            f"<tr><th>{escape(title)}</th>" + "".join(_cell(cells()[kind, c], remarks) for c in capabilities) + "</tr>"
-            for kind, (title, _) in table()["kinds"].items()
+        rows = [
+            f"<tr><th>{_code(title)}</th>" + "".join(_cell(cells()[kind, name], remarks) for kind in kinds) + "</tr>"
+            for name, (title, _) in capabilities.items()
         ]
-        parts += [f"## {group}\n", f'<table class="crossings">\n<tr><th></th>{head}</tr>', *lines, "</table>\n"]
-        parts += [f"- {title}: {against}" for title, against in capabilities.values()]
-        parts.append("")
+        parts += [f"## {group}\n", f'<table class="crossings">\n<tr><th></th>{head}</tr>', *rows, "</table>\n"]
+        parts += ["What works is held against:\n", *_against(capabilities, kinds), ""]
     parts.append("## Other methods, and sentences of refusals\n")
     parts += [f'<p id="crossing-{i}"><small>{i}</small> {escape(remark)}</p>' for i, remark in enumerate(remarks, 1)]
     parts.append("\n## What stands for a kind\n")
     parts += [f"- {title}: {subject}" for title, subject in table()["kinds"].values()]
     return "\n".join(parts) + "\n"
+
+
+def _against(capabilities: dict[str, tuple[str, str]], kinds: dict[str, str]) -> Iterator[str]:
+    for name, (title, against) in capabilities.items():
+        if against:
+            yield f"- {title}: {against}"
+            continue
+        lines = [(kind, line) for kind in kinds for line in trials()[kind, name] if line.holds]
+        items = [(f"{kinds[kind]}: {line.against}", line.call) for kind, line in lines]
+        text = "".join(f"<dt>{escape(head)}</dt><dd><code>{escape(call)}</code></dd>" for head, call in items)
+        yield f'<details class="crossings"><summary>{_code(title)}</summary><dl>{text}</dl></details>'
 
 
 def _cell(cell: Cell, remarks: list[str]) -> str:
