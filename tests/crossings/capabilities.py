@@ -47,7 +47,6 @@ from liaisons.language.component import Component
 from liaisons.library import fmu_file
 from liaisons.pictures.frames import frames
 
-SOLVER = 1e-8  # a hundred tolerances
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
 DIFFERENCES = 1e-7  # of fourth order, of steps of 1e-3, of motions that are smooth in the value
 RUN: dict[str, Any] = {"stop_time": STOP, "step_size": STEP, "tolerance": 1e-10}
@@ -153,13 +152,13 @@ def by_liaisons(kind: str, path: Path, bound: float) -> None:
 
 def try_fmi_2_co_simulation(workshop: Workshop, kind: str) -> None:
     if SUBJECTS[kind].component is None:  # FMPy wants functions that this FMU does not have
-        by_liaisons(kind, workshop.fmu(kind), SOLVER)
+        by_liaisons(kind, workshop.fmu(kind), SUBJECTS[kind].bound)
     else:
-        by_fmpy(workshop, kind, {}, SOLVER, fmi_type="CoSimulation")
+        by_fmpy(workshop, kind, {}, SUBJECTS[kind].bound, fmi_type="CoSimulation")
 
 
 def try_fmi_3_co_simulation(workshop: Workshop, kind: str) -> None:
-    by_fmpy(workshop, kind, {"fmi": "3"}, SOLVER, fmi_type="CoSimulation")
+    by_fmpy(workshop, kind, {"fmi": "3"}, SUBJECTS[kind].bound, fmi_type="CoSimulation")
 
 
 def exchange(workshop: Workshop, kind: str, form: Mapping[str, Any]) -> None:
@@ -168,7 +167,7 @@ def exchange(workshop: Workshop, kind: str, form: Mapping[str, Any]) -> None:
         path = workshop.fmu(kind, **form)
         folder = path.parent / "exchange"
         folder.mkdir(exist_ok=True)
-        by_liaisons(kind, exchange_only(path, folder), SOLVER)
+        by_liaisons(kind, exchange_only(path, folder), SUBJECTS[kind].bound)
     else:
         by_fmpy(workshop, kind, form, IMPORTER, fmi_type="ModelExchange")
 
@@ -183,15 +182,15 @@ def try_fmi_3_model_exchange(workshop: Workshop, kind: str) -> None:
 
 def try_event_mode(workshop: Workshop, kind: str) -> None:
     options = {"use_event_mode": True, "early_return_allowed": True}
-    by_fmpy(workshop, kind, {"fmi": "3"}, SOLVER, fmi_type="CoSimulation", **options)
+    by_fmpy(workshop, kind, {"fmi": "3"}, SUBJECTS[kind].bound, fmi_type="CoSimulation", **options)
 
 
 def try_without_arrays(workshop: Workshop, kind: str) -> None:
-    by_fmpy(workshop, kind, {"fmi": "3", "arrays": False}, SOLVER, fmi_type="CoSimulation")
+    by_fmpy(workshop, kind, {"fmi": "3", "arrays": False}, SUBJECTS[kind].bound, fmi_type="CoSimulation")
 
 
 def try_python_back_end(workshop: Workshop, kind: str) -> None:
-    by_fmpy(workshop, kind, {"backend": "python"}, SOLVER, fmi_type="CoSimulation")
+    by_fmpy(workshop, kind, {"backend": "python"}, SUBJECTS[kind].bound, fmi_type="CoSimulation")
 
 
 # ---- systems -----------------------------------------------------------------------------------------------------
@@ -201,25 +200,25 @@ def try_ssp(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
     path = workshop.folder / f"{kind}.ssp"
     system.write_ssp(path)
-    follows(System.from_ssp(path).simulate(**RUN), SUBJECTS[kind].signals(), SOLVER, before)
+    follows(System.from_ssp(path).simulate(**RUN), SUBJECTS[kind].signals(), SUBJECTS[kind].bound, before)
 
 
 def try_flatten(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
     own = {c.__name__: c for c in (Row, Hoist)} if SUBJECTS[kind].component in {Row, Hoist} else None
     path = system.flatten(workshop.folder / "flat" / kind, components=own)
-    follows(simulate(path, **RUN), SUBJECTS[kind].signals(), SOLVER, before)
+    follows(simulate(path, **RUN), SUBJECTS[kind].signals(), SUBJECTS[kind].bound, before)
 
 
 def try_isolated(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind, isolated=True)
-    follows(system.simulate(**RUN), SUBJECTS[kind].signals(), SOLVER, before)
+    follows(system.simulate(**RUN), SUBJECTS[kind].signals(), SUBJECTS[kind].bound, before)
 
 
 def try_adapted_steps(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
     result = system.simulate(**RUN, error_tolerance=1e-9)
-    follows(result, SUBJECTS[kind].signals(result.time), SOLVER, before)
+    follows(result, SUBJECTS[kind].signals(result.time), SUBJECTS[kind].bound, before)
 
 
 def subject_and_values(workshop: Workshop, kind: str) -> tuple[Any, dict[str, Any]]:
@@ -237,7 +236,7 @@ def try_sweep(workshop: Workshop, kind: str) -> None:
     name = next(iter(subject.signals()))
     swept = sweep(system, {before + by: cases}, before + name, workers=1, **RUN)
     exact = [subject.signals(**{by: case})[name][-1] for case in cases]
-    follows({name: swept[before + name]}, {name: np.array(exact)}, SOLVER)
+    follows({name: swept[before + name]}, {name: np.array(exact)}, SUBJECTS[kind].bound)
 
 
 def try_ensemble(workshop: Workshop, kind: str) -> None:
@@ -250,7 +249,11 @@ def try_ensemble(workshop: Workshop, kind: str) -> None:
     record = [*subject.signals()]
     found = ensemble(made, start_values, **operators, stop_time=STOP, step_size=0.01, samples=40, record=record)
     for k, case in enumerate(cases):
-        follows({name: found[name][:, k] for name in record}, subject.signals(found.time, **{by: case}), SOLVER)
+        follows(
+            {name: found[name][:, k] for name in record},
+            subject.signals(found.time, **{by: case}),
+            SUBJECTS[kind].bound,
+        )
 
 
 # ---- derivatives -------------------------------------------------------------------------------------------------
@@ -365,6 +368,7 @@ EQUATIONS = {  # a line of each, by hand
     "operator": "crouch˙₃ = rate · (crouch₂ − crouch₃)",
     "regulator": "elapsed˙ = 1",
     "system": "ẋ_mass = p_x,mass/m_mass",
+    "held": "ẋ",
 }
 
 
@@ -392,7 +396,7 @@ def try_modelica(workshop: Workshop, kind: str) -> None:
     }
     exact = {name: x for name, x in subject.signals().items() if names[name]}
     assert exact
-    follows({name: np.asarray(run[names[name]])[rows] for name in exact}, exact, SOLVER)
+    follows({name: np.asarray(run[names[name]])[rows] for name in exact}, exact, SUBJECTS[kind].bound)
 
 
 _TRIPLE = {"y": "y[1]", "y_dot": "y[2]", "y_ddot": "y[3]"}
@@ -427,6 +431,7 @@ PATHS: dict[str, Callable[[Signals], Any]] = {  # of a point, or of an axis, in 
     "internal_states": lambda s: (s["q"], 0, 0),
     "prescribed_only": lambda _: (1 + 0.3 * T) * (np.cos(0.2 + 0.4 * T), 0 * T, np.sin(0.2 + 0.4 * T)),
     "system": lambda s: (s["mass.x"], 0, 0),
+    "held": lambda s: (s["Pendulum.pivot_x"] + np.sin(s["Pendulum.theta"]), 0, -np.cos(s["Pendulum.theta"])),
     "flattened": lambda s: (s["mass.x"], 0, 0),
 }
 
@@ -447,7 +452,7 @@ def try_picture(workshop: Workshop, kind: str) -> None:
     expected = np.stack(np.broadcast_arrays(*PATHS[kind](SUBJECTS[kind].signals())), axis=-1)
     moving = [points for shape in drawn.shapes for points in np.moveaxis(shape.points, 1, 0)]
     moving += [axis for shape in drawn.shapes if shape.axes is not None for axis in np.moveaxis(shape.axes, 1, 0)]
-    assert min(np.max(np.abs(points - expected)) for points in moving) <= SOLVER
+    assert min(np.max(np.abs(points - expected)) for points in moving) <= SUBJECTS[kind].bound
 
 
 def try_live_page(workshop: Workshop, kind: str) -> None:
@@ -471,7 +476,7 @@ def try_live_page(workshop: Workshop, kind: str) -> None:
         exact = subject.signals(np.array([0.0, live.time]))
     shown = {name: x for name, x in exact.items() if name in reached}
     assert shown
-    follows({name: reached[name] for name in shown}, {name: x[-1] for name, x in shown.items()}, SOLVER)
+    follows({name: reached[name] for name in shown}, {name: x[-1] for name, x in shown.items()}, SUBJECTS[kind].bound)
 
 
 # ---- stepped call by call ----------------------------------------------------------------------------------------
@@ -509,7 +514,9 @@ def try_wasm(workshop: Workshop, kind: str) -> None:
     for k, t in enumerate(T[:-1], start=1):
         move(instance, SUBJECTS[kind], t)
         instance.step(t, STEP)
-        follows(read(instance, kind), {name: x[k] for name, x in SUBJECTS[kind].signals().items()}, SOLVER)
+        follows(
+            read(instance, kind), {name: x[k] for name, x in SUBJECTS[kind].signals().items()}, SUBJECTS[kind].bound
+        )
 
 
 def advance_to(instance: Instance, t: float, end: float) -> Iterator[float]:
@@ -539,7 +546,7 @@ def try_saved_state(workshop: Workshop, kind: str) -> None:
         for instant in advance_to(instance, t, end):
             saved = saved if saved[1] else (instant, instance.serialize())
         values.append(read(instance, kind))
-        follows(values[-1], {name: x[k] for name, x in exact.items()}, SOLVER)
+        follows(values[-1], {name: x[k] for name, x in exact.items()}, SUBJECTS[kind].bound)
     instant, content = saved
     other = library.restored(content, CO_SIMULATION, **options)
     other.go_on()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ from liaisons import (
     Shapes,
     Size,
     System,
+    hold,
     operator,
     point,
 )
@@ -50,7 +51,7 @@ COSIM = Path(__file__).parents[1] / "cosim"
 Signals = dict[str, NDArray]
 Exact = Callable[..., Signals]
 
-STEP, STOP = 0.05, 2.0
+STEP, STOP, SAMPLE = 0.05, 2.0, 0.01
 T = np.linspace(0.0, STOP, 41)
 
 
@@ -111,7 +112,7 @@ class Subject:
     :param by: start value of which the signals are a function that can be differentiated, and its value.
     :param ramps: operators of its active coordinates.
     :param starts: further start values.
-    :param sizes: number of elements of ``by`` and of signals, where they are arrays.
+    :param bound: of errors, relative to the size of a signal or to 1.
     """
 
     component: type[Component] | None
@@ -120,6 +121,7 @@ class Subject:
     ramps: Mapping[str, Ramp] = field(default_factory=dict)
     starts: Mapping[str, Any] = field(default_factory=dict)
     put_together: Callable[[Path], System | Path] | None = None
+    bound: float = 1e-8  # a hundred tolerances
 
     @property
     def start_values(self) -> dict[str, Any]:
@@ -222,6 +224,31 @@ def shaken_mass(_: Path) -> System:
     return system
 
 
+@cache
+def held_pendulum(_: Path) -> System:
+    """A pendulum held upright by its pivot, sampled five times a communication step."""
+    return hold(Pendulum, {"theta": np.pi, "pivot_x": 0.0}, "pivot_x", step_size=SAMPLE).system()
+
+
+def held(t: NDArray, **starts: float) -> Signals:
+    """From sample to sample H x_dddot = w - x_ddot, w the offset less the gains of θ, p_θ, x, x_dot, x_ddot there."""
+    values = held_pendulum(Path()).parts["Pendulum_pivot_x"].starts
+    names = ("offset", *(f"gain_{i}" for i in range(1, 6)))
+    offset, *gains = (float(np.ravel(values.get(name, 0.0))[0]) for name in names)
+    y, rows = np.array([starts["Pendulum.theta_0"], 0.0, 0.0, 0.0, 0.0]), []
+    for _ in range(round(t[-1] / SAMPLE) + 1):
+        rows.append(y[[0, 2]])
+        momentum = y[1] + np.cos(y[0]) * y[3]
+        wanted = offset - np.dot(gains, [y[0], momentum, *y[2:]])
+
+        def rates(_: float, y: NDArray, wanted: float = wanted) -> list[float]:
+            return [y[1], -9.81 * np.sin(y[0]) - np.cos(y[0]) * y[4], y[3], y[4], (wanted - y[4]) / SAMPLE]
+
+        y = integrated(rates, y, np.array([0.0, SAMPLE]))[:, -1]
+    chosen = np.transpose(rows)[:, np.round(t / SAMPLE).astype(int)]
+    return dict(zip(("Pendulum.theta", "Pendulum.pivot_x"), chosen, strict=True))
+
+
 def shaken(t: NDArray, **starts: float) -> Signals:
     exact = Oscillator.exact(t, x_0=starts["mass.x_0"], amplitude=0.2, angular_frequency=1.7)
     return {"mass.x": exact["x"]}
@@ -235,6 +262,7 @@ def chained(t: NDArray, **starts: Any) -> Signals:
 RAMP, PULL = Ramp(0.0, 0.3, 0.5), Ramp(1.0, 0.1)
 ANGLE, REACH = Ramp(0.2, 0.4), Ramp(1.0, 0.3)
 TOP = {"omega_y_0": 0.3, "omega_z_0": 1.0}
+HELD = 2e-4  # a correction that decays by e in a sample, interpolated by polynomials of degree five
 LEAN = 0.3  # x of a bob at the distance 1 from its pivot
 
 SUBJECTS: dict[str, Subject] = {
@@ -265,6 +293,7 @@ SUBJECTS: dict[str, Subject] = {
     ),
     "foreign_model_exchange": Subject(None, pushed, ("u", 0.3), put_together=foreign_model_exchange),
     "system": Subject(None, shaken, ("mass.x_0", 0.1), put_together=shaken_mass),
+    "held": Subject(None, held, ("Pendulum.theta_0", np.pi + 0.1), put_together=held_pendulum, bound=HELD),
     "flattened": Subject(
         None, shaken, ("mass.x_0", 0.1), put_together=lambda folder: shaken_mass(folder).flatten(folder)
     ),
