@@ -162,7 +162,7 @@ def require_conservative(equations: Equations, purpose: str, values: Mapping[str
 def require_free(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError where all coordinates are prescribed."""
     if not equations.mechanism.free.q_dot.shape[0]:
-        raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all of its are prescribed")
+        raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all are prescribed")
 
 
 def require_still(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
