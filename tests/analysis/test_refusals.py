@@ -47,6 +47,7 @@ PATH = {"x": T, "x_dot": 0 * T + 1}
 NAME: Any = "Pendulum"
 CHAIN: Any = OscillatorChain
 OPERATOR: Any = Regulator
+NUMBERS: Any = [1.0, 2.0]
 STRANGE = ca.SX.sym("stranger")
 
 
@@ -119,6 +120,8 @@ def joined(periods: float) -> Any:
             lambda: analysis.noether(CHAIN, lambda _: {}),
             "Chain: analysis takes .* it is a chain; write its",
         ),
+        (lambda: analysis.noether(KeplerOrbit, lambda _: {}, mass=NUMBERS), "mass must be one number here, not an arr"),
+        (lambda: analysis.hamiltonian(Mechanism), "Mechanism: analysis takes mechanisms, .* it is abstract$"),
         (lambda: analysis.hamiltonian(OPERATOR), "Regulator: analysis takes mechanisms, .* it is an operator$"),
         (lambda: analysis.similarity(IsokineticOscillator), "Oscillator: kinetic does not scale with x, y, z alone"),
         (lambda: analysis.similarity(CartesianPendulum), "CartesianPendulum: rod does not scale with x, y, z, rod al"),
