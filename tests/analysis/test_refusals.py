@@ -11,7 +11,6 @@ from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import ActiveCoordinate, Mechanism, Parameter
 from liaisons.models import (
-    BeadOnSphere,
     BouncingBall,
     CartesianPendulum,
     ChargedParticle,
@@ -46,6 +45,9 @@ class Table(Mechanism):
 T = np.linspace(0.0, 1.0, 5)
 PATH = {"x": T, "x_dot": 0 * T + 1}
 NAME: Any = "Pendulum"
+CHAIN: Any = OscillatorChain
+OPERATOR: Any = Regulator
+NUMBERS: Any = [1.0, 2.0]
 STRANGE = ca.SX.sym("stranger")
 
 
@@ -108,26 +110,25 @@ def joined(periods: float) -> Any:
         ),
         (
             lambda: analysis.noether(CartesianPendulum, lambda _: {"x": 1}),
-            "Pendulum: the field moves rod, whose forces",
+            "the field moves rod, whose forces change",
         ),
         (lambda: analysis.noether(CartesianPendulum, lambda m: {"x": -m.y, "y": m.x}), "the field moves plane, whose"),
         (lambda: analysis.noether(IsokineticOscillator, lambda m: {"x": -m.y, "y": m.x}), "the field moves kinetic"),
         (lambda: analysis.noether(DryOscillator, lambda _: {"x": 1}, stiffness=0.0), "the field moves slip, whose"),
-        (lambda: analysis.noether(NoseHooverOscillator, lambda _: {"q": 1}, stiffness=0.0), "moves against friction"),
         (lambda: analysis.noether(FreeParticle, lambda _: {"x": 1}, x_load=1.0), "moves against friction, drives or l"),
         (
-            lambda: analysis.noether(OscillatorChain, lambda _: {}),
-            "OscillatorChain: analysis takes .* it is a chain; wr",
+            lambda: analysis.noether(CHAIN, lambda _: {}),
+            "Chain: analysis takes .* it is a chain; write its",
         ),
-        (lambda: analysis.hamiltonian(Regulator), "Regulator: analysis takes mechanisms, .* it is an operator$"),
+        (lambda: analysis.noether(KeplerOrbit, lambda _: {}, mass=NUMBERS), "mass must be one number here, not an arr"),
+        (lambda: analysis.hamiltonian(Mechanism), "Mechanism: analysis takes mechanisms, .* it is abstract$"),
+        (lambda: analysis.hamiltonian(OPERATOR), "Regulator: analysis takes mechanisms, .* it is an operator$"),
         (lambda: analysis.similarity(IsokineticOscillator), "Oscillator: kinetic does not scale with x, y, z alone"),
         (lambda: analysis.similarity(CartesianPendulum), "CartesianPendulum: rod does not scale with x, y, z, rod al"),
-        (lambda: analysis.similarity(BeadOnSphere), "BeadOnSphere: gap does not scale with x, z alone; set a length"),
         (lambda: analysis.similarity(Oscillator, damping=0.1), "Oscillator: similarity has no friction, drives and lo"),
-        (lambda: analysis.similarity(DryOscillator), r"similarity takes no unilateral .* \(slip\)"),
         (
             lambda: analysis.similarity(Pendulum).mean_energies(1.0),
-            "forces that hold length have a virial of their own",
+            "forces that hold length have a virial of",
         ),
         *(
             (lambda name=name: getattr(analysis, name)(StringPendulum), r"takes no unilateral .* \(slack\)")
@@ -136,7 +137,7 @@ def joined(periods: float) -> Any:
         (lambda: analysis.action(BouncingBall, T, {}), r"BouncingBall: the action takes no unilateral .* \(gap\)"),
         (
             lambda: analysis.observable(BouncingBall, lambda m: m.contact_force("gap")),
-            r"that contains forces .* \(gap\)",
+            r"contains forces .* \(gap\)",
         ),
         *(
             (lambda make=make: make(Pendulum).evaluate(p_theta=1.0, friction=0.3), "Pendulum: friction, drives and l")
@@ -147,30 +148,23 @@ def joined(periods: float) -> Any:
                 analysis.vakonomic_equations,
             )
         ),
-        (lambda: analysis.hamilton_equations(Oscillator).evaluate(x_force=1.0), "Oscillator: friction, drives and lo"),
         (
             lambda: analysis.stationary_path(Oscillator, T, PATH, damping=0.1),
-            "of stationary action has no friction, dr",
+            "action has no friction, drives and loads; set",
         ),
         (lambda: analysis.flow(Pendulum, 1.0, length_dot=0.1), "length_dot = 0.1 of an active coordinate that is held"),
-        (lambda: analysis.virial(Oscillator, T, {"x": T}), "Oscillator: the motion lacks x_dot; give coordinates"),
         (lambda: analysis.virial(NoseHooverOscillator, T, {"q": T, "q_dot": T}), "the motion lacks xi; give"),
-        (
-            lambda: analysis.normal_modes(Oscillator, damping=0.1),
-            r"its forces depend on the rates .*take linearize\(\)",
-        ),
-        (lambda: analysis.normal_modes(ChargedParticle), r"its forces depend on the rates .*take linearize\(\)"),
+        (lambda: analysis.normal_modes(ChargedParticle), r"forces depend on the rates .*take linearize\(\)"),
         (lambda: analysis.equilibrium(NoseHooverOscillator), "an equilibrium is at rest, which leaves out xi, eta; s"),
         (lambda: analysis.equilibrium(CircularHoop, beta_dot=2.0), "an equilibrium is at rest, .* out beta_dot; simul"),
         (lambda: analysis.multiplier_equations(SpatialCat).evaluate(), "SpatialCat: not finite at these values; give"),
         *(
             (
                 lambda name=name: getattr(analysis, name)(Table),
-                "Table: .* needs a free coordinate; all of its are presc",
+                "Table: .* needs a free coordinate; all are prescribed",
             )
             for name in ("hamilton_equations", "divergence", "vakonomic_equations", "kinetic_connection", "equilibrium")
         ),
-        (lambda: analysis.stationary_path(Table, T, {}), "Table: .* needs a free coordinate"),
         (lambda: analysis.action(Table, T, {}), "Table: the path moves no coordinate; give one and its rate"),
         (lambda: analysis.Similarity(-2.0).mean_energies(0.0), "degree = -2 has no mean energies"),
         (

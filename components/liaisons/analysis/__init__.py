@@ -6,6 +6,8 @@ evaluated by the names of its symbols::
     H = analysis.hamiltonian(Pendulum)
     H.evaluate(theta=0.3, p_theta=1.0, length=2.0)
 
+Laws that constraints, contacts, friction, drives or loads break are refused, by the names of these.
+
 ========================  ===================================================================  ===================
 conservation laws         cyclic_coordinates, noether                                          K 2.4
 similarity and virial     similarity, virial                                                   K 2.5, 2.7

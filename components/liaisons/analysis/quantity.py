@@ -93,8 +93,10 @@ def equations_of(source: Source) -> Equations:
     """The equations of a mechanism; the same ones at each call, so that their symbols agree."""
     if isinstance(source, Equations):
         return source
-    if isinstance(source, type) and issubclass(source, Component) and not issubclass(source, Mechanism):
-        what = "a chain; write its links as arrays of a Mechanism" if issubclass(source, Chain) else "an operator"
+    abstract = getattr(source, "__abstractmethods__", None)
+    if isinstance(source, type) and issubclass(source, Component) and (abstract or not issubclass(source, Mechanism)):
+        chain = "a chain; write its links as arrays of a Mechanism"
+        what = "abstract" if abstract else chain if issubclass(source, Chain) else "an operator"
         raise ComponentError(f"{source.__name__}: analysis takes mechanisms, which have a Lagrangian, and it is {what}")
     if not (isinstance(source, type) and issubclass(source, Mechanism)):
         raise ComponentError(f"{shown(source)} is no mechanism; give its class, or derive({shown(source)})")
@@ -162,7 +164,7 @@ def require_conservative(equations: Equations, purpose: str, values: Mapping[str
 def require_free(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError where all coordinates are prescribed."""
     if not equations.mechanism.free.q_dot.shape[0]:
-        raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all of its are prescribed")
+        raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all are prescribed")
 
 
 def require_still(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
@@ -207,8 +209,10 @@ def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
     return states | dict(values)
 
 
-def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[str, ArrayLike]:
-    """The states, moved onto the constraints; without those that get nowhere."""
+@cache
+def _constrained_states(equations: Equations, values: tuple[tuple[str, float], ...]) -> dict[str, ArrayLike]:
+    """Random states, moved onto the constraints; without those that get nowhere."""
+    states = sample_states(equations, dict(values))
     constraints, free = equations.constraints, equations.mechanism.free
     if equations.projection is None or not constraints.matrix.shape[0]:
         return states
@@ -222,12 +226,15 @@ def _on_constraints(equations: Equations, states: dict[str, ArrayLike]) -> dict[
         raise ComponentError(
             f"{equations.name}: no states on its constraints near the start; give values for coordinates"
         )
-    return {name: np.asarray(value)[on] if np.shape(value) == on.shape else value for name, value in states.items()}
+    kept = {name: np.asarray(value)[on] if np.shape(value) == on.shape else value for name, value in states.items()}
+    return kept | dict(values)
 
 
-def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, ArrayLike]) -> float:
+def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, Any]) -> float:
     """Largest |expression| at random states on the constraints, relative to ``scale``; 0.0 where it is rounding."""
-    states = _on_constraints(equations, sample_states(equations, values)) | dict(values)
+    if arrays := [name for name, value in values.items() if np.ndim(value)]:
+        raise ComponentError(f"{equations.name}: {arrays[0]} must be one number here, not an array")
+    states = _constrained_states(equations, tuple(values.items()))
     pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
     size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
     return 0.0 if size <= _ROUNDING * reference else float(size / reference)
