@@ -483,9 +483,40 @@ def test_jumps_are_announced_from_parameters_and_from_a_file(most: int, monkeypa
     regulator = hold(planned("crane"), step_size=0.1)
     monkeypatch.setattr("liaisons.models.regulator.KNOTS", most)
     name = "Pendulum_pivot_x.next_event_time"
-    run = regulator.system().simulate(times=regulator.times(3.0), coupling="gauss-seidel", record=name)
-    np.testing.assert_allclose(run[name][run.time < 2], 2, rtol=1e-12)
-    assert np.all(run[name][run.time >= 2] > 1e29)
+    jumps, samples = (
+        system.simulate(times=regulator.times(3.0), coupling="gauss-seidel", record=name)
+        for system in (regulator._system({}), regulator.system())
+    )
+    np.testing.assert_allclose(jumps[name][jumps.time < 2], 2, rtol=1e-12)
+    assert np.all(jumps[name][jumps.time >= 2] > 1e29)
+    expected = 0.1 * (np.floor(samples.time / 0.1 + 1e-6) + 1)
+    np.testing.assert_allclose(samples[name], np.where(np.abs(samples.time - 2) < 1e-8, samples[name], expected))
+
+
+@pytest.mark.parametrize("step", [0.02, 0.03, 0.05, 0.0125])
+def test_a_held_plan_is_held_alike_at_any_step(step: float) -> None:
+    """The run takes the samples, each 0.05 s, as communication points of its own accord."""
+    regulator = hold(planned("crane"))
+    expected = regulator.simulate(3.0, theta_0=0.2)
+    run = regulator.system(theta_0=0.2).simulate(3.0, step, tolerance=1e-11)
+    common = [(i, j) for i, t in enumerate(run.time) for j in np.flatnonzero(np.abs(expected.time - t) < 1e-9)]
+    rows, others = np.transpose(common)
+    assert len(rows) > 10
+    # The mechanism's polynomials are those of a part of the period: of sixth order in it.
+    np.testing.assert_allclose(run["Pendulum.theta"][rows], expected["Pendulum.theta"][others], rtol=0, atol=3e-8)
+
+
+def test_a_regulator_refuses_steps_that_miss_its_samples() -> None:
+    equilibrium = hold("Pendulum", **HELD["Pendulum"])
+    ends = [
+        equilibrium.system(theta_0=np.pi + 0.01).simulate(0.4, STEP / parts, tolerance=1e-11)["Pendulum.theta"][-1]
+        for parts in (2, 4, 16)
+    ]
+    assert abs(ends[1] - ends[2]) < abs(ends[0] - ends[2]) / 3  # of second order: σ̈ is extrapolated; samples stay
+    assert abs(ends[1] - ends[2]) < 1e-3 * 0.01
+    for step in (1.5 * STEP, 2 * STEP):
+        with pytest.raises(LiaisonsError, match="each sample has to be a communication point: choose a communication"):
+            equilibrium.system(theta_0=np.pi + 0.01).simulate(0.4, step)
 
 
 def test_a_time_optimal_plan_is_held_with_the_step_that_it_chooses() -> None:
