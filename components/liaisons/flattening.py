@@ -110,6 +110,10 @@ def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Mod
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
     component = classes[fmu.model_name]
+    if getattr(component, "is_sampled", bool)():
+        raise SimulationError(
+            f"{part.name}: a {fmu.model_name} reads samples, which equations of motion do not have: simulate the system"
+        )
     size = fmu.variables.get("n") if has_size(component) else None
     derived = model(component, **({"n": int(size.start)} if size and size.start else {})).flat()
     missing = [v.name for v in derived.variables if v.name not in fmu.variables]

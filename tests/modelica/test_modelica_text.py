@@ -44,7 +44,6 @@ from liaisons.models import (
     Pendulum,
     PendulumChain,
     PlannedMotion,
-    Regulator,
     Sinusoid,
     SmoothStep,
     SwingPump,
@@ -55,7 +54,8 @@ pymoca = pytest.importorskip("pymoca.parser")
 
 BOUND = 1e-8
 QUICK = (Pendulum, IsokineticOscillator, OscillatorChain, PlannedMotion, SmoothStep)
-WRITTEN = [c for c in CATALOGUE if not contact_names(c)]  # their events are not written
+# Their events, and samples, are not written.
+WRITTEN = [c for c in CATALOGUE if not contact_names(c) and not getattr(c, "is_sampled", bool)()]
 ALL = [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow, id=c.__name__) for c in WRITTEN]
 MECHANICAL = [p for p, c in zip(ALL, WRITTEN, strict=True) if issubclass(c, MechanicalComponent)]
 KNOTS = {
@@ -66,17 +66,7 @@ KNOTS = {
 }
 TABLES: dict[type[Component], dict[str, tuple[float, ...]]] = {
     PlannedMotion: KNOTS,
-    Regulator: {p.name: (p.leading + (0.0,) * 4)[:4] for p in Regulator.parameters if isinstance(p, ParameterArray)}
-    | {
-        "instant": (0.0, 1.0, 2.5, 3.5),
-        "planned": (0.0, 1.0, -0.5, 0.3),
-        "planned_rate": (0.1, 0.0, 0.7, 0.0),
-        "planned_acceleration": (0.0, 1.0, 0.0, -1.0),
-        "offset": (0.3, 0.0, 0.0, 0.0),
-        "gain_3": (0.5, 0.0, 0.0, 0.0),
-    },
 }
-READING = {"reading_3": 0.2}
 FORCE = 0.05
 SPANS = {PendulumChain: 1.0, CartesianPendulum: 1.0}  # [s]; large motions are chaotic, projections are dear
 
@@ -117,9 +107,7 @@ def spread(component: type[Component], values: Mapping[str, Any]) -> dict[str, A
 
 
 def by_fmu(path: Path, component: type[Component]) -> Result:
-    values: dict[str, Any] = (
-        parameters(component) | TABLES.get(component, {}) | (READING if component is Regulator else {})
-    )
+    values: dict[str, Any] = parameters(component) | TABLES.get(component, {})
     inputs: dict[str, Callable[[float], tuple[float, float, float]]] = {}
     if issubclass(component, MechanicalComponent):
         values |= {f"{name}_load": FORCE for name in pushed(component)}
@@ -147,7 +135,6 @@ def signals(component: type[Component], force: float = FORCE) -> str:
     """Model of the component with its inputs prescribed."""
     modified = {name: literal(value) for name, value in parameters(component).items()}
     modified |= {name: literal(value) for name, value in TABLES.get(component, {}).items()}
-    modified |= {name: literal(value) for name, value in READING.items() if component is Regulator}
     if issubclass(component, MechanicalComponent):
         for name, (a, d, w) in sigma(component).items():
             modified[f"u_{name}"] = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -483,9 +484,92 @@ def test_jumps_are_announced_from_parameters_and_from_a_file(most: int, monkeypa
     regulator = hold(planned("crane"), step_size=0.1)
     monkeypatch.setattr("liaisons.models.regulator.KNOTS", most)
     name = "Pendulum_pivot_x.next_event_time"
-    run = regulator.system().simulate(times=regulator.times(3.0), coupling="gauss-seidel", record=name)
-    np.testing.assert_allclose(run[name][run.time < 2], 2, rtol=1e-12)
-    assert np.all(run[name][run.time >= 2] > 1e29)
+    jumps, samples = (
+        system.simulate(times=regulator.times(3.0), coupling="gauss-seidel", record=name)
+        for system in (regulator._system({}), regulator.system())
+    )
+    np.testing.assert_allclose(jumps[name][jumps.time < 2], 2, rtol=1e-12)
+    assert np.all(jumps[name][jumps.time >= 2] > 1e29)
+    expected = 0.1 * (np.floor(samples.time / 0.1 + 1e-6) + 1)
+    np.testing.assert_allclose(samples[name], np.where(np.abs(samples.time - 2) < 1e-8, samples[name], expected))
+
+
+@pytest.mark.parametrize("step", [0.02, 0.03, 0.05, 0.0125])
+def test_a_held_plan_is_held_alike_at_any_step(step: float) -> None:
+    """The run takes the samples, each 0.05 s, as communication points of its own accord."""
+    regulator = hold(planned("crane"))
+    expected = regulator.simulate(3.0, theta_0=0.2)
+    run = regulator.system(theta_0=0.2).simulate(3.0, step, tolerance=1e-11)
+    common = [(i, j) for i, t in enumerate(run.time) for j in np.flatnonzero(np.abs(expected.time - t) < 1e-9)]
+    rows, others = np.transpose(common)
+    assert len(rows) > 10
+    # The mechanism's polynomials are those of a part of the period: of sixth order in it.
+    np.testing.assert_allclose(run["Pendulum.theta"][rows], expected["Pendulum.theta"][others], rtol=0, atol=3e-8)
+
+
+def test_a_regulator_refuses_steps_that_miss_its_samples() -> None:
+    equilibrium = hold("Pendulum", **HELD["Pendulum"])
+    ends = [
+        equilibrium.system(theta_0=np.pi + 0.01).simulate(0.4, STEP / parts, tolerance=1e-11)["Pendulum.theta"][-1]
+        for parts in (2, 4, 16)
+    ]
+    assert abs(ends[1] - ends[2]) < abs(ends[0] - ends[2]) / 3  # of second order: σ̈ is extrapolated; samples stay
+    assert abs(ends[1] - ends[2]) < 1e-3 * 0.01
+    for step in (1.5 * STEP, 2 * STEP):
+        with pytest.raises(LiaisonsError, match="each sample has to be a communication point: choose a communication"):
+            equilibrium.system(theta_0=np.pi + 0.01).simulate(0.4, step)
+    with pytest.raises(LiaisonsError, match="a Regulator reads samples, which equations of motion do not have"):
+        liaisons.flatten(equilibrium.system())
+    with pytest.raises(LiaisonsError, match="Regulator: Modelica text takes no samples of inputs; import its FMU"):
+        liaisons.modelica("Regulator")
+
+
+def test_internal_states_and_plans_from_zero_are_held(tmp_path: Path) -> None:
+    """A state that is no coordinate, and a start that IPOPT leaves as 1e-34: neither has a size of its own."""
+    (tmp_path / "own.py").write_text(OWN)
+    bead = plan(f"{tmp_path}/own.py:Bead", end={"x": 0.5, "x_dot": 0}, minimize="pivot_ddot**2", duration=2.0, tries=1)
+    regulator = hold(bead)
+    assert regulator.states[:4] == ("x", "z", "p_x", "p_z")
+    assert regulator.simulate()["Bead.x"][-1] == pytest.approx(0.5, abs=1e-8)
+    lagged = hold(f"{tmp_path}/own.py:Lagged", {"x": 0, "support": 0})
+    assert lagged.free == ("x", "support")
+    run = lagged.simulate(30.0, x_0=0.1)
+    assert np.abs(lagged.deviation(run)[:, -1]).max() < 1e-6
+
+
+OWN = '''
+import casadi as ca
+from liaisons import ActiveCoordinate, Coordinate, Mechanism, Parameter
+from liaisons.language import Gravity, InternalState, constraint
+
+class Bead(Mechanism):
+    """A bead on a circle, pulled by a spring from a support that moves."""
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(4.0, "N/m", "stiffness", above=0)
+    gravity = Gravity()
+    radius = Parameter(1.0, "m", "radius", above=0)
+    x = Coordinate("m", "x")
+    z = Coordinate("m", "z", start=-1.0)
+    pivot = ActiveCoordinate("m", "support")
+    def kinetic_energy(self): return self.mass / 2 * (self.dot(self.x)**2 + self.dot(self.z)**2)
+    def potential_energy(self): return self.mass * self.gravity * self.z + self.stiffness / 2 * (self.x - self.pivot)**2
+    @constraint("m", "circle")
+    def circle(self): return ca.sqrt(self.x**2 + self.z**2) - self.radius
+
+class Lagged(Mechanism):
+    """Friction that follows the support."""
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(4.0, "N/m", "stiffness", above=0)
+    lag = Parameter(0.5, "s", "lag", above=0)
+    scale = Parameter(1.0, "m.s", "support at which the friction is 1/s", above=0)
+    x = Coordinate("m", "place")
+    support = ActiveCoordinate("m", "support")
+    z = InternalState("1/s", "friction")
+    def kinetic_energy(self): return self.mass / 2 * self.dot(self.x)**2
+    def potential_energy(self): return self.stiffness / 2 * (self.x - self.support)**2
+    def friction_coefficient(self): return self.z
+    def internal_rates(self): return {"z": (self.support / self.scale - self.z) / self.lag}
+'''
 
 
 def test_a_time_optimal_plan_is_held_with_the_step_that_it_chooses() -> None:

@@ -132,6 +132,11 @@ class Operator(Component, abstract=True):
         """What internal states jump to, by name, where inputs are set; of inputs, too.  The others stay."""
         return {}
 
+    @classmethod
+    def is_sampled(cls) -> bool:
+        """Whether internal states jump where inputs are set."""
+        return cls.samples is not Operator.samples
+
     def conditions(self) -> Mapping[str, ca.SX]:
         """What must stay > 0, by the words that say so where it does not."""
         return {}

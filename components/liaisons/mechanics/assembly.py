@@ -52,7 +52,7 @@ def _operator_model(component: type[Operator]) -> Model:
     equations = of_operator(operator, triple[0])
     table = None
     if operator.lookups:
-        table = _table(operator, k, rates, outputs, announced, jumped, kept)
+        table = _table(operator, k, announced, rates, outputs, jumped, kept)
         rates, outputs, announced, jumped, kept = _of_all_rows(operator, rates, outputs, announced, jumped, kept)
     events = stack(map(ca.SX, operator.events()))
     instants_of = [k, t] if ca.depends_on(events, t) else [k]
@@ -81,9 +81,7 @@ def _operator_model(component: type[Operator]) -> Model:
     )
 
 
-def _table(
-    operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced: ca.SX, jumped: ca.SX, kept: ca.SX
-) -> LookupTable:
+def _table(operator: Operator, k: ca.SX, announced: ca.SX, *seen_by: ca.SX) -> LookupTable:
     """Functions of the two rows of each look-up."""
     t, x, u, lookups = operator.clock, operator.internal, operator.input_column, operator.lookups or []
     names = [column.name for column in operator.table]
@@ -91,7 +89,8 @@ def _table(
     behind = k[len(names) * rows :]
     seen = stack([*(row for lookup in lookups for row in (lookup.begin, lookup.end)), behind])
     has_events = any(ca.is_equal(lookup.time, t) for lookup in lookups)
-    seeing = [rates, outputs, jumped, kept] if has_events else [rates, outputs, jumped, kept, announced]
+    seeing = seen_by if has_events else (*seen_by, announced)
+    rates, outputs, jumped, kept = seen_by
     elements = {name for column in operator.table for name in column.names}
     unseen = [name for name in map(str, ca.symvar(stack(seeing))) if name in elements]
     if unseen:

@@ -7,6 +7,7 @@ from functools import partial
 
 import casadi as ca
 
+from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import interpret
 from liaisons.formulas import Notation
@@ -40,6 +41,8 @@ _FOLLOWER = 'model {0} "A flange that follows the signal" extends Signals; {1} f
 
 def operator_classes(component: type[Operator]) -> list[str]:
     """Lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
+    if component.is_sampled():
+        raise ComponentError(f"{component.__name__}: Modelica text takes no samples of inputs; import its FMU")
     operator, layout = component(), component().layout()
     operator.lookups = []
     vars(operator)["signal"] = partial(_chosen, operator.signal)

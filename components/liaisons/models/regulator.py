@@ -107,7 +107,7 @@ class Regulator(Operator):
     def conditions(self) -> dict[str, ca.SX]:
         (t_0, *_), (t_1, *_) = self._held_rows()
         due = ca.if_else(t_1 > t_0, self._round(self.sample) * self.repeats + t_1, self.sample + self.period)
-        text = "each sample has to be a communication point: choose a communication step that divides the period, so that it does"
+        text = "each sample has to be a communication point: choose a communication step that divides the period"
         return {text: due + 2 * _NEAR * self.period - self.elapsed}
 
     def _held_rows(self) -> tuple[list[ca.SX], list[ca.SX]]:

@@ -7,7 +7,7 @@ sampling and all, up to the tolerance with which they are integrated.
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import chain
