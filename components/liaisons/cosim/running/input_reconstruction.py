@@ -12,6 +12,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.signals import Vector, curve
 from liaisons.cosim.instances import Instance
+from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Port, SystemComponent
@@ -59,6 +60,27 @@ class InitialDerivatives:
     def values(self) -> Vector:
         """The derivatives, as they were taken last."""
         return np.concatenate([np.empty(0), *self._parts])
+
+
+def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
+    """Fed components with contacts or dry friction."""
+    mechanisms: list[ContactMechanism] = []
+    for name in fed_mechanisms(simulation):
+        part, index = simulation.parts[name], bus.index
+        contacts, frictions = (
+            np.array([[index[v] for v in one] for one in several], dtype=np.intp).reshape(-1, width)
+            for several, width in zip(contact_variables(part).values(), (4, 2), strict=True)
+        )
+        free = sum(_acceleration(part, variable) is not None for variable in part.fmu.variables)
+        inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
+        mechanisms.append(ContactMechanism(name, contacts, frictions, free, inputs))
+    return mechanisms
+
+
+def fed_mechanisms(simulation: Simulation) -> list[str]:
+    """Names of components of ours, with contacts or dry friction, that something is fed to."""
+    fed = {name for name, _ in simulation.feeds}
+    return [name for name in simulation.parts if name in fed and any(contact_variables(simulation.parts[name]).values())]
 
 
 def input_reconstructions(  # noqa: C901 - one case after the other

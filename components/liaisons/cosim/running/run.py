@@ -29,10 +29,16 @@ from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import keeping_warnings, logger, warn_of_what_is_not_finite
 from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
 from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.contacts import contact_variables
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.impulses import missing_impulses, sums_of_missing, warn_of_missing
-from liaisons.cosim.running.input_reconstruction import InitialDerivatives, input_reconstructions
+from liaisons.cosim.running.input_reconstruction import (
+    InitialDerivatives,
+    contact_mechanisms,
+    fed_mechanisms,
+    input_reconstructions,
+)
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.probe import try_to_start
@@ -89,7 +95,9 @@ class Run:
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
             self._sums = sums_of_missing(simulation)
-            recorded = [*simulation.recorded.values(), *self._sums]
+            contacts = [v for name in fed_mechanisms(simulation) for v in contact_variables(parts[name]).values()]
+            also_read = [variable for several in contacts for one in several for variable in one]
+            recorded = [*simulation.recorded.values(), *self._sums, *also_read]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
@@ -317,7 +325,7 @@ class Run:
         initial = InitialDerivatives(simulation, self._instances, bus, gains)
         slopes = {} if coupled is None else coupled.slopes
         inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial.gains}, self._deviations.columns)
-        return initial, Estimate(inputs, bus.index, kinds(simulation, bus))
+        return initial, Estimate(inputs, bus.index, kinds(simulation, bus), contact_mechanisms(simulation, bus))
 
     def _other_readings(self, name: str) -> list[Call]:
         places = self._bus.recorded_only(name)
