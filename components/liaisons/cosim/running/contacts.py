@@ -1,4 +1,4 @@
-"""What contacts and dry friction make of coupling errors, which reach the motion through their events only.
+"""What contacts make of coupling errors, which reach the motion through impacts only.
 
 Where the height h over a table σ is off by x, its rate by v, and σ by d, the gap g = h - σ closes (x - d)/w later, w its
 speed.  With the coefficient of restitution e and the acceleration a of the gap (the saltation matrix; Leine, Nijmeijer,
@@ -12,7 +12,6 @@ the bound being that of impacts that graze, or are missed.  Variances of what th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -24,36 +23,32 @@ from liaisons.cosim.structure.schedule import VariableReference
 
 _PEAK, _SLOPE = 2.2, 7.5
 """Largest value and slope of θ³(1 - θ)³, in its mean: the remainder of a quintic within a step."""
-_ENDINGS = {"_impacts": ("", "_dot", "_closed", "_impacts"), "_sticks": ("", "_sticks")}
+_DEVIATIONS = 2
+"""Standard deviations that are taken for the error."""
 
 
 @final
 @dataclass(frozen=True)
 class ContactMechanism:
-    """An FMU with contacts or dry friction, by columns of the bus.
+    """An FMU with contacts, by columns of the bus.
 
-    :param contacts: distance, its rate, whether it is closed, and how many impacts there were.
-    :param frictions: sliding, and whether it sticks.
-    :param coordinates: how many free ones there are.
+    :param contacts: distance, its rate, whether it is closed, and how many impacts there were, of each.
     :param inputs: those that follow something within a step.
     """
 
     name: str
     contacts: Indices
-    frictions: Indices
-    coordinates: int
     inputs: frozenset[int]
 
 
-def contact_variables(part: SystemComponent) -> dict[str, list[list[VariableReference]]]:
-    """The variables of each of its contacts, ``_impacts``, and of its dry frictions, ``_sticks``."""
-    found: dict[str, list[list[VariableReference]]] = {ending: [] for ending in _ENDINGS}
-    for variable in part.fmu.variables:
-        for ending, suffixes in _ENDINGS.items():
-            name, is_one, element = variable.rpartition(ending)
-            names = [f"{name}{suffix}{element}" for suffix in suffixes]
-            if is_one and all(other in part.fmu.variables for other in names):
-                found[ending].append([(part.name, other) for other in names])
+def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
+    """Variables of each of its contacts: distance, its rate, whether it is closed, and how many impacts there were."""
+    variables = part.fmu.variables
+    found: list[list[VariableReference]] = []
+    for name, ending, element in (variable.rpartition("_impacts") for variable in variables):
+        names = [f"{name}{suffix}{element}" for suffix in ("", "_dot", "_closed", "_impacts")]
+        if ending and all(other in variables for other in names):
+            found.append([(part.name, other) for other in names])
     return found
 
 
@@ -66,22 +61,20 @@ def accumulated(mechanism: ContactMechanism, rows: Vector, times: Vector, off: V
     """
     steps, errors = np.diff(times), np.zeros(len(times))
     gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
-    slips, sticks = (rows[:, columns].T for columns in mechanism.frictions.T)
-    length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, [*rates, *slips]))
+    length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
     struck = np.diff(impacts) != 0
-    turned = (np.diff(closed) != 0).any(axis=0)  # released, sticks, or slides another way
-    turned |= ((np.diff(sticks) != 0) | (slips[:, 1:] * slips[:, :-1] < 0)).any(axis=0)
+    released = (np.diff(closed) != 0).any(axis=0)
     accelerations = _accelerations(rates, steps, struck)
     lowest = _lowest(gaps, rates, accelerations, steps)
-    at_rest = closed.sum(axis=0) + sticks.sum(axis=0) >= mechanism.coordinates
+    at_rest = closed.all(axis=0)
     xx = xv = vv = 0.0
     for k, H in enumerate(steps.tolist()):
         d, d_dot = _PEAK * off[k + 1], _SLOPE * off[k + 1] / H
         xx += H * (2 * xv + H * vv) + (added[k + 1] * length) ** 2
         xv += H * vv
         vv += (added[k + 1] * speed) ** 2
-        if turned[k]:
-            vv += (2 * d_dot) ** 2
+        if released[k]:
+            vv += d_dot**2
         for c in range(len(gaps)):
             a, reach = accelerations[c, k], math.sqrt(xx) + d
             if struck[c, k]:
@@ -92,13 +85,13 @@ def accumulated(mechanism: ContactMechanism, rows: Vector, times: Vector, off: V
                     e**2 * xv + e * b * xx,
                     e**2 * vv + 2 * e * b * xv + b**2 * xx + ((1 + e) * d_dot + abs(b) * d) ** 2,
                 )
-            elif not closed[c, k] and lowest[c, k] < reach:
+            elif not closed[c, max(k - 1, 0) : k + 1].any() and lowest[c, k] < reach:
                 vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
-        if at_rest[k + 1]:
-            xx = xv = vv = 0.0
         xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
         xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
-        errors[k + 1] = max(math.sqrt(xx) / length, math.sqrt(vv) / speed)
+        errors[k + 1] =  min(_DEVIATIONS * max(math.sqrt(xx) / length, math.sqrt(vv) / speed), 1.0)
+        if at_rest[k + 1]:
+            xx = xv = vv = 0.0
     return errors
 
 

@@ -205,7 +205,7 @@ class Estimate:
         latest = int(np.argmax(increase))
         if watched.items and increase[latest] > (self.worst.error if self.worst else 0.0):
             item = self._followed[watched.items[0]]
-            signal = self._names[int([*watched.mechanism.contacts, *watched.mechanism.frictions][0][0])]
+            signal = self._names[int(watched.mechanism.contacts[0, 0])]
             size = float(times[latest] - times[latest - 1])
             self.worst = Worst(float(increase[latest]), float(times[latest]), signal, item.name, size, item.power)
 

@@ -63,24 +63,21 @@ class InitialDerivatives:
 
 
 def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
-    """Fed components with contacts or dry friction."""
+    """Components with contacts to which something is fed."""
     mechanisms: list[ContactMechanism] = []
-    for name in fed_mechanisms(simulation):
+    for name, contacts in contacts_of_fed(simulation).items():
         part, index = simulation.parts[name], bus.index
-        contacts, frictions = (
-            np.array([[index[v] for v in one] for one in several], dtype=np.intp).reshape(-1, width)
-            for several, width in zip(contact_variables(part).values(), (4, 2), strict=True)
-        )
-        free = sum(_acceleration(part, variable) is not None for variable in part.fmu.variables)
+        columns = np.array([[index[variable] for variable in contact] for contact in contacts], dtype=np.intp)
         inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
-        mechanisms.append(ContactMechanism(name, contacts, frictions, free, inputs))
+        mechanisms.append(ContactMechanism(name, columns, inputs))
     return mechanisms
 
 
-def fed_mechanisms(simulation: Simulation) -> list[str]:
-    """Names of components of ours, with contacts or dry friction, that something is fed to."""
+def contacts_of_fed(simulation: Simulation) -> dict[str, list[list[VariableReference]]]:
+    """Name of each component with contacts to which something is fed -> their variables."""
     fed = {name for name, _ in simulation.feeds}
-    return [name for name in simulation.parts if name in fed and any(contact_variables(simulation.parts[name]).values())]
+    contacts = {name: contact_variables(part) for name, part in simulation.parts.items() if name in fed}
+    return {name: variables for name, variables in contacts.items() if variables}
 
 
 def input_reconstructions(  # noqa: C901 - one case after the other

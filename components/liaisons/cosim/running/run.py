@@ -29,14 +29,13 @@ from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import keeping_warnings, logger, warn_of_what_is_not_finite
 from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
 from liaisons.cosim.running.breaks import Breaks, gap
-from liaisons.cosim.running.contacts import contact_variables
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.impulses import missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.input_reconstruction import (
     InitialDerivatives,
     contact_mechanisms,
-    fed_mechanisms,
+    contacts_of_fed,
     input_reconstructions,
 )
 from liaisons.cosim.running.interrupts import deferred_interrupts
@@ -95,9 +94,8 @@ class Run:
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
             self._sums = sums_of_missing(simulation)
-            contacts = [v for name in fed_mechanisms(simulation) for v in contact_variables(parts[name]).values()]
-            also_read = [variable for several in contacts for one in several for variable in one]
-            recorded = [*simulation.recorded.values(), *self._sums, *also_read]
+            contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
+            recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
