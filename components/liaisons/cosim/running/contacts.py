@@ -1,8 +1,8 @@
 """What contacts make of coupling errors, which reach the motion through impacts only.
 
-Where the height h over a table σ is off by x, its rate by v, and σ by d, the gap g = h - σ closes (x - d)/w later, w its
-speed.  With the coefficient of restitution e and the acceleration a of the gap (the saltation matrix; Leine, Nijmeijer,
-Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004)::
+Where the height h over a table σ is off by x, its rate by v, and σ by d, the gap g = h - σ closes (x - d)/w later, with
+the speed w.  With the coefficient of restitution e and the acceleration a of the gap (the saltation matrix; Leine,
+Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004)::
 
     x⁺ = -e x + (1 + e) d,    v⁺ = -e v + (1 + e) (d' - a (x - d)/w),    |a (x - d)/w| <= √(2|a (x - d)|)
 
@@ -63,10 +63,10 @@ def accumulated(mechanism: ContactMechanism, rows: Vector, times: Vector, off: V
     gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
     length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
     struck = np.diff(impacts) != 0
-    released = (np.diff(closed) != 0).any(axis=0)
+    released = np.any(np.diff(closed) != 0, axis=0)
     accelerations = _accelerations(rates, steps, struck)
     lowest = _lowest(gaps, rates, accelerations, steps)
-    at_rest = closed.all(axis=0)
+    at_rest = np.all(closed != 0, axis=0)
     xx = xv = vv = 0.0
     for k, H in enumerate(steps.tolist()):
         d, d_dot = _PEAK * off[k + 1], _SLOPE * off[k + 1] / H
@@ -89,7 +89,7 @@ def accumulated(mechanism: ContactMechanism, rows: Vector, times: Vector, off: V
                 vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
         xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
         xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
-        errors[k + 1] =  min(_DEVIATIONS * max(math.sqrt(xx) / length, math.sqrt(vv) / speed), 1.0)
+        errors[k + 1] = min(_DEVIATIONS * max(math.sqrt(xx) / length, math.sqrt(vv) / speed), 1.0)
         if at_rest[k + 1]:
             xx = xv = vv = 0.0
     return errors

@@ -149,7 +149,7 @@ class Estimate:
             _Watched(
                 mechanism,
                 [k for k, item in enumerate(self._followed) if item.column in mechanism.inputs],
-                [k for k, c in enumerate(self._targets) if owners[int(c)] == mechanism.name and gains[self._starts[k]] >= 0],
+                [k for k in range(len(self._targets)) if owners[int(self._targets[k])] == mechanism.name],
             )
             for mechanism in mechanisms
         ]
@@ -190,24 +190,20 @@ class Estimate:
             errors[first:end] = self._of_block(signals, times[begin:end], first - begin, ends)
             off[:, first:end], added[:, first:end] = (both[:, first - begin - 1 :] for both in self._contacts)
         for watched, *both in zip(self._mechanisms, off, added, strict=True):
-            self._magnify(watched, rows, times, *both, errors)
+            if np.any(both):
+                np.fmax(errors, self._magnified(watched, rows, times, *both), out=errors)
         return errors
 
-    def _magnify(
-        self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector, errors: Vector
-    ) -> None:
-        """Raise errors to what contacts make of them."""
+    def _magnified(self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector) -> Vector:
+        """What steps have added to the error of a mechanism with contacts, and impacts to that."""
         off = np.fmax(np.fmax(off, np.append(off[1:], 0.0)), np.append(0.0, off[:-1]))  # one alone may be 0 by chance
-        if not off.any() and not added.any():
-            return
         increase = np.diff(accumulated(watched.mechanism, rows, times, off, added), prepend=0.0)
-        np.fmax(errors, increase, out=errors)
         latest = int(np.argmax(increase))
         if watched.items and increase[latest] > (self.worst.error if self.worst else 0.0):
-            item = self._followed[watched.items[0]]
-            signal = self._names[int(watched.mechanism.contacts[0, 0])]
-            size = float(times[latest] - times[latest - 1])
+            item = max((self._followed[k] for k in watched.items), key=lambda one: np.ptp(rows[:, one.column]))
+            signal, size = self._names[int(watched.mechanism.contacts[0, 0])], times[latest] - times[latest - 1]
             self.worst = Worst(float(increase[latest]), float(times[latest]), signal, item.name, size, item.power)
+        return increase
 
     def latest(self, rows: Vector, times: Vector, count: int) -> Vector:
         """Errors of the last steps.
@@ -260,17 +256,22 @@ class Estimate:
         errors = totals.max(axis=0)
         means = np.abs(once / steps)
         means[:, crossing] = 0.0
-        self._contacts = [
-            np.array([rule(watched) for watched in self._mechanisms]).reshape(-1, len(steps))
-            for rule in (
-                lambda watched: means[watched.items].sum(axis=0),
-                lambda watched: totals[watched.targets].max(axis=0, initial=0.0),
-            )
-        ]
+        self._contacts = np.zeros((2, len(self._mechanisms), len(steps)))
+        for watched, off, other in zip(self._mechanisms, *self._contacts, strict=True):
+            off += sum(means[k] * self._lever(watched, k, signals) for k in watched.items)
+            other += totals[watched.targets].max(axis=0, initial=0.0)
         latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
         if errors[latest] > (self.worst.error if self.worst else 0.0):
             self._note(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
         return errors[first - 1 :]
+
+    def _lever(self, watched: _Watched, k: int, signals: Vector) -> float:
+        """By how much an input moves distances: those of another unit, as their sizes are."""
+        pair = [self._followed[k].column, int(watched.mechanism.contacts[0, 0])]
+        if self._kinds[pair[0]] == self._kinds[pair[1]]:
+            return 1.0
+        sizes = np.abs(signals[pair]).max(axis=1)
+        return float(sizes[1] / sizes[0]) if sizes[0] > 0 else 0.0
 
     def _note(self, added: Vector, totals: Vector, time: float, size: float) -> None:
         target = int(np.argmax(totals))

@@ -372,9 +372,9 @@ def performed(simulation: Simulation, *, progress: bool = False, verify: bool = 
             if time is None:
                 raise
             if isinstance(error, SimulationError):
-                raise IncompleteError(str(error), run.result()) from error
+                raise IncompleteError(str(error), run.concluded()) from error
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
-            raise Interrupted(f"{reached}; .result of this exception has the result so far", run.result()) from None
+            raise Interrupted(f"{reached}; .result of this exception has the result so far", run.concluded()) from None
         result = run.concluded()
         return _verified(simulation, result) if verify else result
 
