@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from liaisons import (
     simulate,
     unilateral,
 )
+from liaisons.cosim import Interrupted
 from liaisons.cosim.structure.schedule import Coupling
 
 
@@ -193,3 +196,24 @@ def test_steps_that_choose_their_size_follow_a_table(component: FmuPaths) -> Non
     assert run["ball.gap_impacts"][-1] == exact["ball.gap_impacts"][-1] > 0
     assert abs(run["ball.height"][-1] - exact["ball.height"][-1]) < 1e-6  # a thousand times the tolerance
     assert run.warnings == ()
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_interrupted_run_keeps_its_warnings(component: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    """Whatever is logged: of the impulse that went missing at 0.247 s."""
+    caplog.set_level(logging.ERROR, "liaisons.cosim")
+    presses: list[float] = []
+
+    def pressed(t: float) -> float:
+        if t > 0.35 and not presses:
+            presses.append(t)
+            signal.raise_signal(signal.SIGINT)
+        return 0.0
+
+    with pytest.raises(Interrupted) as caught:
+        _on_spring(component).simulate(stop_time=1.0, step_size=0.01, inputs={"ball.height_force": pressed})
+    kept = caught.value.result
+    assert [text.split(" ball.table_force")[0] for text in kept.warnings] == ["wired: impulses do not go through"]
+    assert np.flatnonzero(np.isnan(coupling_errors(kept))).tolist() == [25]
+    assert 0.34 < kept.time[-1] < 1.0
+    assert caplog.records == []
