@@ -191,7 +191,7 @@ class System:
             implicit and waveform coupling of FMUs that can restore their states, steps between the points are then as
             short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
         :param start_time: start [s]; None: that of the FMUs' default experiments if it is the same in all, else 0.
-        :param times: the communication points themselves [s], increasing; None: those of the three above.
+        :param times: the communication points themselves [s], increasing; those that differ by rounding are one.
         :param tolerance: relative tolerance of the FMUs' solvers; None: each FMU's own.
         :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
             error of first order in H where there are cycles; ``"implicit"`` and ``"waveform"`` repeat each step until
@@ -290,7 +290,7 @@ def simulate(
     :param step_size: distance of the communication points [s]; None, too: of an FMU of Model Exchange without a value,
         a 500th of the time.
     :param start_time: start [s]; None, too: 0 without a value.
-    :param times: the communication points themselves [s], increasing; None: those of the three above.
+    :param times: the communication points themselves [s], increasing; those that differ by rounding are one.
     :param tolerance: relative tolerance of the solvers; None, too: the solvers' own without a value.
     :param coupling: of the FMU and its operators.
     :param error_tolerance: of a communication step; None: the communication points are fixed.
