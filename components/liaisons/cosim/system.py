@@ -24,6 +24,9 @@ from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.results import Result
 
+_SHOWN, _WIDEST = 20, 200
+"""Components, connections, and characters of each, that are printed."""
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -240,8 +243,10 @@ class System:
 
     def __repr__(self) -> str:
         lines = [f"System {self.name!r}"]
-        lines += [f"  {part}" for part in self._parts.values()]
-        lines += [f"  {connection}" for connection in self._connections.values()]
+        for several in (self._parts.values(), self._connections.values()):
+            texts = [f"  {one}" for one in list(several)[:_SHOWN]]
+            lines += [text if len(text) <= _WIDEST else f"{text[:_WIDEST]} ..." for text in texts]
+            lines += [f"  and {len(several) - _SHOWN} more"] if len(several) > _SHOWN else []
         return "\n".join(lines)
 
     def diagram(self, path: Path | str | None = None) -> Diagram:

@@ -37,9 +37,9 @@ _SUDDEN = 1 / 50
 """A step shorter by this factor is not used for its neighbour: rounding prevails."""
 _SAFETY = 0.8
 
-Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest", "stairs"]
+Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest"]
 """Through data at both ends; a cubic through the end and points before; a polynomial of either degree, whose integrals
-are the data; a Taylor polynomial from the start; the mean of both ends; the value at the end; that at the start.
+are the data; a Taylor polynomial from the start; the mean of both ends; the value at the end.
 """
 
 
@@ -314,8 +314,7 @@ def _integrals(
     if shape == "mean":
         once, _ = _hermite(data, steps, crossing)
         return once, once * steps / 2 - steps**2 * change / 12
-    sign = 1 if shape == "stairs" else -1  # where in the step it has jumped is not known
-    return sign * steps * change / 2, sign * steps**2 * change / 3
+    return -steps * change / 2, -(steps**2) * change / 3
 
 
 def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:

@@ -135,7 +135,7 @@ def input_reconstructions(  # noqa: C901 - one case after the other
         if shape in {"hermite", "points"} and not straight and numbers == len(references):
             shape, data = "quintic" if len(data) == 3 else "cubic", [column, column + 1]
         elif not signal.continuous and shape != "newest":
-            shape = "stairs"
+            continue  # it is held until the communication point at which it jumps
         reconstructions.append(
             InputReconstruction(
                 f"{_name(source)} -> {'.'.join(target)}",
