@@ -142,7 +142,9 @@ def test_a_table_without_times_or_values_is_refused(times: Any, values: Any) -> 
         knots(times, values)
 
 
-@pytest.mark.parametrize(("span", "change", "count"), [(1e-6, 1e-4, 3), (1e6, 1e-20, 4), (1.0, 1e-14, 3), (1.0, 1e-12, 4)])
+@pytest.mark.parametrize(
+    ("span", "change", "count"), [(1e-6, 1e-4, 3), (1e6, 1e-20, 4), (1.0, 1e-14, 3), (1.0, 1e-12, 4)]
+)
 def test_knots_agree_by_what_their_difference_moves_in_the_span(span: float, change: float, count: int) -> None:
     """A jump of the acceleration by Δ is rounding if Δ T², beside the values, is below 1e-13."""
     times, beside = np.array([0.0, 0.5, 0.5, 1.0]) * span, np.zeros(4)

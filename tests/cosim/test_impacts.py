@@ -149,22 +149,22 @@ def test_flattened_operator_moves_the_table(component: FmuPaths, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("name", "port", "offset", "starts", "steps"),
+    ("name", "port", "offset", "starts"),
     [
-        ("BouncingBall", "table", 0.0, {"height_0": 1.0, "bounce": 0.5}, (20, 40, 400)),
-        ("StringPendulum", "pivot_z", 0.0, {"x_0": 0.66, "z_0": -0.5, "bounce": 0.1}, (20, 40, 400)),
-        ("StringPendulum", "length", 1.0, {"x_0": 0.3, "z_0": -0.2, "bounce": 0.5}, (20, 40, 400)),
+        ("BouncingBall", "table", 0.0, {"height_0": 1.0, "bounce": 0.5}),
+        ("StringPendulum", "pivot_z", 0.0, {"x_0": 0.66, "z_0": -0.5, "bounce": 0.1}),
+        ("StringPendulum", "length", 1.0, {"x_0": 0.3, "z_0": -0.2, "bounce": 0.5}),
     ],
 )
 def test_what_is_missed_of_a_motion_goes_through_impacts(
-    component: FmuPaths, name: str, port: str, offset: float, starts: dict[str, float], steps: tuple[int, ...]
+    component: FmuPaths, name: str, port: str, offset: float, starts: dict[str, float]
 ) -> None:
     """Against 4000 steps, where 40 rad/s times a step is 0.02 and a quintic is off by (ωH)⁶/46080 < 1e-14."""
     motor = component("Sinusoid"), {"amplitude": 0.1, "angular_frequency": 40.0, "offset": offset}
     system = wired(f"motor.y -> body.{port}", motor=motor, body=(component(name), starts))
     first = "height" if name == "BouncingBall" else "z"
     exact = system.simulate(times=np.linspace(0, 2, 4001), tolerance=1e-11)[f"body.{first}"]
-    for count in steps:
+    for count in (20, 40, 400):
         run = system.simulate(times=np.linspace(0, 2, count + 1))
         z = run[f"body.{first}"]
         error = np.max(np.abs(z - exact[:: 4000 // count])) / np.max(np.abs(z))

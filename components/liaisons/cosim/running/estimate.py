@@ -257,9 +257,9 @@ class Estimate:
         means = np.abs(once / steps)
         means[:, crossing] = 0.0
         self._contacts = np.zeros((2, len(self._mechanisms), len(steps)))
-        for watched, off, other in zip(self._mechanisms, *self._contacts, strict=True):
-            off += sum(means[k] * self._lever(watched, k, signals) for k in watched.items)
-            other += totals[watched.targets].max(axis=0, initial=0.0)
+        for k, watched in enumerate(self._mechanisms):
+            self._contacts[0, k] = sum(means[item] * self._lever(watched, item, signals) for item in watched.items)
+            self._contacts[1, k] = totals[watched.targets].max(axis=0, initial=0.0)
         latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
         if errors[latest] > (self.worst.error if self.worst else 0.0):
             self._note(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
