@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from liaisons.logs import collected_warnings, logger
+from liaisons.logs import collected_warnings, ignored_warnings, logger
 
 pytestmark = pytest.mark.symbolic
 
@@ -23,6 +23,19 @@ def test_warnings_are_collected_by_all_who_want_them(caplog: pytest.LogCaptureFi
     logger.warning("after")
     assert outer.texts == ("before 1", "on two lines")
     assert inner.texts == ("on two lines",)
+
+
+def test_warnings_are_collected_whatever_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.ERROR, logger.name)
+    with collected_warnings() as found:
+        logger.warning("%d lost", 2)
+        with ignored_warnings():
+            logger.warning("on purpose")
+    assert found.texts == ("2 lost",)
+    assert caplog.records == []
+    caplog.set_level(logging.WARNING, logger.name)
+    logger.warning("here")
+    assert caplog.records[0].filename == "test_logs.py"
 
 
 def test_many_warnings_are_counted() -> None:

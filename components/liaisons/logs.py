@@ -6,9 +6,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import final
-
-logger = logging.getLogger("liaisons.cosim")
+from typing import Any, final
 
 _MOST = 100
 """Different warnings that are collected; more are counted only."""
@@ -47,13 +45,28 @@ def collected_warnings() -> Iterator[Warnings]:
         _collecting.reset(token)
 
 
-def _collect(record: logging.LogRecord) -> bool:
-    """Collect a warning; a filter, since a handler would replace Python's own, which prints it."""
-    if record.levelno == logging.WARNING:
-        for warnings in _collecting.get():
-            warnings.add(record.getMessage())
-    return True
+@contextmanager
+def ignored_warnings() -> Iterator[None]:
+    """Neither log nor collect what is warned of in the context."""
+    token, before = _collecting.set(()), logger.logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+        _collecting.reset(token)
+
+
+@final
+class _CollectingLogger(logging.LoggerAdapter[logging.Logger]):
+    """A logger whose warnings are collected whatever its level is."""
+
+    def log(self, level: int, msg: object, *args: object, **kwargs: Any) -> None:
+        if level == logging.WARNING:
+            for warnings in _collecting.get():
+                warnings.add(str(msg) % args if args else str(msg))
+        super().log(level, msg, *args, **{"stacklevel": 2, **kwargs})
 
 
 _collecting: ContextVar[tuple[Warnings, ...]] = ContextVar("collecting", default=())
-logger.addFilter(_collect)
+logger = _CollectingLogger(logging.getLogger("liaisons.cosim"), {})

@@ -136,6 +136,14 @@ def test_a_length_by_an_expression(simulated: Simulated, begin: float) -> None:
     np.testing.assert_allclose(result["theta"], swing(result.time, start=begin), rtol=0, atol=EXACT)
 
 
+def test_a_pulse_between_two_points(simulated: Simulated) -> None:
+    """Without gravity, 1 ms long: from then on p = ∫ 100 exp(-(2000 t)²) dt = 100 √π/2000."""
+    pulse = "theta_force=100*exp(-((t-0.505)*2000)**2)"
+    result = simulated("Pendulum", "--set", "gravity=0", "--input", pulse, "--stop", "1", "--step", "0.01")
+    p = np.where(result.time < 0.505, 0.0, 100 * np.sqrt(np.pi) / 2000)
+    np.testing.assert_allclose(result["p_theta"], p, rtol=0, atol=1e-4 * p[-1])  # by what coupling errors may add up to
+
+
 @pytest.mark.parametrize("record", [(), ("--record", "theta,length_mismatch")])
 def test_a_contradiction_is_said_and_shown_where_it_is_asked_for(runs: Runs, record: tuple[str, ...]) -> None:
     out = runs("simulate", "Pendulum", "--set", "length_dot=0.1", "--stop", "1", "--step", "0.1", *record)

@@ -458,6 +458,7 @@ def test_what_jumps_only_is_held_and_what_moves_is_its_mean(fmu: FmuPaths, tmp_p
     begins, ends = result["wave.y"][:-1], result["wave.y"][1:]
     expected = begins if discrete else (begins + ends) / 2
     assert_allclose(result["probe.seen"][1:], expected, rtol=1e-15)
+    assert coupling_errors(result).any() != discrete  # a sampled signal is what it is
 
 
 @pytest.mark.parametrize("degree", range(6))

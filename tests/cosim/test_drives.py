@@ -140,3 +140,14 @@ def test_deviations_to_both_sides_do_not_cancel() -> None:
 def test_a_table_without_times_or_values_is_refused(times: Any, values: Any) -> None:
     with pytest.raises(SimulationError, match=r"^(times|values)"):
         knots(times, values)
+
+
+@pytest.mark.parametrize(
+    ("span", "change", "count"), [(1e-6, 1e-4, 3), (1e6, 1e-20, 4), (1.0, 1e-14, 3), (1.0, 1e-12, 4)]
+)
+def test_knots_agree_by_what_their_difference_moves_in_the_span(span: float, change: float, count: int) -> None:
+    """A jump of the acceleration by Δ is rounding if Δ T², beside the values, is below 1e-13."""
+    times, beside = np.array([0.0, 0.5, 0.5, 1.0]) * span, np.zeros(4)
+    table = knots(times, np.full(4, 1.0), beside, np.array([0.0, 0.0, change, 0.0]))
+    assert table.shape == (4, count)
+    assert table[3].max() == (change if count == 4 else 0.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from liaisons import (
     simulate,
     unilateral,
 )
+from liaisons.cosim import Interrupted
 from liaisons.cosim.structure.schedule import Coupling
 
 
@@ -113,7 +116,7 @@ def test_table_that_an_operator_moves(component: FmuPaths, coupling: Coupling | 
     ends = []
     for step_size in (0.01, 0.1):
         run = _shaken(component).simulate(stop_time=4.0, step_size=step_size, coupling=coupling, tolerance=1e-11)
-        assert run.warnings == ()
+        assert bool(run.warnings) == (step_size == 0.1)  # its rate is off by 1.3e-4 m/s of 2 before it rests
         resting = run.time > 2.0
         assert np.all(run["ball.gap_closed"][resting])
         assert np.ptp(run["ball.gap_impacts"][resting]) == 0
@@ -143,3 +146,74 @@ def test_flattened_operator_moves_the_table(component: FmuPaths, tmp_path: Path)
     run = system.simulate(stop_time=1.0, step_size=0.01, tolerance=1e-11)
     whole = simulate(flatten(system, tmp_path), stop_time=1.0, step_size=0.01, tolerance=1e-11)
     np.testing.assert_allclose(run["ball.height"], whole["ball.height"], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "port", "offset", "starts"),
+    [
+        ("BouncingBall", "table", 0.0, {"height_0": 1.0, "bounce": 0.5}),
+        ("StringPendulum", "pivot_z", 0.0, {"x_0": 0.66, "z_0": -0.5, "bounce": 0.1}),
+        ("StringPendulum", "length", 1.0, {"x_0": 0.3, "z_0": -0.2, "bounce": 0.5}),
+    ],
+)
+def test_what_is_missed_of_a_motion_goes_through_impacts(
+    component: FmuPaths, name: str, port: str, offset: float, starts: dict[str, float]
+) -> None:
+    """Against 4000 steps, where 40 rad/s times a step is 0.02 and a quintic is off by (ωH)⁶/46080 < 1e-14."""
+    motor = component("Sinusoid"), {"amplitude": 0.1, "angular_frequency": 40.0, "offset": offset}
+    system = wired(f"motor.y -> body.{port}", motor=motor, body=(component(name), starts))
+    first = "height" if name == "BouncingBall" else "z"
+    exact = system.simulate(times=np.linspace(0, 2, 4001), tolerance=1e-11)[f"body.{first}"]
+    for count in (20, 40, 400):
+        run = system.simulate(times=np.linspace(0, 2, count + 1))
+        z = run[f"body.{first}"]
+        error = np.max(np.abs(z - exact[:: 4000 // count])) / np.max(np.abs(z))
+        claimed = np.nansum(coupling_errors(run))
+        assert claimed >= min(error, 1.0) / 2  # deviations of a random sign, in the mean over a step
+        assert bool(run.warnings) == (count < 400)
+        assert all(f"motor.y -> body.{port} is handed over too rarely" in text for text in run.warnings)
+        if count == 400:
+            assert error < 1e-4
+            assert claimed < 1e-4
+
+
+def test_a_contact_that_is_not_reached_magnifies_nothing(component: FmuPaths) -> None:
+    """Free fall, on a table that steps of 0.1 s know nothing of."""
+    motor = component("Sinusoid"), {"amplitude": 0.1, "angular_frequency": 40.0}
+    ball = component("BouncingBall"), {"height_0": 10.0}
+    run = wired("motor.y -> ball.table", motor=motor, ball=ball).simulate(times=np.linspace(0, 1, 11))
+    np.testing.assert_allclose(run["ball.height"], 10 - 9.81 / 2 * run.time**2, rtol=1e-9)
+    assert run.warnings == ()
+    assert not coupling_errors(run).any()
+
+
+def test_steps_that_choose_their_size_follow_a_table(component: FmuPaths) -> None:
+    """40 rad/s, where the default step is 0.01 s: the first bounce by bisection, at the parabola and the sine."""
+    motor = component("Sinusoid"), {"amplitude": 0.1, "angular_frequency": 40.0}
+    system = wired("motor.y -> ball.table", motor=motor, ball=(component("BouncingBall"), {"bounce": 0.5}))
+    exact = system.simulate(times=np.linspace(0, 1, 4001), tolerance=1e-11)
+    run = system.simulate(1.0, tolerance=1e-9)
+    assert run["ball.gap_impacts"][-1] == exact["ball.gap_impacts"][-1] > 0
+    assert abs(run["ball.height"][-1] - exact["ball.height"][-1]) < 1e-6  # a thousand times the tolerance
+    assert run.warnings == ()
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_interrupted_run_keeps_its_warnings(component: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    """Whatever is logged: of the impulse that went missing at 0.247 s."""
+    caplog.set_level(logging.ERROR, "liaisons.cosim")
+    presses: list[float] = []
+
+    def pressed(t: float) -> float:
+        if t > 0.35 and not presses:
+            presses.append(t)
+            signal.raise_signal(signal.SIGINT)
+        return 0.0
+
+    with pytest.raises(Interrupted) as caught:
+        _on_spring(component).simulate(stop_time=1.0, step_size=0.01, inputs={"ball.height_force": pressed})
+    kept = caught.value.result
+    assert [text.split(" ball.table_force")[0] for text in kept.warnings] == ["wired: impulses do not go through"]
+    assert np.flatnonzero(np.isnan(coupling_errors(kept))).tolist() == [25]
+    assert 0.34 < kept.time[-1] < 1.0
+    assert caplog.records == []

@@ -188,6 +188,25 @@ def test_times_are_multiples_and_no_sums(fmu: FmuPaths) -> None:
     assert time[-1] == 1000.0
 
 
+def test_points_that_differ_by_rounding_are_one(fmu: FmuPaths) -> None:
+    coarse, fine = np.linspace(0, 2, 41), np.linspace(0, 2, 401)
+    both = np.unique(np.r_[coarse, fine])
+    assert len(both) > 401
+    assert_allclose(wired(cubic=fmu("Cubic")).simulate(times=both).time, fine, rtol=0, atol=1e-15)
+    apart = [0.0, 1.0, 1.0 + 1e-14, 2.0]
+    assert_array_equal(wired(cubic=fmu("Cubic")).simulate(times=apart).time, apart)
+
+
+def test_large_system_is_printed_on_a_screen(fmu: FmuPaths) -> None:
+    system = wired(**{f"cubic_{k}": fmu("Cubic") for k in range(30)})
+    lines = repr(system).splitlines()
+    assert lines[0] == "System 'wired'"
+    assert lines[20] == "  <cubic_19: Cubic.fmu>"
+    assert lines[21:] == ["  and 10 more"]
+    named = wired(probe=(fmu("Probe"), {"u": 1.0}))
+    assert repr(named) == "System 'wired'\n  <probe: Probe.fmu, u=1.0>"
+
+
 def test_short_last_step_is_not_given_to_an_fmu_that_cannot(fmu: FmuPaths) -> None:
     system = wired(faulty=fmu("Faulty"))
     with pytest.raises(SimulationError, match=r"faulty: takes steps of one size only, .* 0\.2 s"):

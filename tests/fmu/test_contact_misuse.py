@@ -53,6 +53,11 @@ def until_refused(
         (bodies.Ball, {"height_0": -1e-3}, "gap = -0.001 at t = 0: bodies overlap; start with a gap >= 0"),
         (bodies.Ball, {"height_0": -2e-9}, "gap = -2e-09 at t = 0: bodies overlap; start with a gap >= 0"),
         (bodies.Ball, {"height_0": 0.0, "table": 0.5}, "gap = -0.5 at t = 0: bodies overlap; start with a gap >= 0"),
+        (
+            bodies.Ball,
+            {"height_0": 1e12 + 1, "table": 1e12},  # 8000 times the distance of two numbers there, and not followed
+            "gap = 1 at t = 0 is too small beside positions of 2e+12: start with 0 or more than 200, or",
+        ),
         (bodies.Ball, {"bounce": 1.1}, "bounce = 1.1 at t = 0: it must be in [0, 1]"),
         (bodies.Ball, {"bounce": -0.1}, "bounce = -0.1 at t = 0: it must be in [0, 1]"),
         (bodies.Flat, {"x_0": 0.0, "x_dot_0": 0.0}, "cube at t = 0: it moves no mass (effective mass inf)"),

@@ -36,12 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _warnings_at_the_end() -> Iterator[None]:
     """Print the warnings of simulations when all is done, however it ends; only an error comes after them."""
     nowhere = logging.NullHandler()  # else Python prints each at once
-    logger.addHandler(nowhere)
+    logger.logger.addHandler(nowhere)
     with collected_warnings() as warned:
         try:
             yield
         finally:
-            logger.removeHandler(nowhere)
+            logger.logger.removeHandler(nowhere)
             for text in warned.texts:
                 print(f"warning: {text}", file=sys.stderr)
 

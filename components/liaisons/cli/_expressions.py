@@ -11,6 +11,8 @@ import numpy as np
 
 from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula, quoted
 
+_POINTS, _MOST = 501, 20
+"""Between which maxima are searched for, and how many at most are looked at."""
 Expression = Callable[[float], tuple[float, float, float]]
 """A function of time [s]: value, rate, acceleration."""
 
@@ -39,6 +41,32 @@ def expression(text: str) -> Expression:
         return value, rate, acceleration
 
     return evaluate
+
+
+def pulses(text: str, start: float, stop: float) -> list[float]:
+    """Instants [s] by which a run sees pulses that are shorter than its steps, at maxima of what ``exp`` is of.
+
+    :raises FormulaError: as :func:`expression` does.
+    """
+    exponents: list[ca.SX] = []
+
+    def exp(exponent: ca.SX) -> ca.SX:
+        exponents.append(exponent)
+        return ca.exp(exponent)
+
+    formula(text, {"t": _T}, {**FUNCTIONS, "abs": _magnitude, "exp": exp})
+    grid, instants = np.linspace(start, stop, _POINTS), list[float]()
+    for exponent in exponents:
+        rates = ca.Function("rates", [_T], [rate := _rate(exponent), _rate(rate)])
+        slopes = rates.map(_POINTS)(grid)[0].full().ravel()
+        for k in np.flatnonzero((slopes[:-1] > 0) & (slopes[1:] <= 0))[:_MOST]:
+            left, right = grid[k], grid[k + 1]
+            while left < (middle := (left + right) / 2) < right:
+                left, right = (middle, right) if float(rates(middle)[0]) > 0 else (left, middle)
+            width = 1 / math.sqrt(max(-float(rates(right)[1]), 1e-300))
+            if width < grid[1] - grid[0]:
+                instants += (right + width * np.arange(-5, 6)).tolist()
+    return instants
 
 
 def _rate(value: ca.SX) -> ca.SX:

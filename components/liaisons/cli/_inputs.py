@@ -62,7 +62,7 @@ def drives(
         else:
             new = {name.strip()}
             prescribed.functions[name.strip()] = _of_expression(
-                name.strip(), right, lambda name: _driven(system, name, single=single)
+                name.strip(), right, lambda name: _driven(system, name, single=single), (start_time, stop_time)
             )
         for name in new & names:
             raise SimulationError(f"--input: {name} is given twice; leave one out")
@@ -77,16 +77,16 @@ def _is_file(text: str) -> bool:
         return False
 
 
-def _of_expression(name: str, text: str, driven: Callable[[str], Port]) -> Function:
+def _of_expression(name: str, text: str, driven: Callable[[str], Port], span: tuple[float, float]) -> Function:
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
-    from liaisons.cli._expressions import FormulaError, expression  # loads CasADi
+    from liaisons.cli._expressions import FormulaError, expression, pulses  # loads CasADi
 
     try:
-        function = expression(text)
+        function, breaks = expression(text), pulses(text, *span)
     except FormulaError as error:
         raise FormulaError(f"--input {name}: {error}") from None
-    return function if driven(name).triple() else lambda t: function(t)[0]
+    return Signal(function if driven(name).triple() else lambda t: function(t)[0], breaks)
 
 
 def _driven(system: System, name: str, *, single: bool) -> Port:

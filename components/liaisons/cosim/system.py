@@ -24,6 +24,9 @@ from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.results import Result
 
+_SHOWN, _WIDEST = 20, 200
+"""Components, connections, and characters of each, that are printed."""
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -191,7 +194,7 @@ class System:
             implicit and waveform coupling of FMUs that can restore their states, steps between the points are then as
             short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
         :param start_time: start [s]; None: that of the FMUs' default experiments if it is the same in all, else 0.
-        :param times: the communication points themselves [s], increasing; None: those of the three above.
+        :param times: the communication points themselves [s], increasing; those that differ by rounding are one.
         :param tolerance: relative tolerance of the FMUs' solvers; None: each FMU's own.
         :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
             error of first order in H where there are cycles; ``"implicit"`` and ``"waveform"`` repeat each step until
@@ -240,8 +243,10 @@ class System:
 
     def __repr__(self) -> str:
         lines = [f"System {self.name!r}"]
-        lines += [f"  {part}" for part in self._parts.values()]
-        lines += [f"  {connection}" for connection in self._connections.values()]
+        for several in (self._parts.values(), self._connections.values()):
+            texts = [f"  {one}" for one in list(several)[:_SHOWN]]
+            lines += [text if len(text) <= _WIDEST else f"{text[:_WIDEST]} ..." for text in texts]
+            lines += [f"  and {len(several) - _SHOWN} more"] if len(several) > _SHOWN else []
         return "\n".join(lines)
 
     def diagram(self, path: Path | str | None = None) -> Diagram:
@@ -290,7 +295,7 @@ def simulate(
     :param step_size: distance of the communication points [s]; None, too: of an FMU of Model Exchange without a value,
         a 500th of the time.
     :param start_time: start [s]; None, too: 0 without a value.
-    :param times: the communication points themselves [s], increasing; None: those of the three above.
+    :param times: the communication points themselves [s], increasing; those that differ by rounding are one.
     :param tolerance: relative tolerance of the solvers; None, too: the solvers' own without a value.
     :param coupling: of the FMU and its operators.
     :param error_tolerance: of a communication step; None: the communication points are fixed.

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, final
@@ -25,6 +23,7 @@ from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
 from liaisons.library import Target, component, fmu_file, fmu_path, model
+from liaisons.logs import ignored_warnings
 from liaisons.models import regulator
 from liaisons.operators.goals import Array, chain_size, motion_names
 
@@ -338,7 +337,7 @@ class Controller:
 
         def comes_back(force: float) -> bool:
             try:
-                with _unwarned():  # of a push that begins and ends between two communication points, as it is meant
+                with ignored_warnings():  # of a push that begins and ends between two points, as it is meant
                     run = self.simulate(stop, inputs={port: lambda t: force if t < duration else 0.0})
             except LiaisonsError:
                 if force == 0:
@@ -371,7 +370,7 @@ class Controller:
         starts, ends = [], []
         for direction in self.perturbations:
             shifted = [{name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)]
-            with _unwarned():  # of steps too long for a continuous feedback: that is in the matrix
+            with ignored_warnings():  # of steps too long for a continuous feedback: that is in the matrix
                 times = self.times(self.duration)
                 runs = [self._run(unbounded._system(values), times) for values in shifted]  # noqa: SLF001
             change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
@@ -401,7 +400,7 @@ class Controller:
             claims.append(verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9))
         after = 0.0 if self.trajectory.after == "ends" else max(self._settling, self.duration)
         stop = self.duration + after
-        with _unwarned():
+        with ignored_warnings():
             off = np.abs(self.deviation(self.simulate(stop))) / self.sizes[:, None]
         why = "ten times by how much a motion that returns may miss its begin"
         words = f"undisturbed it stays with its motion for {stop:.3g} s, relative to sizes"
@@ -413,13 +412,3 @@ class Controller:
         moves, names = ", ".join(self.moves), ", ".join(self.conserved)
         conserved = f"; conserved: {names}" if names else ""
         return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
-
-
-@contextmanager
-def _unwarned() -> Iterator[None]:
-    before = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(before)

@@ -42,14 +42,15 @@ class Result(LabelledSignals):
         (len(names), cases), from runs with steps twice and four times as long; infinite where these do not converge.
         Of a simulation that was verified, differences from a run with steps half as long, shape (len(names), times).
     :param coupling_error: of a simulation, estimate of what each step has added to the error of a signal by coupling,
-        relative to its size, the largest of all, shape (times,); not a number where it is unknown, as at an impact.
+        relative to its size, the largest of all, and impacts to that, shape (times,); not a number where it is unknown,
+        as where an impulse is lost.
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param texts: name of a signal of strings -> its texts, which its values index from 0.
     :param jumping: names of signals that change in jumps only.
     :param ports: value -> names of its port, where an FMU calls them otherwise than ours do; none from a file.
     :param scene: picture of what was simulated; None after reading from a file, a sweep or an ensemble.
-    :param warnings: of a simulation, what was logged as a warning, each text once; of a sweep, with the number of the
-        case, a hundred of them.
+    :param warnings: of a simulation, what was warned of, whatever the logger's level, each text once; of a sweep, with
+        the number of the case, a hundred of them.
     """
 
     def to_csv(self, path: Path | str) -> None:

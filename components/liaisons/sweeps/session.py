@@ -34,8 +34,8 @@ SimulateCase: TypeAlias = Callable[[int, bool], Outcome]
 def session(task: Task) -> Iterator[SimulateCase]:
     """A function that simulates one case, for a process of its own, which may be killed at any time."""
     study, folders, tempfile.tempdir = task
-    logger.propagate = False  # warnings go with the case
-    logger.addHandler(logging.NullHandler())
+    logger.logger.propagate = False  # warnings go with the case
+    logger.logger.addHandler(logging.NullHandler())
     with ExitStack() as stack:
         run: Run | None = None
 

@@ -404,8 +404,8 @@ def _forked(pipe: Connection, child_end: Connection, *task: Any) -> int:
 def _work(pipe: Connection, library: c.CDLL, channel: _Channel, make: Callable[[], Instance]) -> None:
     """What that process does: make an instance, and whatever calls of it are wanted."""
     messages = _Messages(pipe)
-    logger.handlers, logger.propagate = [messages], False
-    logger.filters.clear()
+    logger.logger.handlers, logger.logger.propagate = [messages], False
+    logger.setLevel(min(logger.getEffectiveLevel(), logging.WARNING))
     calls: list[Call] = []
     raised: list[LiaisonsError] = []
     returned = 0  # by the last call; the parent hears of statuses of FMI only, beside which it has its own

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from liaisons.cosim.coupling.polynomials import coefficients
 from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.cosim.messages import logger
+from liaisons.cosim.running.contacts import ContactMechanism, accumulated
 from liaisons.cosim.structure.schedule import VariableReference
 
 Flags = NDArray[np.bool_]
@@ -36,9 +37,9 @@ _SUDDEN = 1 / 50
 """A step shorter by this factor is not used for its neighbour: rounding prevails."""
 _SAFETY = 0.8
 
-Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest", "stairs"]
+Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest"]
 """Through data at both ends; a cubic through the end and points before; a polynomial of either degree, whose integrals
-are the data; a Taylor polynomial from the start; the mean of both ends; the value at the end; that at the start.
+are the data; a Taylor polynomial from the start; the mean of both ends; the value at the end.
 """
 
 
@@ -104,16 +105,31 @@ class Worst:
 
 
 @final
+@dataclass(frozen=True)
+class _Watched:
+    """A mechanism with contacts, indices of its inputs that are prescribed motions, and of where its motion errs."""
+
+    mechanism: ContactMechanism
+    items: list[int]
+    targets: list[int]
+
+
+@final
 class Estimate:
     """Errors of communication steps, by the values of the bus at their ends.
 
     :param followed: what inputs follow.
     :param columns: what is on the bus, and where.
     :param kinds: what of it is compared with what, shape (width,).
+    :param mechanisms: those with contacts.
     """
 
     def __init__(
-        self, followed: Iterable[InputReconstruction], columns: Mapping[VariableReference, int], kinds: Indices
+        self,
+        followed: Iterable[InputReconstruction],
+        columns: Mapping[VariableReference, int],
+        kinds: Indices,
+        mechanisms: Sequence[ContactMechanism] = (),
     ) -> None:
         alike: dict[tuple[Shape, int, int], list[InputReconstruction]] = {}
         for item in followed:
@@ -127,6 +143,16 @@ class Estimate:
         self._targets, self._starts = np.unique(targets, return_index=True)
         self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
         self._answers = [np.array(self._followed[self._of[j]].answers, dtype=np.intp) for j in self._blind]
+        self._kinds = kinds
+        owners = {column: owner for (owner, _), column in columns.items()}
+        self._mechanisms = [
+            _Watched(
+                mechanism,
+                [k for k, item in enumerate(self._followed) if item.column in mechanism.inputs],
+                [k for k in range(len(self._targets)) if owners[int(self._targets[k])] == mechanism.name],
+            )
+            for mechanism in mechanisms
+        ]
         self.reset(np.empty(0))
 
     def reset(self, constants: Vector) -> None:
@@ -153,6 +179,7 @@ class Estimate:
         errors = np.zeros(len(times))
         if not self.looks:
             return errors
+        off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
         block = max(_BACK, _NUMBERS // rows.shape[1])
         crossing = np.zeros(len(times), dtype=bool)
         crossing[list(after_break)] = True
@@ -161,7 +188,22 @@ class Estimate:
             signals = np.ascontiguousarray(rows[begin:end].T)
             ends = crossing[begin + 1 : end]
             errors[first:end] = self._of_block(signals, times[begin:end], first - begin, ends)
+            off[:, first:end], added[:, first:end] = (both[:, first - begin - 1 :] for both in self._contacts)
+        for watched, *both in zip(self._mechanisms, off, added, strict=True):
+            if np.any(both):
+                np.fmax(errors, self._magnified(watched, rows, times, *both), out=errors)
         return errors
+
+    def _magnified(self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector) -> Vector:
+        """What steps have added to the error of a mechanism with contacts, and impacts to that."""
+        off = np.fmax(np.fmax(off, np.append(off[1:], 0.0)), np.append(0.0, off[:-1]))  # one alone may be 0 by chance
+        increase = np.diff(accumulated(watched.mechanism, rows, times, off, added), prepend=0.0)
+        latest = int(np.argmax(increase))
+        if watched.items and increase[latest] > (self.worst.error if self.worst else 0.0):
+            item = max((self._followed[k] for k in watched.items), key=lambda one: np.ptp(rows[:, one.column]))
+            signal, size = self._names[int(watched.mechanism.contacts[0, 0])], times[latest] - times[latest - 1]
+            self.worst = Worst(float(increase[latest]), float(times[latest]), signal, item.name, size, item.power)
+        return increase
 
     def latest(self, rows: Vector, times: Vector, count: int) -> Vector:
         """Errors of the last steps.
@@ -170,7 +212,12 @@ class Estimate:
         """
         if not self.looks:
             return np.zeros(count)
-        return self._of_block(np.ascontiguousarray(rows.T), times, len(times) - count, np.zeros(len(times) - 1, bool))
+        signals = np.ascontiguousarray(rows.T)
+        errors = self._of_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool))
+        for watched, off in zip(self._mechanisms, self._contacts[0], strict=True):
+            sizes = np.abs(signals[sorted(watched.mechanism.inputs)]).max(initial=0.0)
+            errors = np.fmax(errors, off[-count:] / (sizes or 1.0))
+        return errors
 
     def snapshot(self) -> tuple[Vector, Worst | None]:
         """What :meth:`rewind` needs."""
@@ -207,10 +254,24 @@ class Estimate:
         totals = np.abs(np.add.reduceat(added, self._starts, axis=0)) / scales[:, 1:]
         totals[:, crossing] = 0.0
         errors = totals.max(axis=0)
+        means = np.abs(once / steps)
+        means[:, crossing] = 0.0
+        self._contacts = np.zeros((2, len(self._mechanisms), len(steps)))
+        for k, watched in enumerate(self._mechanisms):
+            self._contacts[0, k] = sum(means[item] * self._lever(watched, item, signals) for item in watched.items)
+            self._contacts[1, k] = totals[watched.targets].max(axis=0, initial=0.0)
         latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
         if errors[latest] > (self.worst.error if self.worst else 0.0):
             self._note(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
         return errors[first - 1 :]
+
+    def _lever(self, watched: _Watched, k: int, signals: Vector) -> float:
+        """By how much an input moves distances: those of another unit, as their sizes are."""
+        pair = [self._followed[k].column, int(watched.mechanism.contacts[0, 0])]
+        if self._kinds[pair[0]] == self._kinds[pair[1]]:
+            return 1.0
+        sizes = np.abs(signals[pair]).max(axis=1)
+        return float(sizes[1] / sizes[0]) if sizes[0] > 0 else 0.0
 
     def _note(self, added: Vector, totals: Vector, time: float, size: float) -> None:
         target = int(np.argmax(totals))
@@ -253,8 +314,7 @@ def _integrals(
     if shape == "mean":
         once, _ = _hermite(data, steps, crossing)
         return once, once * steps / 2 - steps**2 * change / 12
-    sign = 1 if shape == "stairs" else -1  # where in the step it has jumped is not known
-    return sign * steps * change / 2, sign * steps**2 * change / 3
+    return -steps * change / 2, -(steps**2) * change / 3
 
 
 def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:

@@ -12,6 +12,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.signals import Vector, curve
 from liaisons.cosim.instances import Instance
+from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Port, SystemComponent
@@ -59,6 +60,24 @@ class InitialDerivatives:
     def values(self) -> Vector:
         """The derivatives, as they were taken last."""
         return np.concatenate([np.empty(0), *self._parts])
+
+
+def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
+    """Components with contacts to which something is fed."""
+    mechanisms: list[ContactMechanism] = []
+    for name, contacts in contacts_of_fed(simulation).items():
+        part, index = simulation.parts[name], bus.index
+        columns = np.array([[index[variable] for variable in contact] for contact in contacts], dtype=np.intp)
+        inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
+        mechanisms.append(ContactMechanism(name, columns, inputs))
+    return mechanisms
+
+
+def contacts_of_fed(simulation: Simulation) -> dict[str, list[list[VariableReference]]]:
+    """Name of each component with contacts to which something is fed -> their variables."""
+    fed = {name for name, _ in simulation.feeds}
+    contacts = {name: contact_variables(part) for name, part in simulation.parts.items() if name in fed}
+    return {name: variables for name, variables in contacts.items() if variables}
 
 
 def input_reconstructions(  # noqa: C901 - one case after the other
@@ -116,7 +135,7 @@ def input_reconstructions(  # noqa: C901 - one case after the other
         if shape in {"hermite", "points"} and not straight and numbers == len(references):
             shape, data = "quintic" if len(data) == 3 else "cubic", [column, column + 1]
         elif not signal.continuous and shape != "newest":
-            shape = "stairs"
+            continue  # it is held until the communication point at which it jumps
         reconstructions.append(
             InputReconstruction(
                 f"{_name(source)} -> {'.'.join(target)}",

@@ -32,7 +32,12 @@ from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.impulses import missing_impulses, sums_of_missing, warn_of_missing
-from liaisons.cosim.running.input_reconstruction import InitialDerivatives, input_reconstructions
+from liaisons.cosim.running.input_reconstruction import (
+    InitialDerivatives,
+    contact_mechanisms,
+    contacts_of_fed,
+    input_reconstructions,
+)
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.probe import try_to_start
@@ -89,7 +94,8 @@ class Run:
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
             self._sums = sums_of_missing(simulation)
-            recorded = [*simulation.recorded.values(), *self._sums]
+            contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
+            recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
@@ -317,7 +323,7 @@ class Run:
         initial = InitialDerivatives(simulation, self._instances, bus, gains)
         slopes = {} if coupled is None else coupled.slopes
         inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial.gains}, self._deviations.columns)
-        return initial, Estimate(inputs, bus.index, kinds(simulation, bus))
+        return initial, Estimate(inputs, bus.index, kinds(simulation, bus), contact_mechanisms(simulation, bus))
 
     def _other_readings(self, name: str) -> list[Call]:
         places = self._bus.recorded_only(name)
@@ -366,9 +372,9 @@ def performed(simulation: Simulation, *, progress: bool = False, verify: bool = 
             if time is None:
                 raise
             if isinstance(error, SimulationError):
-                raise IncompleteError(str(error), run.result()) from error
+                raise IncompleteError(str(error), run.concluded()) from error
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
-            raise Interrupted(f"{reached}; .result of this exception has the result so far", run.result()) from None
+            raise Interrupted(f"{reached}; .result of this exception has the result so far", run.concluded()) from None
         result = run.concluded()
         return _verified(simulation, result) if verify else result
 

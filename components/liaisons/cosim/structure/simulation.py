@@ -30,6 +30,8 @@ _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""
 _POINTS = 500
 """So often an FMU of Model Exchange is looked at if neither it nor the user says how often."""
+_ALIKE = 4
+"""Units in the last place of the largest time, by which instants differ that are one but for rounding."""
 _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 """What FMUs hand each other has to fit within this part of the tolerance, but not better than rounding allows."""
 
@@ -316,4 +318,5 @@ def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_si
     if late.size:
         later, before = float(points[late[0] + 1]), float(points[late[0]])
         raise InvalidValueError(f"times[{late[0] + 1}] = {later!r}: must be greater than {before!r}, the one before")
-    return points.tolist()
+    apart = np.diff(points) > _ALIKE * np.spacing(np.max(np.abs(points)))
+    return points[np.append(apart, True)].tolist()

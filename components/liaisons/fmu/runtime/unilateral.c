@@ -15,6 +15,8 @@ enum { AT_ONCE = 8, MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
 static const double FAR = 1e-9, TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, FOLLOWED = 1e-3, LATE = 0.1;
 /* Bounces that are lower than this part of the scale are not followed; after a jump, of what was closed. */
 static const double LOWEST = 1e-12, LIFTED = 1e-9;
+/* A component does not start with a gap between these parts of its rounding, which would not be followed. */
+static const double COARSE[] = {0.1, 100};
 /* What sticks stays so where a prescribed rate is off by this part of its scale. */
 static const double STUCK = 1e-9;
 /* Pivots below this part of the diagonal say that forces are not unique. */
@@ -381,6 +383,10 @@ static int check_overlaps(Instance *self, double time, int late) {
                                 self->s->phase < EVENT ? "start with a gap >= 0"
                                 : late ? "an event was stepped over: take shorter steps, or find where indicators cross 0"
                                        : "a prescribed coordinate must not jump through a body");
+        if (self->s->phase < EVENT && c->gap[i] > COARSE[0] * rounding(c, i, time) && c->gap[i] < COARSE[1] * rounding(c, i, time))
+            return core_because(self, "%s = %.6g at t = %.9g is too small beside positions of %.3g: start with 0 or more than %.3g, or "
+                                "measure positions from near the contact", model->gap[i].name, c->gap[i], time, c->scale[i],
+                                COARSE[1] * rounding(c, i, time));
         if (c->gap[i] <= rounding(c, i, time) && !(G > 0 && isfinite(G)))
             return core_because(self, "%s at t = %.9g: it moves no mass (effective mass %g)", model->gap[i].name, time, 1 / G);
     }

@@ -1,0 +1,125 @@
+"""What contacts make of coupling errors, which reach the motion through impacts only.
+
+Where the height h over a table σ is off by x, its rate by v, and σ by d, the gap g = h - σ closes (x - d)/w later, with
+the speed w.  With the coefficient of restitution e and the acceleration a of the gap (the saltation matrix; Leine,
+Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004)::
+
+    x⁺ = -e x + (1 + e) d,    v⁺ = -e v + (1 + e) (d' - a (x - d)/w),    |a (x - d)/w| <= √(2|a (x - d)|)
+
+the bound being that of impacts that graze, or are missed.  Variances of what the steps add are added up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from liaisons.cosim.coupling.signals import Indices, Vector
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.schedule import VariableReference
+
+_PEAK, _SLOPE = 2.2, 7.5
+"""Largest value and slope of θ³(1 - θ)³, in its mean: the remainder of a quintic within a step."""
+_DEVIATIONS = 2
+"""Standard deviations that are taken for the error."""
+
+
+@final
+@dataclass(frozen=True)
+class ContactMechanism:
+    """An FMU with contacts, by columns of the bus.
+
+    :param contacts: distance, its rate, whether it is closed, and how many impacts there were, of each.
+    :param inputs: those that follow something within a step.
+    """
+
+    name: str
+    contacts: Indices
+    inputs: frozenset[int]
+
+
+def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
+    """Variables of each of its contacts: distance, its rate, whether it is closed, and how many impacts there were."""
+    variables = part.fmu.variables
+    found: list[list[VariableReference]] = []
+    for name, ending, element in (variable.rpartition("_impacts") for variable in variables):
+        names = [f"{name}{suffix}{element}" for suffix in ("", "_dot", "_closed", "_impacts")]
+        if ending and all(other in variables for other in names):
+            found.append([(part.name, other) for other in names])
+    return found
+
+
+def accumulated(mechanism: ContactMechanism, rows: Vector, times: Vector, off: Vector, added: Vector) -> Vector:
+    """Error at each point, relative to the largest distance and rate, at most 1, shape (points,).
+
+    :param rows: what was on the bus, shape (points, width).
+    :param off: mean, in the step that ends at a point, of what its inputs are off, in units of distances.
+    :param added: what the step adds to the motion otherwise, relative to its size.
+    """
+    steps, errors = np.diff(times), np.zeros(len(times))
+    gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
+    length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
+    struck = np.diff(impacts) != 0
+    released = np.any(np.diff(closed) != 0, axis=0)
+    accelerations = _accelerations(rates, steps, struck)
+    lowest = _lowest(gaps, rates, accelerations, steps)
+    at_rest = np.all(closed != 0, axis=0)
+    xx = xv = vv = 0.0
+    for k, H in enumerate(steps.tolist()):
+        d, d_dot = _PEAK * off[k + 1], _SLOPE * off[k + 1] / H
+        xx += H * (2 * xv + H * vv) + (added[k + 1] * length) ** 2
+        xv += H * vv
+        vv += (added[k + 1] * speed) ** 2
+        if released[k]:
+            vv += d_dot**2
+        for c in range(len(gaps)):
+            a, reach = accelerations[c, k], math.sqrt(xx) + d
+            if struck[c, k]:
+                e, w = _impact(gaps[c, k], rates[c, k : k + 2], a * H, a)
+                b = math.copysign(min(abs(a) / w, math.sqrt(2 * abs(a) / reach) if reach else math.inf), a) * (1 + e)
+                xx, xv, vv = (
+                    e**2 * xx + ((1 + e) * d) ** 2,
+                    e**2 * xv + e * b * xx,
+                    e**2 * vv + 2 * e * b * xv + b**2 * xx + ((1 + e) * d_dot + abs(b) * d) ** 2,
+                )
+            elif not closed[c, max(k - 1, 0) : k + 1].any() and lowest[c, k] < reach:
+                vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
+        xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
+        xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
+        errors[k + 1] = min(_DEVIATIONS * max(math.sqrt(xx) / length, math.sqrt(vv) / speed), 1.0)
+        if at_rest[k + 1]:
+            xx = xv = vv = 0.0
+    return errors
+
+
+def _accelerations(rates: Vector, steps: Vector, struck: Vector) -> Vector:
+    """Mean acceleration of each distance in each step; where there is an impact, that of the steps beside it."""
+    found = np.diff(rates) / steps
+    for one, hit in zip(found, struck, strict=True):
+        free = np.flatnonzero(~hit)
+        if len(free):
+            one[hit] = np.interp(np.flatnonzero(hit), free, one[free])
+    return found
+
+
+def _lowest(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -> Vector:
+    """Smallest distance within each step, by the cubic through its ends, less what that is off; else infinite."""
+    x = np.linspace(0, 1, 17)[:, None, None]
+    g, h, v, w = gaps[:, :-1], gaps[:, 1:], rates[:, :-1] * steps, rates[:, 1:] * steps
+    cubic = g + x * v + x**2 * (3 * (h - g) - 2 * v - w) + x**3 * (2 * (g - h) + v + w)
+    bend = np.abs(np.diff(accelerations, prepend=accelerations[:, :1]))
+    slack = bend * steps / 8
+    falls_and_rises = (rates[:, :-1] < slack) & (rates[:, 1:] > -slack)
+    return np.where(falls_and_rises, cubic.min(axis=0) - bend * steps**2 / 32, math.inf)
+
+
+def _impact(gap: float, rates: Vector, change: float, a: float) -> tuple[float, float]:
+    """Coefficient of restitution and speed of an impact, by the distance before it and rates before and after."""
+    jump, w = rates[1] - rates[0] - change, math.sqrt(max(rates[0] ** 2 - 2 * a * gap, 0.0))
+    if jump <= 0:
+        return 1.0, max(w, 1e-300)
+    w = min(max(w, jump / 2), jump)
+    return jump / w - 1, w
