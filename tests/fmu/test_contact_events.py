@@ -16,6 +16,8 @@ WITH_EVENTS = {"events": True, "early": True}
 KNOWN = ("height", "height_dot", "impact_loss")
 READ = (*KNOWN, "gap_impulse", "energy_balance")
 RESTS = BouncingBall.rests_at()
+COUNTED = int(np.log(1e-6) / np.log(0.8**2)) + 1
+"""Impacts after a fall from more than a millionth of the first, which is from 1 m onto a table at 0."""
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +124,9 @@ def test_few_events_until_rest(ball3) -> None:
     assert instance["gap_rests_from"] == pytest.approx(RESTS, abs=1e-11)
     assert instance.get("height", "height_dot").tolist() == [0.0, 0.0]
     assert instance["gap_force"] == pytest.approx(9.81, rel=1e-14)
+    alone = ball3.start()
+    alone.follow(1.0, 5)
+    assert instance.get_integer("gap_impacts") == alone.get_integer("gap_impacts") == COUNTED
 
 
 # ---- model exchange ----------------------------------------------------------------------------------------------
@@ -203,6 +208,7 @@ def test_rest_is_announced(ball) -> None:
     assert importer.instants[-1] == pytest.approx(RESTS, abs=1e-8)
     assert importer.instance["gap_rests_from"] == importer.instants[-1]
     assert importer.instance["height"] == 0.0
+    assert importer.instance.get_integer("gap_impacts") == COUNTED
     assert importer.instance["gap_force"] == pytest.approx(9.81, rel=1e-14)
 
 

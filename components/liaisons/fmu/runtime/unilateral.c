@@ -17,7 +17,7 @@ static const double FAR = 1e-9, TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-1
  * after a fall from higher than this part of it: bounces that are summed, which are lower for every importer, do not. */
 static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
 /* What an importer may be off, in tolerances; a gap that opens slower is an event only where it overlaps by more. */
-static const double ERRORS = 100;
+static const double ERRORS = 10;
 /* What sticks stays so where a prescribed rate is off by this part of its scale. */
 static const double STUCK = 1e-9;
 /* Pivots below this part of the diagonal say that forces are not unique. */
