@@ -10,7 +10,7 @@ import pytest
 from driver import MODEL_EXCHANGE, OK, Instance, Library, reals
 from numpy.typing import NDArray
 
-from liaisons.models import BouncingBall
+from liaisons.models import BallRow, BouncingBall, DryOscillator
 
 WITH_EVENTS = {"events": True, "early": True}
 KNOWN = ("height", "height_dot", "impact_loss")
@@ -99,6 +99,45 @@ def test_impacts_at_communication_points_are_events(ball3, parts) -> None:
     assert impacts == instance.get_integer("gap_impacts") >= 5
 
 
+@pytest.mark.parametrize("parts", [1, 2, 3, 7])
+def test_reversals_at_communication_points_are_events(library, parts) -> None:
+    """Of what rubs, at rest for an instant after each half swing; five of them until it sticks."""
+    instance, size = library(DryOscillator, "fmi3").start(options=WITH_EVENTS), np.pi / np.sqrt(10.0) / parts
+    instance.update()
+    instance.do("EnterStepMode")
+    direction, events = instance["slip_direction"], 0
+    for i in range(8 * parts):
+        step = instance.advance(i * size, size)
+        assert instance["slip_direction"] == direction
+        if step.event:
+            instance.do("EnterEventMode")
+            instance.update()
+            instance.do("EnterStepMode")
+            direction, events = instance["slip_direction"], events + 1
+        if step.early:
+            instance.step(step.time, (i + 1) * size - step.time)
+    assert (direction, events) == (0, 5)
+
+
+def test_impacts_one_after_the_other_in_one_step(library) -> None:
+    """Equal elastic balls swap their rates: at 0.9 s the first two, at 0.9 + 0.09/1.9 s the others, at 1 s again."""
+    instance = library(BallRow).start(x_0=[0.0, 1.0, 2.0], x_dot_0=[1.0, 0.0, -0.9])
+    instance.step(0.0, 2.0)
+    assert instance.get("x", "x_dot") == pytest.approx(np.array([0.0, 1.0, 2.2, -0.9, 0.0, 1.0]), abs=1e-12)
+
+
+@pytest.mark.parametrize("jump", [-5e-4, 5e-4])
+def test_ball_at_rest_goes_with_a_table_that_jumps_a_little(ball, jump: float) -> None:
+    """By less than a thousandth of its size; the work is that of its weight."""
+    instance = ball.start(height_0=0.0)
+    instance.step(0.0, 0.1)
+    instance.set(table=jump)
+    instance.step(0.1, 0.1)
+    assert instance["height"] == pytest.approx(jump, abs=1e-15)
+    assert instance["work"] == pytest.approx(9.81 * jump, rel=1e-12)
+    assert instance["energy_balance"] == pytest.approx(0.0, abs=1e-15)
+
+
 def test_rate_before_and_after_event_mode(ball3) -> None:
     instance = ball3.start(options=WITH_EVENTS)
     instance.update()
@@ -127,6 +166,8 @@ def test_few_events_until_rest(ball3) -> None:
     alone = ball3.start()
     alone.follow(1.0, 5)
     assert instance.get_integer("gap_impacts") == alone.get_integer("gap_impacts") == COUNTED
+    for table in (instance, alone):  # it feels all of what the ball does, whose momentum is 0 at both ends
+        assert table["table_impulse"] == pytest.approx(table["gap_impulse"], rel=1e-14)
 
 
 # ---- model exchange ----------------------------------------------------------------------------------------------
