@@ -253,6 +253,24 @@ def test_rest_is_announced(ball) -> None:
     assert importer.instance["gap_force"] == pytest.approx(9.81, rel=1e-14)
 
 
+@pytest.mark.parametrize("drift", [-1e-6, 1e-6])
+def test_errors_of_an_importer_are_no_impacts(ball: Library, drift: float) -> None:
+    """What is closed is put back, and the importer is told; a table that is pushed at the same event hits the ball."""
+    instance = ball.running(height_0=0.0)
+    instance.do("SetContinuousStates", reals([drift, drift, 0.0, 0.0]), 4)
+    instance.do("EnterEventMode")
+    assert instance.update().states_changed
+    assert instance.get("height", "height_dot", "gap_impulse", "impact_loss").tolist() == [0.0] * 4
+    assert instance["gap_force"] == 9.81
+    instance.do("EnterContinuousTimeMode")
+    instance.do("SetContinuousStates", reals([drift, drift, 0.0, 0.0]), 4)
+    instance.do("EnterEventMode")
+    instance.set(table_dot=0.5)
+    instance.update()
+    assert instance.get("height_dot", "gap_impulse") == pytest.approx([0.9, 0.9], rel=1e-14)
+    assert not instance.update().states_changed
+
+
 @pytest.mark.parametrize("acceleration", [-2.0, 0.0, 2.0])
 def test_an_impact_on_a_moving_table_is_found_late(ball: Library, acceleration: float) -> None:
     """By 10 ms, after which it is right to the square of that; e = 0.8; the ball falls from 1 m onto 0.5 m."""
