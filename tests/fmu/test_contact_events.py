@@ -253,6 +253,19 @@ def test_rest_is_announced(ball) -> None:
     assert importer.instance["gap_force"] == pytest.approx(9.81, rel=1e-14)
 
 
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_modes_that_change_are_announced_where_no_state_jumps(library, version: str) -> None:
+    """At the end of a half swing what slid back slides forth, or sticks: only its acceleration jumps."""
+    for x, direction in ((-0.5, 1.0), (-0.05, 0.0)):
+        instance = library(DryOscillator, version).running(x_dot_0=-1.0)
+        instance.do("SetContinuousStates", reals([x, 0.0, 0.0, 0.0]), 4)
+        instance.do("EnterEventMode")
+        assert instance["slip_direction"] == -1.0
+        assert instance.update().states_changed
+        assert instance.get("x", "x_dot", "slip_direction").tolist() == [x, 0.0, direction]
+        assert not instance.update().states_changed
+
+
 @pytest.mark.parametrize("drift", [-1e-6, 1e-6])
 def test_errors_of_an_importer_are_no_impacts(ball: Library, drift: float) -> None:
     """What is closed is put back, and the importer is told; a table that is pushed at the same event hits the ball."""
