@@ -325,16 +325,6 @@ def test_serialization_into_too_little_memory_is_refused(pendulum_library) -> No
     instance.drop(state)
 
 
-def test_model_exchange_state(pendulum_library) -> None:
-    instance = pendulum_library.running(MODEL_EXCHANGE, theta_0=0.5)
-    instance.do("SetTime", 1.5)
-    instance.do("SetContinuousStates", reals([0.3, 0.4, 0.5, 0.0]), 4)
-    content, expected = instance.serialize(), instance.get(*OUTPUTS)
-    other = pendulum_library.restored(content, MODEL_EXCHANGE)
-    np.testing.assert_array_equal(other.get(*OUTPUTS), expected)
-    np.testing.assert_array_equal(other.vector("GetContinuousStates", 4), [0.3, 0.4, 0.5, 0.0])
-
-
 # ---- of any component, in the middle of an event ---------------------------------------------------------------------
 
 INTERFACES: dict[str, tuple[str, str, dict[str, bool]]] = {
