@@ -122,6 +122,8 @@ class Library:
         self.token = self.description.guid or self.description.instantiationToken or ""
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self._counts = {v.name: int(np.prod(v.shape)) if v.shape else 1 for v in self.description.modelVariables}
+        derived = (d.variable for d in self.description.derivatives)
+        self.states = sum(self.count(v.name) for v in derived if v is not None)
         platform = fmpy.platform if self.fmi == "2" else fmpy.platform_tuple
         self.member = f"binaries/{platform}/{self.description.modelName}{fmpy.sharedLibraryExtension}"
         with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(fmu) as archive:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from itertools import count
 
 import numpy as np
@@ -10,12 +11,14 @@ import pytest
 from driver import MODEL_EXCHANGE, OK, Instance, Library, reals
 from numpy.typing import NDArray
 
-from liaisons.models import BouncingBall
+from liaisons.models import BallRow, BouncingBall, DryOscillator
 
 WITH_EVENTS = {"events": True, "early": True}
 KNOWN = ("height", "height_dot", "impact_loss")
 READ = (*KNOWN, "gap_impulse", "energy_balance")
 RESTS = BouncingBall.rests_at()
+COUNTED = int(np.log(1e-6) / np.log(0.8**2)) + 1
+"""Impacts after a fall from more than a millionth of the first, which is from 1 m onto a table at 0."""
 
 
 @pytest.fixture(scope="module")
@@ -46,16 +49,16 @@ def impacts(until: float) -> list[float]:
 # ---- co-simulation -----------------------------------------------------------------------------------------------
 
 
-def handled(instance: Instance, size: float, stop: float) -> list[float]:
-    """Steps to multiples of a size, events handled where they are; returns their instants."""
+def handled(instance: Instance, size: float, steps: int, discrete: Callable[[], float] = float) -> list[float]:
+    """So many steps, events handled where they are; returns their instants.  What is discrete changes there only."""
     instance.update()
     instance.do("EnterStepMode")
     instants = []
-    for k in range(round(stop / size)):
+    for k in range(steps):
         time, end = k * size, (k + 1) * size
         while True:
-            step = instance.advance(time, end - time)
-            assert step.status == OK
+            before, step = discrete(), instance.advance(time, end - time)
+            assert (step.status, discrete()) == (OK, before)
             if step.event:
                 instance.do("EnterEventMode")
                 instance.update()
@@ -71,7 +74,7 @@ def handled(instance: Instance, size: float, stop: float) -> list[float]:
 def test_importer_gets_every_impact(ball3, size) -> None:
     """At its instant; and the motion is that of one who handles none."""
     instance, alone = ball3.start(options=WITH_EVENTS), ball3.start()
-    np.testing.assert_allclose(handled(instance, size, 3.0), impacts(3.0), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(handled(instance, size, round(3.0 / size)), impacts(3.0), rtol=0, atol=1e-12)
     alone.follow(size, round(3.0 / size))
     np.testing.assert_allclose(instance.get(*READ), alone.get(*READ), rtol=0, atol=1e-11)
     np.testing.assert_allclose(instance.get(*KNOWN), exact(3.0), rtol=0, atol=1e-11)
@@ -81,20 +84,35 @@ def test_importer_gets_every_impact(ball3, size) -> None:
 def test_impacts_at_communication_points_are_events(ball3, parts) -> None:
     """An elastic ball, in steps of a part of its time to fall: what is discrete never changes inside a step."""
     instance, size = ball3.start(options=WITH_EVENTS, tolerance=1e-12, bounce=1.0), np.sqrt(2 / 9.81) / parts
-    instance.update()
-    instance.do("EnterStepMode")
-    time, impacts = 0.0, 0
-    for end in size * np.arange(1, 12 * parts):
-        while time < end:
-            step = instance.advance(time, end - time)
-            assert instance.get_integer("gap_impacts") == impacts
-            time = step.time
-            if step.event:
-                instance.do("EnterEventMode")
-                instance.update()
-                instance.do("EnterStepMode")
-                impacts += 1
-    assert impacts == instance.get_integer("gap_impacts") >= 5
+    instants = handled(instance, size, 12 * parts - 1, lambda: instance.get_integer("gap_impacts"))
+    assert len(instants) == instance.get_integer("gap_impacts") >= 5
+
+
+@pytest.mark.parametrize("parts", [1, 2, 7])
+def test_reversals_at_communication_points_are_events(library, parts) -> None:
+    """Of what rubs, at rest for an instant after each half swing; five of them until it sticks."""
+    instance, size = library(DryOscillator, "fmi3").start(options=WITH_EVENTS), np.pi / np.sqrt(10.0) / parts
+    instants = handled(instance, size, 8 * parts, lambda: instance["slip_direction"])
+    assert (len(instants), instance["slip_direction"]) == (5, 0)
+
+
+def test_impacts_one_after_the_other_in_one_step(library) -> None:
+    """Equal elastic balls swap their rates: at 0.9 s the first two, at 0.9 + 0.09/1.9 s the others, at 1 s again."""
+    instance = library(BallRow).start(x_0=[0.0, 1.0, 2.0], x_dot_0=[1.0, 0.0, -0.9])
+    instance.step(0.0, 2.0)
+    assert instance.get("x", "x_dot") == pytest.approx(np.array([0.0, 1.0, 2.2, -0.9, 0.0, 1.0]), abs=1e-12)
+
+
+@pytest.mark.parametrize("jump", [-5e-4, 5e-4])
+def test_ball_at_rest_goes_with_a_table_that_jumps_a_little(ball, jump: float) -> None:
+    """By less than a thousandth of its size; the work is that of its weight."""
+    instance = ball.start(height_0=0.0)
+    instance.step(0.0, 0.1)
+    instance.set(table=jump)
+    instance.step(0.1, 0.1)
+    assert instance["height"] == pytest.approx(jump, abs=1e-15)
+    assert instance["work"] == pytest.approx(9.81 * jump, rel=1e-12)
+    assert instance["energy_balance"] == pytest.approx(0.0, abs=1e-15)
 
 
 def test_rate_before_and_after_event_mode(ball3) -> None:
@@ -116,12 +134,17 @@ def test_rate_before_and_after_event_mode(ball3) -> None:
 def test_few_events_until_rest(ball3) -> None:
     """Bounces that are too low to be followed end where all of them would: at an event, which closes the gap."""
     instance = ball3.start(options=WITH_EVENTS)
-    instants = handled(instance, 1.0, 5.0)
+    instants = handled(instance, 1.0, 5)
     assert len(instants) < 80
     assert instants[-1] == instance["gap_rests_from"]
     assert instance["gap_rests_from"] == pytest.approx(RESTS, abs=1e-11)
     assert instance.get("height", "height_dot").tolist() == [0.0, 0.0]
     assert instance["gap_force"] == pytest.approx(9.81, rel=1e-14)
+    alone = ball3.start()
+    alone.follow(1.0, 5)
+    assert instance.get_integer("gap_impacts") == alone.get_integer("gap_impacts") == COUNTED
+    for table in (instance, alone):  # it feels all of what the ball does, whose momentum is 0 at both ends
+        assert table["table_impulse"] == pytest.approx(table["gap_impulse"], rel=1e-14)
 
 
 # ---- model exchange ----------------------------------------------------------------------------------------------
@@ -203,7 +226,39 @@ def test_rest_is_announced(ball) -> None:
     assert importer.instants[-1] == pytest.approx(RESTS, abs=1e-8)
     assert importer.instance["gap_rests_from"] == importer.instants[-1]
     assert importer.instance["height"] == 0.0
+    assert importer.instance.get_integer("gap_impacts") == COUNTED
     assert importer.instance["gap_force"] == pytest.approx(9.81, rel=1e-14)
+
+
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_modes_that_change_are_announced_where_no_state_jumps(library, version: str) -> None:
+    """At the end of a half swing what slid back slides forth, or sticks: only its acceleration jumps."""
+    for x, direction in ((-0.5, 1.0), (-0.05, 0.0)):
+        instance = library(DryOscillator, version).running(x_dot_0=-1.0)
+        instance.do("SetContinuousStates", reals([x, 0.0, 0.0, 0.0]), 4)
+        instance.do("EnterEventMode")
+        assert instance["slip_direction"] == -1.0
+        assert instance.update().states_changed
+        assert instance.get("x", "x_dot", "slip_direction").tolist() == [x, 0.0, direction]
+        assert not instance.update().states_changed
+
+
+@pytest.mark.parametrize("drift", [-1e-6, 1e-6])
+def test_errors_of_an_importer_are_no_impacts(ball: Library, drift: float) -> None:
+    """What is closed is put back, and the importer is told; a table that is pushed at the same event hits the ball."""
+    instance = ball.running(height_0=0.0)
+    instance.do("SetContinuousStates", reals([drift, drift, 0.0, 0.0]), 4)
+    instance.do("EnterEventMode")
+    assert instance.update().states_changed
+    assert instance.get("height", "height_dot", "gap_impulse", "impact_loss").tolist() == [0.0] * 4
+    assert instance["gap_force"] == 9.81
+    instance.do("EnterContinuousTimeMode")
+    instance.do("SetContinuousStates", reals([drift, drift, 0.0, 0.0]), 4)
+    instance.do("EnterEventMode")
+    instance.set(table_dot=0.5)
+    instance.update()
+    assert instance.get("height_dot", "gap_impulse") == pytest.approx([0.9, 0.9], rel=1e-14)
+    assert not instance.update().states_changed
 
 
 @pytest.mark.parametrize("acceleration", [-2.0, 0.0, 2.0])

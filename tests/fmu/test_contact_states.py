@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import struct
-import subprocess
-import sys
-from pathlib import Path
 
 import bodies
 import numpy as np
@@ -72,28 +69,6 @@ def test_roll_back_over_impacts_is_exact_to_the_last_bit(sledge, mode) -> None:
         assert instance.get_integer("gap_impacts") == before
         assert run(instance, 10, 60) == once
     instance.drop(state)
-
-
-_FRESH = """
-import sys
-from pathlib import Path
-folder, fmu = sys.argv[1:]
-sys.path.insert(0, folder)
-from driver import Library
-from test_contact_states import run
-instance = Library(Path(fmu)).instantiate()
-instance.deserialize(sys.stdin.buffer.read())
-sys.stdout.buffer.write(b"".join(run(instance, 20, 40)))
-"""
-
-
-def test_modes_and_counters_live_on_in_a_fresh_process(sledge) -> None:
-    instance = begin(sledge, 1)
-    run(instance, 0, 20)
-    content, expected = instance.serialize(), run(instance, 20, 40)
-    arguments = [Path(__file__).parent, sledge.path]
-    fresh = subprocess.run([sys.executable, "-c", _FRESH, *arguments], input=content, capture_output=True, check=True)
-    assert fresh.stdout == b"".join(expected)
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,15 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from driver import ERROR, MODEL_EXCHANGE, OK, Instance, Library, reals
+from driver import CO_SIMULATION, ERROR, MODEL_EXCHANGE, OK, Instance, Library, reals
 from handmade import GRAVITY, breathing_inputs
+
+from liaisons import models
+from liaisons.language.component import Component
 
 OUTPUTS = ("theta", "p_theta", "work", "dissipated", "energy", "energy_balance", "length_force")
 
@@ -321,11 +325,76 @@ def test_serialization_into_too_little_memory_is_refused(pendulum_library) -> No
     instance.drop(state)
 
 
-def test_model_exchange_state(pendulum_library) -> None:
-    instance = pendulum_library.running(MODEL_EXCHANGE, theta_0=0.5)
-    instance.do("SetTime", 1.5)
-    instance.do("SetContinuousStates", reals([0.3, 0.4, 0.5, 0.0]), 4)
-    content, expected = instance.serialize(), instance.get(*OUTPUTS)
-    other = pendulum_library.restored(content, MODEL_EXCHANGE)
-    np.testing.assert_array_equal(other.get(*OUTPUTS), expected)
-    np.testing.assert_array_equal(other.vector("GetContinuousStates", 4), [0.3, 0.4, 0.5, 0.0])
+# ---- of any component, in the middle of an event ---------------------------------------------------------------------
+
+INTERFACES: dict[str, tuple[str, str, dict[str, bool]]] = {
+    "FMI 2 Model Exchange": ("fmi2", MODEL_EXCHANGE, {}),
+    "FMI 3 Model Exchange": ("fmi3", MODEL_EXCHANGE, {}),
+    "event mode": ("fmi3", CO_SIMULATION, {"events": True, "early": True}),
+}
+SUBJECTS: dict[str, tuple[type[Component], dict[str, Any]]] = {
+    "plain mechanism": (models.Pendulum, {"theta_0": 1.0, "friction": 0.1}),
+    "jumps of σ̇": (models.DoublePendulum, {}),
+    "constraints": (models.CartesianPendulum, {}),
+    "non-holonomic": (models.IsokineticOscillator, {}),
+    "orientation": (models.Satellite, {}),
+    "arrays": (models.OscillatorChain, {}),
+    "chain": (models.PendulumChain, {}),
+    "unilateral": (models.BouncingBall, {"height_0": 1e-3, "bounce": 0.5}),
+    "unilateral, leaves": (models.BeadOnSphere, {"x_0": 0.75, "z_0": (1 - 0.75**2) ** 0.5}),
+    "unilateral, several": (models.BallRow, {"x_0": [0.0, 0.115, 0.215]}),
+    "dry friction": (models.DryOscillator, {"x_0": 0.0991, "x_dot_0": 0.02, "belt_dot": 0.02}),
+    "internal states": (models.NoseHooverOscillator, {}),
+    "prescribed only": (models.Ramp, {"start_time": 0.025}),
+    "operator with states": (models.SwingPump, {}),
+    "regulator": (models.Regulator, {"gain_1": [2.0] * 50, "gain_2": [0.3] * 50}),
+    "planned motion": (models.PlannedMotion, {"instant": [0.0, 0.025, 0.025, 0.05, *[0.0] * 96]}),
+}
+
+
+def act(instance: Instance, name: str, cycle: int) -> bytes:
+    """One call of an importer, in the cycle of this number; all that can be read after it."""
+    description, states = instance.library.description, instance.library.states
+    said = b""
+    if name == "set":  # jumps of rates, forces and readings; positions that an operator prescribes do not jump
+        inputs = [v.name for v in description.modelVariables if v.causality == "input"]
+        for i, moved in enumerate(n for n in inputs if f"{n}_dot" not in inputs and "_ddot" not in n):
+            instance.set({moved: instance.get(moved) + 0.01 * (1 + (cycle + i) % 3)})
+    elif name == "update":
+        said = repr(instance.update()).encode()
+    elif name == "advance":
+        said = repr(instance.advance(instance["time"], 0.01)).encode()
+    elif name == "integrate":  # by Euler's rule
+        y = instance.vector("GetContinuousStates", states)
+        y += 0.01 * instance.vector("GetContinuousStateDerivatives", states)
+        instance.do("SetTime", 0.01 * (cycle + 1))
+        instance.do("SetContinuousStates", reals(y), states)
+    else:
+        instance.do(name)
+    return said + instance.get(*(v.name for v in description.modelVariables if v.type in {"Real", "Float64"})).tobytes()
+
+
+def calls(kind: str) -> list[tuple[str, int]]:
+    """Those of eight steps with an event after each, at which inputs jump twice."""
+    moves = ("integrate", "EnterContinuousTimeMode") if kind == MODEL_EXCHANGE else ("advance", "EnterStepMode")
+    cycle = ["EnterEventMode", "set", "update", "set", "update", moves[1], moves[0]]
+    return [(name, k) for k in range(8) for name in cycle[0 if k else 2 :]]
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_state_of_any_moment_goes_on_in_a_fresh_instance(library, subject: str, interface: str) -> None:
+    """Before, between and after updates of discrete states, and after an early return; to the last bit."""
+    (component, start), (target, kind, options) = SUBJECTS[subject], INTERFACES[interface]
+    built: Library = library(component, target)
+    instance, script = built.start(kind, options=options, **start), calls(kind)
+    saved, said = [instance.serialize()], list[bytes]()
+    for call in script:
+        said.append(act(instance, *call))
+        saved.append(instance.serialize())
+    assert len(set(said)) > 8
+    for k, content in enumerate(saved[:-1]):
+        other = built.restored(content, kind, **options)
+        assert other.serialize() == content
+        assert act(other, *script[k]) == said[k], script[k]
+        assert other.serialize() == saved[k + 1], script[k]

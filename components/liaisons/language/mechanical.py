@@ -244,7 +244,8 @@ class MechanicalComponent(Component, abstract=True):
             yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
             yield at_events(of("_impulse"), momentum, f"sum of the impulses of impacts at {name}")
             yield at_events(of("_closed"), "1", f"whether {name} rests at 0", of_type="Boolean")
-            yield at_events(of("_impacts"), "1", f"how many impacts {name} has had", of_type="Integer")
+            text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
+            yield at_events(of("_impacts"), "1", text, of_type="Integer")
             yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", "local")
             yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
         for item in self.dry_frictions:

@@ -163,6 +163,10 @@ class _Modes:
     def _remembered(self, name: str) -> ca.SX:
         return self.m[self.slot[name]]
 
+    def _closed(self, gap: str) -> ca.SX:
+        """1 or 0: an open gap may remember, below 0, by how much it may overlap."""
+        return ca.fmax(self._remembered(suffixed(gap, "_closed")), 0)
+
     def _unloaded(self, expression: ca.SX) -> ca.SX:
         return ca.substitute(expression, self.x, ca.SX.zeros(*self.x.shape))
 
@@ -176,7 +180,7 @@ class _Modes:
         others ζ = 0.
         """
         count, first = len(self.contacts), len(self.gaps)
-        closed = {c.name: self._remembered(c.variable("closed")) for c in self.gaps}
+        closed = {c.name: self._closed(c.name) for c in self.gaps}
         held = [closed[c.name] for c in self.gaps]
         P, d = ca.SX.eye(count), ca.SX.zeros(count, 1)
         sliding = self._each("_sliding", self.frictions)
@@ -200,13 +204,14 @@ class _Modes:
         rows = []
         for i, c in enumerate(self.gaps):
             leaving = LEAVING * ca.fmax(v[i], 0) / self._read(c.variable("rate_scale"))
-            distance = self._read(c.name) / self._read(c.variable("scale")) + leaving + OPEN_MARGIN
+            margin = ca.fmax(-self._remembered(c.variable("closed")), 0) + OPEN_MARGIN
+            distance = self._read(c.name) / self._read(c.variable("scale")) + leaving + margin
             rows.append(flags[i] * (forces[i] * compliance[i] + FORCE_MARGIN) + (1 - flags[i]) * distance)
         for i, c in enumerate(self.frictions, start=len(self.gaps)):
             direction, bound = self._remembered(c.variable("direction")), self._read(c.variable("static"))
             touching = ca.SX(1)
             if c.normal:
-                touching = self._remembered(suffixed(c.normal, "_closed"))
+                touching = self._closed(c.normal)
                 bound *= forces[self.gaps.index(Contact(c.normal))]
             sticks = (bound - ca.fabs(forces[i])) * compliance[i] + FORCE_MARGIN
             slides = direction * v[i] / self._read(c.variable("rate_scale")) + FORCE_MARGIN
@@ -268,10 +273,10 @@ class _Modes:
         special = {c.variable("indicator"): self.indicators[i] for i, c in enumerate(self.contacts)}
         for i, c in enumerate(self.gaps):
             ended = self.t >= self._remembered(c.variable("rests_from"))
-            special[c.variable("closed")] = self._remembered(c.variable("closed")) * ended
+            special[c.variable("closed")] = self._closed(c.name) * ended
             special[c.variable("force")] = ca.fmax(self.forces[i], 0)
         for c in self.frictions:
-            touching = self._remembered(suffixed(c.normal, "_closed")) if c.normal else 1
+            touching = self._closed(c.normal) if c.normal else 1
             special[c.variable("sticks")] = (1 - self._remembered(c.variable("direction")) ** 2) * touching
         return [special.get(v.name, self._read(v.name)) for v in outputs]
 

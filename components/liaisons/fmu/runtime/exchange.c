@@ -62,13 +62,16 @@ void core_enter_event_mode(Instance *self) {
 
 Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     const char *before = (const char *)self->step.backup + ((const char *)self->v.y - (const char *)self->s);
-    *changed = 0;
+    *changed = self->s->jumped; /* derivatives have, perhaps: the importer is to start its solver again */
 #ifdef UNILATERAL
     const int jumps = self->s->jumped;
     self->s->jumped = 1; /* an event of a contact, perhaps */
 #endif /* UNILATERAL */
     if (self->s->jumped) {
         memcpy(self->step.backup, self->s, self->layout.moving_size);
+#ifdef UNILATERAL
+        if (self->options.use == USE_MODEL_EXCHANGE) core_uphold_before(self);
+#endif /* UNILATERAL */
         core_compare(self);
 #ifdef UNILATERAL
         if (jumps) core_jump(self);
@@ -86,7 +89,8 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
             return core_report(self, DISCARD, "%s; set other inputs or states", self->words.text);
         }
         core_follow(self);
-        *changed = memcmp(before, self->v.y, self->model->states * sizeof *self->v.y) != 0;
+        /* Behind the states lies the memory, where the modes of contacts are. */
+        *changed |= memcmp(before, self->v.y, (2 * self->model->states + self->model->memory) * sizeof *self->v.y) != 0;
         self->known.current = 0;
     }
     *next = core_next_instant(self, self->v.k, self->s->time);

@@ -38,9 +38,10 @@ void core_find_prescribed(Instance *self) {
 /* ---- from one communication point to the next -------------------------------------------------------------- */
 
 void core_follow(Instance *self) {
+    core_depart(self);
     FOR_EACH(p) {
         p->past->size = 0;
-        p->past->followed = p->past->value = self->v.u[p->value];
+        p->past->followed = p->past->value;
     }
 }
 

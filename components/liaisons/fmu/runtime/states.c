@@ -116,7 +116,7 @@ static int finite_numbers(const void *numbers, size_t n) {
 static const char *wrong_contact(const Model *model, const void *memory) {
     for (const Gap *gap = model->gap; gap < model->gap + model->gaps; gap++) {
         const double closed = number_at(memory, gap->closed), impacts = number_at(memory, gap->impacts);
-        if ((closed != 0 && closed != 1) || impacts < 0 || floor(impacts) != impacts) return gap->name;
+        if ((closed != 1 && !(closed <= 0 && closed > -1)) || impacts < 0 || floor(impacts) != impacts) return gap->name;
     }
     for (const DryFriction *row = model->friction; row < model->friction + model->frictions; row++) {
         const double direction = number_at(memory, row->direction);

@@ -13,10 +13,13 @@ enum { AT_ONCE = 8, MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
  * method goes on, what is an overlap, what a jump of a prescribed coordinate may move, and what an importer that looks
  * for events may be late. */
 static const double FAR = 1e-9, TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, FOLLOWED = 1e-3, LATE = 0.1;
-/* Bounces that are lower than this part of the scale are not followed; after a jump, of what was closed. */
-static const double LOWEST = 1e-12, LIFTED = 1e-9;
+/* Bounces that are lower than this part of the scale are not followed; after a jump, of what was closed.  Impacts count
+ * after a fall from higher than this part of it: bounces that are summed, which are lower for every importer, do not. */
+static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
 /* A component does not start with a gap between these parts of its rounding, which would not be followed. */
 static const double COARSE[] = {0.1, 100};
+/* What an importer may be off, in tolerances; a gap that opens slower is an event only where it overlaps by more. */
+static const double ERRORS = 10;
 /* What sticks stays so where a prescribed rate is off by this part of its scale. */
 static const double STUCK = 1e-9;
 /* Pivots below this part of the diagonal say that forces are not unique. */
@@ -62,12 +65,15 @@ static void inspect(Instance *self, double time) {
 #undef NEXT
 }
 
-static double *closed_of(Instance *self, size_t i) { return &self->v.m[self->model->gap[i].closed]; }
+/* In the memory 1: closed, 0: open; below 0: open, and overlaps by less than this part of its scale are no event. */
+static double *closed_of(const Instance *self, size_t i) { return &self->v.m[self->model->gap[i].closed]; }
+
+static int is_closed(const Instance *self, size_t i) { return *closed_of(self, i) > 0; }
 
 /* The modes that the memory holds. */
 static void read_modes(const Instance *self, Modes modes) {
     const Model *model = self->model;
-    for (size_t i = 0; i < model->gaps; i++) modes[i] = (signed char)self->v.m[model->gap[i].closed];
+    for (size_t i = 0; i < model->gaps; i++) modes[i] = is_closed(self, i) ? CLOSED : OPEN;
     for (size_t i = 0; i < model->frictions; i++)
         modes[model->gaps + i] = (signed char)self->v.m[model->friction[i].direction];
 }
@@ -199,6 +205,18 @@ void core_uphold(Instance *self, double time) {
     annul(self, time, list, n, 0);
 }
 
+void core_uphold_before(Instance *self) {
+    const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
+    memcpy(self->e.u, self->v.u, inputs_size);
+    for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
+        self->v.u[p->value] = p->past->value;
+        self->v.u[p->rate] = p->past->rate;
+        self->v.u[p->acceleration] = p->past->acceleration;
+    }
+    core_uphold(self, self->s->time);
+    memcpy(self->v.u, self->e.u, inputs_size);
+}
+
 /* ---- complementarity ---------------------------------------------------------------------------------------------- */
 
 /* Forces in some modes, and what they make of the rates; 0 if there are none, or more than one. */
@@ -320,7 +338,7 @@ static int choose(Instance *self, Problem *p, double time, Modes modes, double x
 /* ---- impacts -------------------------------------------------------------------------------------------------------- */
 
 /* The rates after an impact of all gaps in a list: v+ >= max(0, -e v-), and what rubs under them. */
-static int strike(Instance *self, double time, const int touching[], const int was_closed[]) {
+static int strike(Instance *self, double time, const int touching[]) {
     const Model *model = self->model;
     const size_t n = count_of(model), gaps = model->gaps;
     const Contacts *c = &self->contacts;
@@ -355,8 +373,8 @@ static int strike(Instance *self, double time, const int touching[], const int w
         self->v.m[i < gaps ? model->gap[i].loss : model->friction[i - gaps].loss] += loss[i];
         if (i >= gaps || !(x[i] > 0)) continue;
         self->v.m[model->gap[i].impulse] += x[i];
-        const double rebound = was_closed[i] ? -2 * c->a[i] * LIFTED * c->scale[i] : 0;
-        self->v.m[model->gap[i].impacts] += before[i] < -STILL * c->rate_scale[i] && before[i] * before[i] > rebound;
+        self->v.m[model->gap[i].impacts] += before[i] < -STILL * c->rate_scale[i]
+                                            && before[i] * before[i] > 2 * fabs(c->a[i]) * COUNTED * c->scale[i];
     }
     return 1;
 }
@@ -410,7 +428,7 @@ void core_follow_gaps(Instance *self) {
         before = n;
         for (size_t i = 0; i < model->gaps; i++) {
             const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
-            const int follows = gap > -depth && (gap < 0 || (*closed_of(self, i) != 0 && gap < depth));
+            const int follows = gap > -depth && (gap < 0 || (is_closed(self, i) && gap < depth));
             if (n < AT_ONCE && follows && !listed[i]) list[n++] = i;
             listed[i] |= follows;
         }
@@ -452,7 +470,7 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
 /* Whether a gap is at 0; what is closed drifts, and follows. */
 static int touches(Instance *self, size_t i, double time) {
     const Contacts *c = &self->contacts;
-    return c->gap[i] <= (*closed_of(self, i) != 0 ? FOLLOWED * c->scale[i] : rounding(c, i, time));
+    return c->gap[i] <= (is_closed(self, i) ? FOLLOWED * c->scale[i] : rounding(c, i, time));
 }
 
 int core_is_unsettled(Instance *self, double time) {
@@ -472,12 +490,12 @@ int core_is_unsettled(Instance *self, double time) {
 
 /* A gap that bounces so little that the rest of its bounces is summed, and when they end; gaps if there is none. */
 static size_t lowest_bounce(Instance *self, double time, const int touching[], const int was_closed[], const Modes modes,
-                            const double rate[]) {
+                            const double rate[], const int rises[]) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
     for (size_t i = 0; i < model->gaps; i++) {
         const double v = c->v[i], a = rate[i], height = v * v / (-2 * a);
-        if (modes[i] == CLOSED || !touching[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
+        if (modes[i] == CLOSED || !touching[i] || rises[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
         if (height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
             if (isfinite(flight) && (self->s->step > flight || self->s->step <= 0)) self->s->step = flight;
@@ -518,15 +536,17 @@ static int settle(Instance *self, double time, int late) {
     const Model *model = self->model;
     const size_t gaps = model->gaps, n = count_of(model);
     const Contacts *c = &self->contacts;
-    int touching[MOST_CONTACTS], was_closed[MOST_CONTACTS], impacts = 0;
-    double x[MOST_CONTACTS], rate[MOST_CONTACTS];
+    int touching[MOST_CONTACTS], was_closed[MOST_CONTACTS], rises[MOST_CONTACTS], impacts = 0;
+    double x[MOST_CONTACTS], rate[MOST_CONTACTS], overlap[MOST_CONTACTS];
     size_t list[MOST_CONTACTS], held = 0;
     Modes modes;
     inspect(self, time);
     if (!check_overlaps(self, time, late)) return 0;
     for (size_t i = 0; i < gaps; i++) {
-        was_closed[i] = *closed_of(self, i) != 0;
+        was_closed[i] = is_closed(self, i);
         touching[i] = touches(self, i, time);
+        rises[i] = late && c->v[i] > 0; /* out of an importer's error: there is no impact to be summed with others */
+        overlap[i] = fmax(0, -c->gap[i] / c->scale[i]);
         if (touching[i] && held < AT_ONCE && c->gap[i] != 0) list[held++] = i;
     }
     touch(self, time, list, held);
@@ -540,11 +560,11 @@ static int settle(Instance *self, double time, int late) {
                 if (touching[i]) p.contact[p.n++] = i;
             return refuse(self, &p, time, "more than 1000 impacts at one instant");
         }
-        if (!strike(self, time, touching, was_closed)) return 0;
+        if (!strike(self, time, touching)) return 0;
     }
     for (size_t tries = 0;; tries++) {
         if (!rest(self, time, touching, modes, x, rate)) return 0;
-        const size_t low = tries > gaps ? gaps : lowest_bounce(self, time, touching, was_closed, modes, rate);
+        const size_t low = tries > gaps ? gaps : lowest_bounce(self, time, touching, was_closed, modes, rate, rises);
         if (low == gaps) break;
         stop(self, time, low, modes);
         was_closed[low] = 2; /* it keeps the instant at which it rests */
@@ -552,7 +572,10 @@ static int settle(Instance *self, double time, int late) {
     held = 0;
     for (size_t i = 0; i < gaps; i++) {
         if (modes[i] == CLOSED && !was_closed[i]) self->v.m[model->gap[i].rests_from] = time;
-        *closed_of(self, i) = modes[i];
+        /* The importer's errors, of which overlaps tell, would close what begins to open. */
+        const double error = fmin(ERRORS * fmax(self->s->tolerance, overlap[i]), FOLLOWED);
+        const int slow = late && touching[i] && c->v[i] < ERRORS * error * c->rate_scale[i];
+        *closed_of(self, i) = modes[i] == CLOSED ? 1 : slow ? -error : 0;
     }
     for (size_t i = 0; i < model->frictions; i++) self->v.m[model->friction[i].direction] = modes[gaps + i];
     for (size_t i = 0; i < n && held < AT_ONCE; i++)
@@ -584,8 +607,10 @@ int core_settle(Instance *self, double time) {
     self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
     for (size_t i = 0; i < gaps && exchange; i++) {
         self->contacts.lowest = fmax(c->lowest, -c->gap[i] / c->scale[i]);
-        if (*closed_of(self, i) != 0) continue; /* it drifts */
-        if (!(c->gap[i] < 0 && c->gap[i] > -LATE * c->scale[i] && c->v[i] < -STILL * c->rate_scale[i])) continue;
+        if (is_closed(self, i)) continue; /* it drifts */
+        if (!(c->gap[i] < *closed_of(self, i) * c->scale[i] / 2 && c->gap[i] > -LATE * c->scale[i])) continue;
+        /* What hardly moves is put to 0 where it is. */
+        if (!(c->v[i] < -STILL * c->rate_scale[i] && c->v[i] * c->v[i] > fabs(c->a[i] * c->gap[i]))) continue;
         if (c->gap[i] / c->v[i] <= most) continue;
         most = c->gap[i] / c->v[i];
         first = i;
