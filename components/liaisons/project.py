@@ -33,7 +33,7 @@ def scenario_files() -> dict[str, Path]:
 
 
 def scenario_order() -> dict[str, dict[str, Any]]:
-    """Titles of scenarios that their names do not give, and themes, each with its title and scenarios, by short names."""
+    """Titles that names of scenarios do not give, and themes by short names, each with its title and scenarios."""
     return tomllib.loads((_OURS / "gallery.toml").read_text(encoding="utf-8"))
 
 
