@@ -167,10 +167,9 @@ def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
         return
     with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (os.getpid(),)) as pool:
         try:
-            for future in [
-                pool.submit(function, task) for task in tasks
-            ]:  # none of them may be cancelled: the thread of
-                yield future.result()  # the pool reports the end of its processes to each
+            # pool.map cancels those that wait, to which a thread of the pool would report that its processes have ended
+            for future in [pool.submit(function, task) for task in tasks]:
+                yield future.result()
         except BaseException:
             for process in multiprocessing.active_children():
                 process.terminate()
