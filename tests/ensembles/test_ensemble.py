@@ -282,7 +282,7 @@ def test_the_estimate_takes_the_order_that_three_runs_show() -> None:
 def test_the_estimate_covers_a_rate_that_jumps_on_or_off_the_steps(instant: float, step_size: float) -> None:
     """By SciPy, up to the instant and from it on: the pivot starts at 0.3 m/s, which takes 0.3 cos θ from θ'."""
 
-    def rates(_: float, y: NDArray) -> list[float]:
+    def rates(_: float, y: Any) -> list[float]:
         return [y[1], -9.81 * np.sin(y[0])]
 
     exactly: Any = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
