@@ -12,7 +12,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import re
-import tomllib
 from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from html import escape
@@ -31,12 +30,11 @@ from liaisons.errors import LiaisonsError
 from liaisons.language import Operator
 from liaisons.library import catalogue
 from liaisons.pictures import motion_page
-from liaisons.project import load_module, scenario_files
+from liaisons.project import load_module, scenario_files, scenario_order
 from liaisons.scenarios import execute, load
 
-_ORDER = tomllib.loads((Path(__file__).parent / "gallery.toml").read_text(encoding="utf-8"))
-TITLES: dict[str, str] = _ORDER["titles"]
-THEMES: dict[str, list[str]] = _ORDER["themes"]
+TITLES: dict[str, str] = scenario_order()["titles"]
+THEMES = {theme["title"]: theme["scenarios"] for theme in scenario_order()["themes"].values()}
 THUMBNAIL = 420, 300
 """Largest width and height [px]."""
 

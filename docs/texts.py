@@ -19,7 +19,7 @@ from liaisons import analysis, language, mechanics, models
 from liaisons.language import Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import derive
-from liaisons.project import scenario_files
+from liaisons.project import scenario_files, scenario_order
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -246,7 +246,7 @@ def _check(check: str, shown: Collection[str]) -> str:
 @cache
 def _titles() -> dict[str, str]:
     """Titles of scenarios that their names do not give."""
-    return tomllib.loads((HERE / "gallery.toml").read_text(encoding="utf-8"))["titles"]
+    return scenario_order()["titles"]
 
 
 def _ranks() -> str:

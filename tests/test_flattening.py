@@ -13,7 +13,7 @@ from liaisons.check import max_error, slope
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
-from liaisons.models import DoublePendulum, Oscillator, OscillatorChain, Pendulum, Ramp, Sinusoid
+from liaisons.models import DoublePendulum, Oscillator, OscillatorChain, Pendulum, Ramp, Regulator, Sinusoid
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +81,13 @@ def test_chain_keeps_its_size(shared_folder: Path, tmp_path: Path) -> None:
     assert result["chain.u[4]"][0] == 0.3
     energy = result["chain.energy"] + result["hand.energy"]
     assert np.ptp(energy) <= 1e-10  # nothing is lost between the two
+
+
+def test_what_reads_at_communication_points_is_refused(tmp_path: Path) -> None:
+    held = System("held")
+    held.add("regulator", build(assemble(Regulator), tmp_path))
+    with pytest.raises(SimulationError, match=r"^regulator: Regulator\.fmu reads at communication points, of which"):
+        held.flatten(tmp_path)
 
 
 def test_foreign_fmus_are_named(tmp_path: Path) -> None:

@@ -33,6 +33,10 @@ class BuildError(LiaisonsError):
     """An FMU could not be built; nothing was written."""
 
 
+class UnsupportedError(BuildError):
+    """A back end cannot do what this component needs; others can."""
+
+
 class ConnectError(LiaisonsError):
     """Two ports or variables of a system do not fit each other."""
 

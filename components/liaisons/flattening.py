@@ -72,6 +72,12 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
     parts = system.filled()
     if converted := [connection for connection in system.connections if connection.conversion != SAME]:
         raise SimulationError(f"{system.name}: {converted[0]} converts values, which is not flattened; use one unit")
+    for part in parts.values():
+        if part.fmu.model_name == "Regulator":
+            raise SimulationError(
+                f"{part.name}: {part.fmu.path.name} reads at communication points, of which equations of a whole "
+                "system have none; simulate the system"
+            )
     classes = catalogue() | dict(components or {})
     models = {name: _model(part, classes) for name, part in parts.items()}
     starts = {
@@ -127,13 +133,7 @@ def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Mod
 
 def _starts(part: SystemComponent, derived: Model) -> dict[str, float]:
     """Start values of parameters and inputs: those of the system, else those that the file has."""
-    own = {
-        element: value
-        for name, values in part.starts.items()
-        for element, value in zip(
-            part.fmu.elements(name), values if isinstance(values, tuple) else (values,), strict=True
-        )
-    }
+    own = part.element_starts
     names = [variable.name for variable in (*derived.parameters, *derived.inputs)]
     starts: dict[str, Any] = {name: own.get(name, part.fmu.variables[name].start) for name in names}
     return {name: float(start) for name, start in starts.items() if start is not None}

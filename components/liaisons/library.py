@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
@@ -217,7 +218,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
 
     class_ = component(target)
     sized = model(class_, **sizes) if sizes else None
-    folder = fmus_directory() / "-".join(f"{name}={size}" for name, size in sizes.items())
+    folder = sized_folder(fmus_directory(), sizes)
     key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
     if path is None or seen != _identity(path):
@@ -225,6 +226,11 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
         path = build(sized or model(class_), folder, backend=backend)
         _built[key] = path, _identity(path)
     return path
+
+
+def sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
+    """The folder for FMUs of these sizes, ``n=100``, in the one for those as they are declared."""
+    return folder / "-".join(f"{name}={size}" for name, size in sizes.items())
 
 
 def claim(component: type[Component], folder: Path | str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import os
 import sys
@@ -9,6 +10,7 @@ import tomllib
 import traceback
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from liaisons.errors import LiaisonsError, ProjectError
 
@@ -28,6 +30,32 @@ def scenario_files() -> dict[str, Path]:
     """Scenarios by name: those in ``scenarios/`` of the working directory, and ours."""
     paths = [path for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")]
     return dict(sorted((path.stem, path) for path in paths))
+
+
+def scenario_order() -> dict[str, dict[str, Any]]:
+    """Titles that names of scenarios do not give, and themes by short names, each with its title and scenarios."""
+    return tomllib.loads((_OURS / "gallery.toml").read_text(encoding="utf-8"))
+
+
+def scenario_themes() -> dict[str, tuple[str, list[str]]]:
+    """Title of each theme and names of its scenarios, by its short name; ``own`` has those that stand in none."""
+    left = scenario_files()
+    themes: dict[str, tuple[str, list[str]]] = {}
+    for name, theme in scenario_order()["themes"].items():
+        themes[name] = theme["title"], [scenario for scenario in theme["scenarios"] if left.pop(scenario, None)]
+    return themes | ({"own": ("Of this directory", list(left))} if left else {})
+
+
+def scenario_claim(path: Path) -> str:
+    """What a scenario claims: the first paragraph of the file's docstring; the file is not run.
+
+    :raises ProjectError: if it is no Python file.
+    """
+    try:
+        documentation = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    except SyntaxError as error:
+        raise ProjectError(f"{path}:{error.lineno}: {error.msg}") from None
+    return " ".join(documentation.partition("\n\n")[0].split())
 
 
 def figures_directory(scenario: Path) -> Path:

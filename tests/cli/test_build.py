@@ -35,13 +35,38 @@ def test_many_are_built_on_all_cores_and_named_in_order(
     liaisons: Cli, runs: Runs, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("os.cpu_count", lambda: 2)
-    names = ["SmoothStep", "Constant", "Ramp", "Sinusoid"]
+    names = ["SmoothStep", "Constant", "Ramp", "Sinusoid", "Flywheel", "FourierSeries", "Pendulum", "Oscillator"]
     assert [Path(line).stem for line in runs("build", *names, "--backend", "python").splitlines()] == names
     (tmp_path / "fmus" / "python" / "Ramp.fmu").unlink()
     (tmp_path / "fmus" / "python" / "Ramp.fmu").mkdir()  # cannot be written there
     reply = liaisons("build", *names, "--backend", "python")
     assert is_misuse(reply, "Ramp.fmu")
-    assert [Path(line).stem for line in reply.out.splitlines()] == names[:2]
+    assert [Path(line).stem for line in reply.out.splitlines()] == names[:2]  # nor a thread that reports an error
+
+
+def test_what_a_back_end_cannot_do_is_left_out_with_a_line_at_the_end(
+    liaisons: Cli, declare: Callable[[str], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    declare('components = ["Constant", "DryOscillator", "Ramp", "BouncingBall"]')
+    reply = liaisons("build", "--backend", "python")
+    assert (reply.status, reply.out) == (0, "fmus/python/Constant.fmu\nfmus/python/Ramp.fmu\n".replace("/", os.sep))
+    dry, ball = reply.err.splitlines()
+    assert dry.startswith("left out: DryOscillator: the Python back end takes no unilateral liaisons and no dry")
+    assert dry.endswith("(slip); take backend='native'")
+    assert "BouncingBall" in ball
+    assert liaisons("build", "Constant", "BouncingBall", "--backend", "python").status == 2  # it has been named
+
+
+def test_another_size_has_a_folder_of_its_own(runs: Runs) -> None:
+    chain = Path("fmus", "n=3", "OscillatorChain.fmu")
+    assert runs("build", "OscillatorChain", "--size", "n=3").strip() == str(chain)
+    built = chain.stat().st_mtime_ns
+    shown = runs("simulate", "OscillatorChain", "--size", "n=3", "--stop", "0.1")
+    assert ("\nu[3] " in shown, "\nu[4] " in shown) == (True, False)
+    assert "\nu[4] " in runs("simulate", "OscillatorChain", "--stop", "0.1")
+    runs("animate", "OscillatorChain", "--size", "n=3", "--stop", "0.1", "--output", "chain.png")
+    assert chain.stat().st_mtime_ns == built
 
 
 def test_both_versions(runs: Runs, bead: Path) -> None:
@@ -115,13 +140,18 @@ def test_without_a_compiler_the_main_road_is_python_and_one_line_says_how_to_get
     """A fresh process whose search path has no compiler, and no ziglang to import."""
     code = (
         "import sys; sys.modules['ziglang'] = None\n"
-        f"from liaisons.cli import main; raise SystemExit(main(['build', {str(bead) + ':Bead'!r}, '--output', 'out']))"
+        f"from liaisons.cli import main; raise SystemExit(main(['build', {str(bead) + ':Bead'!r}, 'BouncingBall', "
+        "'--output', 'out']))"
     )
     words, environment = [sys.executable, "-c", code], os.environ | {"PATH": ""}
-    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
     assert (tmp_path / "out" / "python" / "Bead.fmu").is_file()
-    assert "pip install ziglang" in done.stdout + done.stderr
-    assert (done.stdout + done.stderr).count("\n") == 2
+    warning, left_out = done.stderr.splitlines()
+    assert "BouncingBall: the Python back end takes no" in left_out
+    assert left_out.endswith("native FMUs take them: pip install ziglang")
+    assert "pip install ziglang" in warning
+    assert done.stdout.count("\n") == 1
 
 
 def test_a_component_of_ones_own_does_not_take_the_place_of_another(liaisons: Cli, bead: Path, tmp_path: Path) -> None:

@@ -9,11 +9,23 @@ from .conftest import Cli, Runs, is_misuse
 
 def test_list_shows_every_component_with_its_coordinates(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "250")
-    lines = {line.split()[0]: line for line in runs("list").splitlines()[2:]}
+    lines = {line.split()[0]: line for line in runs("list").splitlines()[2:] if line}
     assert {"Pendulum", "Oscillator", "Flywheel", "Swing", "CircularHoop"} <= set(lines)
     assert {"Constant", "Ramp", "Sinusoid", "SmoothStep"} <= set(lines)
     assert "theta" in lines["Pendulum"]
     assert "length, pivot_x, pivot_z" in lines["Pendulum"]
+
+
+@pytest.mark.parametrize("words", ["list", "run"])
+def test_scenarios_are_listed_by_theme_with_what_they_claim(runs: Runs, tmp_path: Path, words: str) -> None:
+    (tmp_path / "scenarios").mkdir()
+    (tmp_path / "scenarios" / "mine.py").write_text('"""Two is\ntwo.\n\nMore."""\nraise SystemError("it is run")\n')
+    out = runs(words)
+    contacts, plans = out.index("Bodies that touch: liaisons run --theme contacts\n"), out.index("The operator chooses")
+    assert contacts < out.index("ball_row ") < plans < out.index("planned_swing ")
+    assert out.count("\nball_row ") == 1
+    assert "of 2, 1" not in out  # paragraphs after the first
+    assert out.index("Of this directory: liaisons run --theme own\n") < out.index("\nmine      Two is two.\n")
 
 
 def test_list_shows_the_components_of_a_file_but_not_its_abstract_base(runs: Runs, bead: Path) -> None:

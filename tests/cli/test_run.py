@@ -52,6 +52,16 @@ def test_a_claim_that_fails_gives_status_1(liaisons: Cli, tmp_path: Path, error:
     assert (tmp_path / "elsewhere" / "arithmetic.png").is_file()
 
 
+def test_a_theme(liaisons: Cli, tmp_path: Path) -> None:
+    (tmp_path / "scenarios").mkdir()
+    write(tmp_path / "scenarios" / "first.py")
+    write(tmp_path / "scenarios" / "second.py")
+    reply = liaisons("run", "--theme", "own")
+    assert reply.status == 0
+    assert [line.split(":")[0] for line in reply.out.splitlines() if "Twice" in line] == ["first", "second"]
+    assert is_misuse(liaisons("run", "--theme", "contact"), "no theme is called 'contact'; did you mean 'contacts'?")
+
+
 def test_a_broken_scenario_does_not_hide_the_verdicts_of_the_others(liaisons: Cli, tmp_path: Path) -> None:
     broken = write(tmp_path / "broken.py", error="1 / 0")
     reply = liaisons("run", broken, write(tmp_path / "arithmetic.py"))

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator, show
+from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator, show, tabulated
 from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.structure.connections import connect_scalars
 from liaisons.errors import BuildError, SimulationError
@@ -522,11 +522,24 @@ def test_what_is_not_connected_stands_side_by_side(browser: Any, fmu: Fmu, tmp_p
     assert np.diff(places).min() > 2.0  # pendulums of 1 m swing beside each other
 
 
+MOVED = {
+    "Sinusoid": {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 6.26},
+    "PlannedMotion": {"instant": np.linspace(0, 6, 100), "value": 1 + 0.1 * np.sin(np.arange(100) / 8)},  # arrays
+}
+
+
 @in_a_browser
-def test_a_system_runs_as_its_simulation(opened: Opened, fmu: Fmu) -> None:
+@pytest.mark.parametrize("moved", MOVED)
+@pytest.mark.parametrize("archived", [False, True])
+def test_a_system_runs_as_its_simulation(
+    opened: Opened, fmu: Fmu, tmp_path: Path, moved: str, *, archived: bool
+) -> None:
     system = System(EVIL)
-    pumped = operator(fmu(catalogue()["Sinusoid"]), offset=1.0, amplitude=0.1, angular_frequency=6.26)
+    pumped = operator(fmu(catalogue()[moved]), start_values=MOVED[moved])
     system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.5, length=pumped)
+    if archived:  # its FMUs read their start values from files, which a page has not
+        system.write_ssp(tmp_path / "system.ssp")
+        system = System.from_ssp(tmp_path / "system.ssp")
     with opened(system) as live:
         plan = live.plan
         reached = live.run(600)
@@ -627,6 +640,11 @@ def test_what_has_no_sources_is_refused(fmu: Fmu, tmp_path: Path) -> None:
     for path in (bare, fmu(pendulum, fmi="3")):
         with pytest.raises(SimulationError, match=rf"^{re.escape(str(path))}.*FMI 2\.0"):
             live_page(path)
+    times = np.linspace(0, 1, 200)
+    system = System("long")
+    system.add("swing", fmu(pendulum), length=tabulated(times, 1 + times))
+    with pytest.raises(SimulationError, match=r"^PlannedMotion\.fmu: a live page reads no files"):
+        live_page(system)
 
 
 def test_without_a_compiler_it_says_what_to_install(fmu: Fmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

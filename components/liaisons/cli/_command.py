@@ -14,6 +14,7 @@ import typer
 from liaisons.errors import SimulationError
 from liaisons.files import check_writable
 from liaisons.library import catalogue_names, variables
+from liaisons.project import scenario_claim, scenario_files, scenario_themes
 from liaisons.version import __version__
 
 if TYPE_CHECKING:
@@ -91,6 +92,14 @@ def show(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
     Console().print(text, soft_wrap=True)
 
 
+def show_scenarios() -> None:
+    """Print what the scenarios claim, a table for each theme."""
+    files = scenario_files()
+    for name, (title, scenarios) in scenario_themes().items():
+        print(f"\n{title}: liaisons run --theme {name}\n")
+        show({"scenario": scenario, "claim": scenario_claim(files[scenario])} for scenario in scenarios)
+
+
 def subject(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:
     """The argument that says what a command is about; names of components complete."""
     return typer.Argument(metavar=metavar, help=words, autocompletion=catalogue_names)
@@ -156,6 +165,10 @@ UnpackedLimit = Annotated[
         envvar="LIAISONS_UNPACKED_LIMIT",
         callback=_allow,
     ),
+]
+
+Size = Annotated[
+    Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", "--size", parser=assignment)
 ]
 
 # The options of every simulation.

@@ -14,19 +14,22 @@ from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.knots import Join
 from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, owned
-from liaisons.library import fmu_file
+from liaisons.library import fmu_file, fmu_path
 from liaisons.project import ProjectError, load_module
 
 MISMATCH = "_mismatch"
 _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs
 
 
-def resolved(word: str, starts: Iterable[Any]) -> tuple[Path | System, dict[str, Any]]:
+def resolved(word: str, starts: Iterable[Any], size: Any = None) -> tuple[Path | System, dict[str, Any]]:
     """The FMU or system of a command-line argument, and start values that are not in it yet.
 
+    :param size: --size, of a component.
     :raises ProjectError: if there is no such thing.
     """
     start_values = dict(starts)
+    if size:
+        return fmu_path(word, **dict([size])), start_values
     if word.lower().endswith(".ssp"):
         return ssp.read(word, System, start_values), {}
     return declared_system(word) or fmu_file(word), start_values
@@ -47,6 +50,7 @@ def simulation(
     join: Join = "quintic",
     record: list[str] | None = None,
     isolated: float = 0.0,
+    size: Any = None,
 ) -> tuple[System, Simulation]:
     """System and simulation of a command-line argument; the files of an archive are deleted with its system.
 
@@ -54,8 +58,9 @@ def simulation(
     :param given: --input, and ``join`` --join.
     :param record: signals besides :func:`mismatches`; outputs and inputs if None.
     :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
+    :param size: --size, of a component.
     """
-    subject, rest = resolved(word, starts)
+    subject, rest = resolved(word, starts, size)
     if single := not isinstance(subject, System):
         system = System(subject.stem)
         system.experiment = system.add(subject.stem.replace(".", "_"), subject, start_values=rest).fmu.experiment

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -13,8 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from liaisons.cli._command import assignment, command, option, show, subject
-from liaisons.library import Backend, catalogue, claim, model
+from liaisons.cli._command import Size, command, option, show, show_scenarios, subject
+from liaisons.errors import UnsupportedError
+from liaisons.library import Backend, catalogue, claim, model, sized_folder
 from liaisons.library import components as find
 from liaisons.processes import die_with_parent
 from liaisons.project import declared_components, fmus_directory, from_here
@@ -36,8 +38,10 @@ T = TypeVar("T")
 def listing(
     targets: Annotated[list[str] | None, subject("FILE.py", "show those of these files instead")] = None,
 ) -> int:
-    """Show the components: free and active coordinates, and what each one is."""
+    """Show the components, with their free and active coordinates, and the scenarios by theme."""
     show([_row(component) for target in targets or ["all"] for component in find(target)])
+    if not targets:
+        show_scenarios()
     return 0
 
 
@@ -81,9 +85,7 @@ def build(
             help="in FMI 3.0, arrays as such, or number by number for tools that know none, in fmi3/scalars/",
         ),
     ] = True,
-    size: Annotated[
-        Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", parser=assignment)
-    ] = None,
+    size: Size = None,
     as_modelica: Annotated[
         bool,
         typer.Option("--modelica", help="write Modelica text, NAME.mo, and no FMU; without names one package of all"),
@@ -92,13 +94,16 @@ def build(
         bool,
         typer.Option("--standard-library", help="with --modelica: flanges and units of the Modelica Standard Library"),
     ] = False,
-    output: Annotated[Path | None, option("DIR", "where they go (default: fmus/)")] = None,
+    output: Annotated[
+        Path | None, option("DIR", "where they go (default: fmus/), of another size its n=NUMBER/")
+    ] = None,
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.
     chosen = targets or declared_components()
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
-    folder = output or fmus_directory()
+    sizes = dict([size] if size else [])
+    folder = sized_folder(output or fmus_directory(), sizes)
     if as_modelica:
         if (backend, platforms, fmi, arrays, size) != ("auto", "host", "2", True, None):
             raise typer.BadParameter("--backend, --platforms, --fmi, --no-arrays, --size are of FMUs; omit --modelica")
@@ -111,12 +116,17 @@ def build(
         claim(component, folder)
     names = [(target, component.__name__) for target, component in named]
     how = {"backend": backend, "platforms": platforms, "arrays": arrays}
-    sizes = dict([size] if size else [])
     versions = ["2", "3"] if fmi == "both" else [fmi]
-    for paths in _on_all_cores(partial(_build_one, folder, sizes, versions, how), names):
-        for path in paths:
-            print(from_here(path), flush=True)
-    return 0
+    left_out: list[UnsupportedError] = []
+    for built in _on_all_cores(partial(_build_one, folder, sizes, versions, how), names):
+        for path in built:
+            if isinstance(path, UnsupportedError):
+                left_out.append(path)
+            else:
+                print(from_here(path), flush=True)
+    for error in left_out:
+        print(f"left out: {error}", file=sys.stderr)
+    return 2 if targets and left_out else 0  # what is named has to be there
 
 
 def _write_modelica(components: list[type[Component]], folder: Path, *, whole: bool, standard_library: bool) -> int:
@@ -137,13 +147,16 @@ def _write_modelica(components: list[type[Component]], folder: Path, *, whole: b
 
 def _build_one(
     folder: Path, sizes: dict[str, object], versions: list[Any], how: dict[str, Any], name: tuple[str, str]
-) -> list[Path]:
+) -> list[Path | UnsupportedError]:
     from liaisons.fmu import build
 
     target, class_name = name
     (component,) = (component for component in find(target) if component.__name__ == class_name)
     sized = model(component, **sizes)
-    return [build(sized, folder, fmi=fmi, **how) for fmi in versions]
+    try:
+        return [build(sized, folder, fmi=fmi, **how) for fmi in versions]
+    except UnsupportedError as error:
+        return [error]
 
 
 def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
@@ -154,9 +167,10 @@ def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
         return
     with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (os.getpid(),)) as pool:
         try:
-            yield from pool.map(function, tasks)
+            # pool.map cancels those that wait, to which a thread of the pool would report that its processes have ended
+            for future in [pool.submit(function, task) for task in tasks]:
+                yield future.result()
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
             for process in multiprocessing.active_children():
                 process.terminate()
             raise

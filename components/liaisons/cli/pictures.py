@@ -11,6 +11,7 @@ import typer
 from liaisons.cli._command import (
     Inputs,
     Join,
+    Size,
     Start,
     Starts,
     Step,
@@ -47,6 +48,7 @@ def animate(
         ),
     ],
     starts: Starts,
+    size: Size = None,
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -67,7 +69,7 @@ def animate(
 
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
-        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, join=join)
+        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, join=join, size=size)
         result = performed(asked)
     elif of is None:
         raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")

@@ -7,12 +7,15 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import command, option, show
-from liaisons.project import ProjectError, from_here, scenario_files
+from liaisons.cli._command import command, option, show, show_scenarios
+from liaisons.errors import suggestion
+from liaisons.project import ProjectError, from_here, scenario_files, scenario_themes
 
 
 @command("""
     liaisons run pumped_swing
+    liaisons run
+    liaisons run --theme contacts
     liaisons run --all
     liaisons run my_scenario.py --figures /tmp
 """)
@@ -23,10 +26,14 @@ def run(
         typer.Argument(
             metavar="NAME|FILE.py",
             autocompletion=lambda: list(scenario_files()),
-            help="scenarios of this project, which 'liaisons run' lists, or files",
+            help="scenarios of this project, or files (default: list them by theme)",
         ),
     ] = None,
     *,
+    theme: Annotated[
+        str | None,
+        option("NAME", "run the scenarios of a theme", autocompletion=lambda: list(scenario_themes())),
+    ] = None,
     every: Annotated[bool, typer.Option("--all", help="run every scenario of this project")] = False,
     figures: Annotated[
         Path | None,
@@ -38,13 +45,17 @@ def run(
 ) -> int:
     """Run scenarios: simulate, compare with the closed form, draw.
 
-    Exit status 1 when a claim fails.
+    Without a name, list them by theme.  Exit status 1 when a claim fails.
     """
     from liaisons.scenarios import execute, load
 
-    chosen = list(scenario_files()) if every else targets
+    themes = scenario_themes()
+    if theme not in (None, *themes):
+        raise ProjectError(f"no theme is called {theme!r}{suggestion(theme, themes)}")
+    chosen = [*(targets or ()), *(scenario_files() if every else themes[theme][1] if theme else ())]
     if not chosen:
-        raise ProjectError(f"name a scenario or use --all; known: {', '.join(scenario_files()) or 'none'}")
+        show_scenarios()
+        return 0
     outcomes = []
     for scenario in [load(target) for target in chosen]:
         print(f"{scenario.name}: {scenario.claim}", flush=True)

@@ -15,6 +15,7 @@ from liaisons.array_names import split
 from liaisons.cli._command import (
     Inputs,
     Join,
+    Size,
     Start,
     Starts,
     Step,
@@ -56,6 +57,7 @@ class _Command(TyperCommand):
     liaisons simulate Pendulum --input motion.csv --stop 5
     liaisons simulate system.ssp --set swing.theta_0=0.1 --step 0.01
     liaisons simulate my_component.py --step 0.1 --tolerance 1e-10
+    liaisons simulate OscillatorChain --size n=50
     liaisons simulate foreign.fmu --isolated
     """,
     cls=_Command,
@@ -64,6 +66,7 @@ def simulate(
     fmu: Annotated[str, subject("FMU|SSP|NAME|FILE.py")],
     *,
     starts: Starts,
+    size: Size = None,
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -94,7 +97,7 @@ def simulate(
     names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
     system, asked = simulation(
-        fmu, starts, start, stop, step, tolerance, given=given, join=join, record=names, isolated=limit
+        fmu, starts, start, stop, step, tolerance, given=given, join=join, record=names, isolated=limit, size=size
     )
     if diagram:
         system.diagram(diagram)

@@ -12,7 +12,7 @@ from uuid import UUID
 
 from liaisons.arguments import as_path, chosen
 from liaisons.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
-from liaisons.errors import BuildError
+from liaisons.errors import BuildError, UnsupportedError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
 from liaisons.fmu.description import model_description
@@ -55,6 +55,7 @@ def build(
         importers that know no arrays.
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
+    :raises UnsupportedError: if the back end cannot do what the model needs.
     """
     chosen("backend", backend, get_args(Backend), BuildError)
     chosen("platforms", platforms, get_args(Platforms), BuildError)
@@ -64,7 +65,7 @@ def build(
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
     if platforms == "wasm" and fmi == "2":
         raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
-    if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
+    if backend == "auto" and fmi == "2" and not _compilers():
         _warn_no_compiler()
         backend = "python"
     if backend == "python":
@@ -72,6 +73,10 @@ def build(
     if fmi == "3":
         output = output / "fmi3" if arrays else output / "fmi3" / "scalars"
     return _build_native(model, output, platforms, fmi, arrays=arrays)
+
+
+def _compilers() -> list[str] | None:
+    return system_compiler() or zig_compiler()
 
 
 @cache
@@ -113,7 +118,8 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
-    refuse_contacts(model, "the Python back end", "take backend='native'", BuildError)
+    remedy = "take backend='native'" if _compilers() else "native FMUs take them: pip install ziglang"
+    refuse_contacts(model, "the Python back end", remedy, UnsupportedError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
     members = _identified(python_members(flat, _NO_GUID), model)

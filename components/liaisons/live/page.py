@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import re
 from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
@@ -28,6 +29,7 @@ _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page
 _EXPORTS = ("-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free")  # all FMI functions, and memory
 _MOST_READ = 400  # elements of arrays that are read each frame
 _MOST_SLIDERS = 8  # elements of an array with a slider each
+_STARTS = "resources/starts.txt"
 _FRAMES = 60  # a second
 _LONGEST = 20.0  # [s] that a default experiment takes on the page
 _INTERPOLATE = 2
@@ -89,6 +91,12 @@ def _compiled(path: Path, *_identity: int) -> str:
     with Archive(path) as archive:
         members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
         sources = {}
+        if _STARTS in archive.names:
+            with archive.open(_STARTS) as file:
+                if file.read(2) == b"t ":
+                    raise SimulationError(
+                        f"{path.name}: a live page reads no files, and this FMU has its motion in one"
+                    )
         for member in members:
             with archive.open(member) as file:
                 sources[member.removeprefix("sources/")] = file.read()
@@ -127,12 +135,13 @@ def _component(
     chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
     mode = _INTERPOLATE if chooses else part.approximation.method
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
-    needed = {*hidden, *part.starts, *(name for name, *_ in free)}  # beside what is read or has a slider
-    listed = [_variable(v, part, read=name in read, hidden=name in hidden) for name, v in variables.items()]
+    starts = part.element_starts
+    needed = {*hidden, *starts, *(name for name, *_ in free)}  # beside what is read or has a slider
+    listed = [_variable(v, part, starts, read=name in read, hidden=name in hidden) for name, v in variables.items()]
     return {
         "prefix": prefix,
         "module": paths.index(part.fmu.path),
-        "guid": part.fmu.guid,
+        "guid": re.sub(r"}-\w+$", "}", part.fmu.guid),  # a longer one is of start values in a file, too
         "variables": [v for v in listed if v.get("read") or v.get("set") or v["name"] in needed],
         "free": free,
         "settings": {} if mode is None else {str(reference): mode},
@@ -142,9 +151,11 @@ def _component(
     }
 
 
-def _variable(v: ScalarVariable, part: SystemComponent, *, read: bool, hidden: bool) -> dict[str, Any]:
+def _variable(
+    v: ScalarVariable, part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
+) -> dict[str, Any]:
     base, index = split(v.name)
-    start_value = part.starts.get(v.name, v.start)
+    start_value = starts.get(v.name, v.start)
     start = float(str(start_value)) if v.causality in {"parameter", "input"} and start_value is not None else None
     few = index is None or index[-1] <= _MOST_SLIDERS
     settable = start is not None and few and not hidden and Port(part, v.name).force != v.name

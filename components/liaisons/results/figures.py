@@ -164,9 +164,9 @@ def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int
             diagrams[0].set_title(title)
         else:
             figure.suptitle(title)
-        figure.align_ylabels(diagrams)
         for diagram in diagrams[count:]:
             diagram.remove()
+        figure.align_ylabels(diagrams[:count])
         return diagrams[:count]
     from matplotlib.axes import Axes as MatplotlibAxes
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from numbers import Real
 from pathlib import Path
-from typing import Literal, final, get_args
+from typing import Any, Literal, final, get_args
 
 from liaisons.arguments import as_path, settings_beside, shown
 from liaisons.cosim.description.fmu import Fmu, read
@@ -136,6 +136,17 @@ class SystemComponent:
         """The variable of this name; of a port that is called otherwise, its value."""
         port = Port(self, name)
         return name if port.exists else port.leading.name
+
+    @property
+    def element_starts(self) -> dict[str, Any]:
+        """Start values that differ from those of the FMU, of arrays element by element."""
+        return {
+            element: value
+            for name, values in self.starts.items()
+            for element, value in zip(
+                self.fmu.elements(name), values if isinstance(values, tuple) else (values,), strict=True
+            )
+        }
 
     @property
     def carried(self) -> frozenset[VariableType]:
