@@ -1,4 +1,4 @@
-"""What the suite says of itself: skips that are allowed."""
+"""What the suite says of itself: skips that are allowed, faults that it notices."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from faults import entries
+
 SKIPS = """
 import pytest
 
@@ -34,3 +38,17 @@ def test_a_skip_that_the_list_does_not_allow_fails(tmp_path: Path) -> None:
     assert "1 failed, 1 skipped, 1 xfailed, 1 error" in printed
     assert "tests/skips.toml does not allow: Skipped: not today" in printed
     assert "tests/skips.toml does not allow: Skipped: could not import 'nothing_of_this_name'" in printed
+
+
+def test_what_is_planted_again_is_there() -> None:
+    packages = {path.name for path in (HERE.parent / "components/liaisons").iterdir() if path.is_dir()}
+    for entry in entries():
+        name, survivors = entry["package"], entry.get("survivors", {})
+        assert name in packages
+        assert entry["files"], name
+        for test in entry["tests"]:
+            path, _, function = test.removeprefix("--deselect=").partition("::")
+            assert (HERE.parent / path).exists(), test
+            assert f"def {function}(" in (HERE.parent / path).read_text(encoding="utf-8") if function else True, test
+        assert entry["caught"] + len(survivors) == entry["count"], name
+        assert all(survivors.values()), name
