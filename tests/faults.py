@@ -41,7 +41,7 @@ def main(tool: str, *packages: str) -> int:
             ]
             command = [sys.executable, tool, *entry["files"], *options]
             printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False, cwd=ROOT).stdout
-            print(printed, flush=True)
+            sys.stdout.write(printed)
             caught = printed.split("\n")[-2].split()[0] if " caught" in printed else "0"
             fewer += int(caught) < entry["caught"]
     return int(fewer > 0)

@@ -7,11 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(Path(__file__).parent))  # the module beside the tests
 
 from faults import entries
 
+HERE = Path(__file__).parent
 SKIPS = """
 import pytest
 
