@@ -56,6 +56,7 @@ def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
         if v.minimum is not None
     }
     assert bool(found) == (component not in UNBOUNDED)
+    assert {v.minimum for v in bounded} <= {0}  # masses, lengths, rates of loss
     return found
 
 
