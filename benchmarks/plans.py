@@ -12,7 +12,7 @@ processor times, equations and derivatives included.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,7 +68,8 @@ class Problem:
 def measure(quick: bool, plots: Path) -> list[Row]:
     rows: list[Row] = []
     begin = time.process_time()
-    for problem in PROBLEMS[:2] if quick else PROBLEMS:
+    problems = PROBLEMS[:2] if quick else PROBLEMS
+    for problem in problems:
         motion, seconds = _timed(problem)
         reference, fmu = problem.reference(motion), fmu_path(motion.goal.component)
         built = fmu.stat().st_mtime
@@ -86,7 +87,7 @@ def measure(quick: bool, plots: Path) -> list[Row]:
         rows.append(Row(VERDICTS, problem.name, len(failed), "", asked="<= 0", remark=remark))
         assert fmu.stat().st_mtime == built, "a second plan builds no FMU"
     rows.append(Row(ALL, "with verdicts and references", time.process_time() - begin, "s", asked="<= 180"))
-    _draw_orders(plots / "plans.png")
+    _draw_orders(problems[:4], plots / "plans.png")
     return sorted(rows, key=lambda row: (COST, SOLVE, REPLAY, VERDICTS, ALL).index(row.topic))
 
 
@@ -99,9 +100,9 @@ def _count(motion: Plan) -> int:
     return sum(arc.intervals for arc in motion.solution.trajectory.arcs)
 
 
-def _draw_orders(path: Path) -> None:
+def _draw_orders(problems: Sequence[Problem], path: Path) -> None:
     figure, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
-    for problem in PROBLEMS[:4]:
+    for problem in problems:
         motions = [problem.planned(intervals=n, accuracy=None) for n in MESHES]
         reference = problem.reference(motions[-1])
         ax.loglog(MESHES, [abs(motion.cost / reference - 1) + 1e-16 for motion in motions], ".-", label=problem.name)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import platform
+import re
+import shutil
 import signal
-from collections.abc import Callable, Iterator
+import sys
+import tomllib
+from collections.abc import Callable, Generator, Iterator
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -18,6 +23,10 @@ from liaisons.fmu import build
 from liaisons.mechanics import Equations, assemble
 
 _SYMBOLIC = {"analysis", "expressions", "formulas", "language", "mechanics", "test_units.py"}
+_SKIPS = tomllib.loads((Path(__file__).parent / "skips.toml").read_text(encoding="utf-8"))["skip"]
+_SLOW_SECONDS = 1200  # for a slow test; pyproject.toml has the time of the others
+
+Report = TypeVar("Report", pytest.TestReport, pytest.CollectReport)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -28,6 +37,38 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         slow = item.get_closest_marker("slow") is not None
         if item.path.relative_to(Path(__file__).parent).parts[0] in _SYMBOLIC and not builds and not slow:
             item.add_marker("symbolic")
+        if slow and item.get_closest_marker("timeout") is None:
+            item.add_marker(pytest.mark.timeout(_SLOW_SECONDS))
+
+
+def skip_allowed(reason: str) -> bool:
+    """Whether skips.toml has a skip of this reason that is allowed on this machine."""
+    on_ci = sys.platform == "linux" and platform.machine() == "x86_64"
+    return any(
+        re.search(skip["reason"], reason)
+        and not any(map(shutil.which, skip.get("missing", ())))
+        and not (on_ci and "elsewhere" in skip)
+        for skip in _SKIPS
+    )
+
+
+def _checked(report: Report) -> Report:
+    """A report in which a skip that is not allowed is a failure."""
+    if report.skipped and not hasattr(report, "wasxfail") and isinstance(report.longrepr, tuple):
+        reason = report.longrepr[2]
+        if not skip_allowed(reason):
+            report.outcome, report.longrepr = "failed", f"{report.nodeid}: tests/skips.toml does not allow: {reason}"
+    return report
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    return _checked((yield))
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    return _checked((yield))
 
 
 @pytest.fixture(params=range(10))

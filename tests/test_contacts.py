@@ -33,7 +33,7 @@ from liaisons import (
 )
 from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import Contact
-from liaisons.models import Pendulum
+from liaisons.models import DryOscillator, Pendulum
 
 T = np.linspace(0.0, 1.0, 5)
 PATH: dict[str, np.ndarray] = dict.fromkeys(("x", "x_dot", "z", "z_dot"), 0 * T)
@@ -182,3 +182,12 @@ def test_what_contacts_conserve() -> None:
     assert total.evaluate(x_1_dot=3.0, x_2_dot=1.0) == pytest.approx(2 * 2.0 * (3.0 + 1.0))
     with pytest.raises(LiaisonsError, match=r"^Pair: the field moves gap, whose forces change"):
         analysis.noether(Pair, lambda _: {"x_1": 1})
+
+
+def test_equations_show_what_dry_friction_is_bounded_by() -> None:
+    """Coulomb's cone; where static and sliding friction are one parameter, one threshold."""
+    shown = {str(e.lhs): str(e.rhs) for e in equations(Sledge)["dry_friction"].sympy()}
+    assert shown == {"slip": "-belt_dot + x_dot", "S_slip": "gap_force*grip"}
+    shown = {str(e.lhs): str(e.rhs) for e in equations(DryOscillator)["dry_friction"].sympy()}
+    assert shown["S_slip"] == "gravity*mass*mu_static"
+    assert shown["K_slip"] == "gravity*mass*mu_sliding"

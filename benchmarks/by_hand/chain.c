@@ -118,7 +118,7 @@ static Instance *instance;
 
 /* As a co-simulation FMU with its start values; returns the bytes that it takes, or 0 if it does not start. */
 double chain_start(double tolerance) {
-    const Options options = {.use = CO_SIMULATION, .report = tell};
+    const Options options = {.use = USE_CO_SIMULATION, .report = tell};
     const struct mallinfo2 before = mallinfo2();
     instance = core_new(&model, &options);
     const struct mallinfo2 after = mallinfo2();

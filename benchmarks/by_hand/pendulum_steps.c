@@ -38,11 +38,12 @@ static Signal accept(void *context, double t, double y[]) {
 
 double gauss_of_two(double *y, double h, long n) {
     static const double size[] = {1, 1};
-    const Problem problem = {2, 2, 0, size, rates_of_two, rates_of_two, accept, NULL};
+    const Problem problem = {
+        .n = 2, .coupled = 2, .size = size, .rates = rates_of_two, .coupled_rates = rates_of_two, .accept = accept};
     double low[2] = {0}, history[2 * HISTORY], work[2 * SYMPLECTIC_COLUMNS], t = 0;
     int32_t known = 0;
     const double start = processor_time();
-    symplectic_advance(&problem, &t, (double)n * h, h, y, low, history, &known, work);
+    symplectic_advance(&problem, NULL, &t, (double)n * h, h, y, low, history, &known, work);
     return processor_time() - start;
 }
 

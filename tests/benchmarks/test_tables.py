@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -109,6 +110,12 @@ def test_the_page_keeps_what_stands_around_its_marks(section, tmp_path) -> None:
 def test_the_page_of_this_repository_has_the_marks() -> None:
     text = (HERE / "README.md").read_text(encoding="utf-8")
     assert text.index(BEGIN) < text.index(END)
+
+
+def test_every_script_that_measures_is_a_section() -> None:
+    order = re.findall(r'^    "(\w+)",$', (HERE / "__main__.py").read_text(encoding="utf-8"), re.MULTILINE)
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in HERE.glob("*.py")}
+    assert sorted(order) == sorted(name for name, text in texts.items() if text.endswith("\n    command(measure)\n"))
 
 
 def test_a_check_names_ratios_that_are_worse_than_on_the_page(row) -> None:

@@ -38,7 +38,8 @@ def test_both_units_may_have_an_offset(
 
 
 def test_an_archive_says_what_units_are() -> None:
-    root, known = Element("root"), {"K": KELVIN, "degC": CELSIUS, "degF": FAHRENHEIT}
+    double = UnitDefinition.of("double", {"K": "1", "factor": "2.0", "offset": "1.0"})
+    root, known = Element("root"), {"K": KELVIN, "degC": CELSIUS, "degF": FAHRENHEIT, "double": double}
     add_units(root, "ssd:Units", known)
     assert units(root, "ssd:Units") == known
 

@@ -18,6 +18,8 @@ from liaisons import derive, equations
 from liaisons.errors import LiaisonsError, ProjectError
 from liaisons.formulas import DisplayedEquations, Notation, formula
 from liaisons.formulas.latex import LaTeX
+from liaisons.formulas.symbolic import expression
+from liaisons.formulas.terms import Application, Formula, Name
 from liaisons.formulas.unicode import FIRM, SOFT, Unicode, width
 from liaisons.language import Mechanism
 from liaisons.mechanics import assemble
@@ -267,6 +269,27 @@ def test_numbers_of_sympy_are_those_of_the_fmu_on_the_constraints() -> None:
     assert {"p_x", "x_dot", "p_z_dot", "lambda_plane", "rod_force", "rod_power"} <= {str(e.lhs) for e in shown}
     for equation in shown:  # the FMU's have 1e-10 more in their matrix, so that constraints may lose rank
         assert number(sympy, equation.rhs, values) == pytest.approx(values[str(equation.lhs)], rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "value"),
+    [
+        ("abs", (-2,), 2),
+        ("min", (-2, 3), -2),
+        ("max", (-2, 3), 3),
+        ("ceil", (0.5,), 1),
+        ("floor", (0.5,), 0),
+        *(("lt", a, float(a[0] < a[1])) for a in ((1, 2), (2, 2), (2, 1))),
+        *(("le", a, float(a[0] <= a[1])) for a in ((1, 2), (2, 2), (2, 1))),
+        *(("eq", a, float(a[0] == a[1])) for a in ((1, 2), (2, 2))),
+        *(("ne", a, float(a[0] != a[1])) for a in ((1, 2), (2, 2))),
+    ],
+)
+def test_functions_have_their_names_in_sympy(function: str, arguments: tuple[float, ...], value: float) -> None:
+    pytest.importorskip("sympy", reason="optional: pip install 'liaisons[sympy]'")
+    names = tuple(Name(f"x_{i}") for i in range(len(arguments)))
+    written = expression(Formula(Application(function, names), (), 1))
+    assert float(written.subs({s: arguments[int(str(s)[2:])] for s in written.free_symbols})) == value
 
 
 def test_without_sympy_the_error_says_what_to_install(monkeypatch) -> None:

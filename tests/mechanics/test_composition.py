@@ -48,6 +48,11 @@ def values(model: Model, state: Any, u: dict[str, float], k: dict[str, float]) -
     return {v.name: value for v, value in zip(model.outputs, z, strict=True)}
 
 
+def test_what_no_part_has_the_whole_has_not() -> None:
+    pair = compose("Pair", {"one": assemble(Flywheel), "other": assemble(Oscillator)}, {})
+    assert (pair.conditions.size_out(0), pair.condition_texts, pair.project) == ((0, 1), (), None)
+
+
 def test_two_pendulums_are_the_double_pendulum() -> None:
     """Accelerations, forces and energies at random states: the loop of acceleration and force is solved exactly."""
     pendulum = assemble(Pendulum)

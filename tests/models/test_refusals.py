@@ -20,10 +20,12 @@ from liaisons.models import (
     CartesianPendulum,
     ChargedParticle,
     CircularHoop,
+    Constant,
     DoublePendulum,
     DrivenChain,
     EllipticHoop,
     FourierHoop,
+    FourierSeries,
     IsokineticOscillator,
     KeplerOrbit,
     LinearMolecule,
@@ -31,23 +33,31 @@ from liaisons.models import (
     OscillatorChain,
     Pendulum,
     PendulumChain,
+    PlannedMotion,
     PolarOscillator,
+    Ramp,
     Satellite,
+    Sinusoid,
     SpatialCat,
     Swing,
     four_bars,
 )
+
+UNBOUNDED = (Constant, FourierSeries, PlannedMotion, Ramp, Sinusoid)
 
 
 def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
     """By name of a settable variable with a domain: a value outside of it, and what is said of it."""
     model = assemble(component)
     bounded = [v for v in (*model.parameters, *model.inputs) if v.minimum is not None and v.dimension is None]
-    return {
+    found = {
         v.name: (v.minimum if v.strict else v.minimum - 0.1, re.escape(f"must be {v.domain()}"))
         for v in bounded
         if v.minimum is not None
     }
+    assert bool(found) == (component not in UNBOUNDED)
+    assert {v.minimum for v in bounded} <= {0}  # masses, lengths, rates of loss
+    return found
 
 
 @pytest.mark.parametrize(

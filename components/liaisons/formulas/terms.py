@@ -99,8 +99,8 @@ def added(terms: Sequence[Term]) -> Term:
 
 
 def multiplied(factors: Sequence[Term]) -> Term:
-    """The product of factors."""
-    return factors[0] if len(factors) == 1 else Product(tuple(factors)) if factors else Number(1)
+    """The product of at least one factor."""
+    return factors[0] if len(factors) == 1 else Product(tuple(factors))
 
 
 ZERO = Number(0)
