@@ -20,7 +20,7 @@ from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.fmu import build
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
-from liaisons.models import Pendulum
+from liaisons.models import DryOscillator, Pendulum
 
 TIMES = np.linspace(0.25, 4.0, 16)
 
@@ -136,6 +136,81 @@ def test_a_bounce_has_its_jump(made: Made) -> None:
             at = np.array([0.7, 9.81, 1.0])
             slope = (height(t, *(at + move)) - height(t, *(at - move))) / 2e-5
             assert derivatives[0, i, k] == pytest.approx(slope, abs=1e-7)
+
+
+def _ball(t: float, h: float, bounce: float = 0.8, g: float = 9.81) -> tuple[float, float]:
+    """Height and rate of a ball that was dropped from h onto a table at 0."""
+    end, up = np.sqrt(2 * h / g), np.sqrt(2 * h * g)
+    if t < end:
+        return h - g / 2 * t**2, -g * t
+    while up > 1e-12:
+        up *= bounce
+        if t < end + 2 * up / g:
+            return up * (t - end) - g / 2 * (t - end) ** 2, up - g * (t - end)
+        end += 2 * up / g
+    return 0.0, 0.0
+
+
+def test_derivatives_of_a_ball_are_right_or_not_a_number_beside_its_impacts() -> None:
+    s = sensitivities("BouncingBall", "height_0", stop_time=5, height_0=1.0, record=["height", "height_dot"])
+    bad = np.zeros(len(s.time), dtype=bool)
+    for row, name in enumerate(("height", "height_dot")):
+        slopes = s.derivative(name, "height_0")
+        near = 1e-6  # differences of a closed form that is as exact as doubles: 1e-16/1e-6
+        exact = [(_ball(t, 1 + near)[row] - _ball(t, 1 - near)[row]) / (2 * near) for t in s.time.tolist()]
+        bad |= np.isnan(slopes)
+        # The tolerance of runs, 1e-10, over the least of their differences, 1e-3.
+        assert_allclose(slopes[~np.isnan(slopes)], np.array(exact)[~np.isnan(slopes)], atol=1e-6)
+    # An impact at t goes through t (1 ± 0.002) when h goes through 1 ± 0.004; the bounces end at 9 √(2h/g) = 4.06 s.
+    impacts = np.sqrt(2 / 9.81) * (1 + 2 * np.cumsum([0.0, *0.8 ** np.arange(1, 60)]))
+    straddling = (np.abs(s.time[:, None] / impacts - 1) < 0.002).any(axis=1)
+    assert set(s.time[bad]) <= set(s.time[straddling])
+    assert bad[s.time == 1.175].all()  # between the runs is the impact at 1.17394 s
+    assert 8 <= bad.sum() <= 14
+    (text,) = s.signals.warnings
+    begin, _, instant = text.partition(" changes at ")
+    assert begin.startswith("BouncingBall: derivatives are not-a-number at t = 1.175, 1.75, ")
+    assert begin.endswith("s: gap_impacts")
+    assert float(instant.removesuffix(" s")) == pytest.approx(impacts[1], abs=3e-4)  # a fifth of its distance
+
+
+def test_gradients_count_what_has_weight(caplog: pytest.LogCaptureFixture) -> None:
+    """A cost of 1.2 s alone has a derivative although 1.175 s is recorded beside it, and one of both has none."""
+    options: Any = {"by": "height_0", "times": [0.2, 1.175, 1.2], "height_0": 1.0, "record": "height_dot"}
+    with caplog.at_level("WARNING", "liaisons"):
+        both = gradient("BouncingBall", lambda m: ca.sum1(m["height_dot"]), **options)
+        one = gradient("BouncingBall", lambda m: m["height_dot"][2], **options)
+    assert np.isnan(both["height_0"])
+    assert "derivatives are not-a-number at t = 1.175 s: gap_impacts changes at 1.1739 s" in caplog.text
+    # h' = e² u - g (t - (1 + 2e) u/g) = (1 + e)² u - g t, u = √(2gh)
+    assert one["height_0"] == pytest.approx(1.8**2 * np.sqrt(2 * 9.81) / 2, abs=1e-6)
+
+
+def test_a_foreign_kink_is_not_differentiated(made: Made, caplog: pytest.LogCaptureFixture) -> None:
+    """An impact exactly at a recorded time: differences to both sides are the same for all sizes, and the sides differ."""
+    T = float(np.sqrt(2 / 9.81))
+    motion = motion_of(made(BALL), ["h", "e"], [0.4, T, 0.6], record=["h", "v"])
+    _, derivatives = motion.forward(motion.values)
+    assert np.isnan(derivatives[:, 1, 0]).all()
+    assert np.isfinite(derivatives[:, [0, 2]]).all()
+    assert f"not-a-number at t = {T:g} s: two branches of the motion meet there" in caplog.text
+
+
+def test_friction_that_sticks_has_the_derivatives_of_its_closed_form() -> None:
+    times = np.linspace(0.02, 2.5, 125)
+    s = sensitivities("DryOscillator", "x_0", times=times, x_0=0.52, record=["x", "x_dot"])
+
+    def exact(x_0: float) -> Any:
+        motion = DryOscillator().exact(times, x_0=x_0)
+        return np.array([motion["x"], motion["x_dot"]])
+
+    slopes = np.array([s.derivative(name, "x_0") for name in ("x", "x_dot")])
+    right = ~np.isnan(slopes)
+    expected = (exact(0.52 + 1e-6) - exact(0.52 - 1e-6)) / 2e-6
+    # Its half swings have turning points at kπ/ω for any x_0, where it sticks at last: there is no derivative beyond
+    # rounding of those instants.
+    assert_allclose(slopes[right], expected[right], atol=1e-5)
+    assert right.mean() > 0.98
 
 
 def test_files_of_the_catalogue_have_the_derivatives_of_their_equations(fmu) -> None:

@@ -15,6 +15,7 @@ from liaisons.array_names import split
 from liaisons.derivatives.steps import Floats
 from liaisons.derivatives.subjects import Subject, motion_of
 from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalError, suggestion
+from liaisons.logs import collected_warnings
 from liaisons.results import Result
 from liaisons.units import quotient
 
@@ -29,7 +30,8 @@ class Sensitivities:
 
     :param signals: by name, with units.
     :param names: of the values that they are differentiated by.
-    :param derivatives: shape (signals, times, values).
+    :param derivatives: shape (signals, times, values); not-a-number, with a warning, at times so near to an event that
+        differences of runs straddle it.
     :param units: of the values.
     :param method: ``"steps"``: of the steps that were taken; ``"directional derivatives"`` of FMUs; ``"differences"``.
     """
@@ -89,7 +91,8 @@ class Gradient:
     """A number that is made of signals, and its derivatives.
 
     :param value: the number.
-    :param derivatives: value of the motion -> derivative of the number.
+    :param derivatives: value of the motion -> derivative of the number; not-a-number, with a warning that is logged,
+        where a signal that counts has no derivative, as beside an event.
     :param method: as of :class:`Sensitivities`.
     """
 
@@ -148,9 +151,10 @@ def sensitivities(
         start_values=merged("sensitivities", start_values, keywords),
         tolerance=tolerance,
     )
-    signals, derivatives = motion.forward(motion.values)
+    with collected_warnings() as warned:
+        signals, derivatives = motion.forward(motion.values)
     units = {name: motion.units[name] for name in motion.signals}
-    result = Result(motion.name, motion.times, motion.signals, signals, units)
+    result = Result(motion.name, motion.times, motion.signals, signals, units, warnings=warned.texts)
     return Sensitivities(result, motion.names, derivatives, motion.units, motion.method)
 
 

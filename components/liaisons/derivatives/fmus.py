@@ -3,7 +3,8 @@
 The variational equations of an FMU of Model Exchange take directional derivatives by states from the FMU, and those by
 values from differences of the rates, for FMI has parameters among the known variables in initialization only.  Other
 derivatives are extrapolated from differences of runs as ``simulate`` performs them, by Co-Simulation where an FMU is
-made for it: the error of its steps is differentiated, too.
+made for it: the error of its steps is differentiated, too.  Where an event lies between the runs, their differences
+contradict each other, and derivatives are not-a-number.
 """
 
 from __future__ import annotations
@@ -27,14 +28,21 @@ from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.derivatives.fmu_equations import SMALL, Floats, FmuEquations, Method, extrapolated
 from liaisons.errors import RefusedError, SimulationError
+from liaisons.logs import logger
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 _OF_RUNS = (4e-3, 2e-3, 1e-3)
 """Sizes of differences of runs, relative to those of the values."""
+_SMOOTH, _SAME, _NOISE = 1e-3, 1e-5, 1e-6
+"""Largest relative contradiction of differences: in general, and where discrete variables of the runs differ; and of
+the signals over the change of a value, what the tolerances of two runs add."""
 _MOST_CALLS = 200_000
 """Evaluations of the equations in one motion."""
+_MODES = frozenset({"Integer", "Boolean", "Enumeration"})
+_NEAR = 40
+"""Instants to each side of a time at which an event is sought, each a fifth nearer."""
 _FINER = 8
 """Points in an interval for the time derivatives of signals."""
 
@@ -76,7 +84,7 @@ class FmuMotion:
         return self._evaluated(values, derive=False)[0]
 
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
-        """Signals, and their derivatives by the values, (signals, times, values)."""
+        """Signals, and their derivatives by the values, (signals, times, values); not-a-number beside events."""
         return self._evaluated(values)[:2]
 
     def errors(self, values: ArrayLike) -> Floats:
@@ -87,7 +95,7 @@ class FmuMotion:
         """Signals, and derivatives of their weighted sum by the values, (values,)."""
         signals, derivatives = self.forward(values)
         factors = np.asarray(weights(signals) if callable(weights) else weights, dtype=float)
-        return signals, np.tensordot(factors, derivatives)
+        return signals, np.tensordot(factors, np.where(factors[..., None] == 0, 0.0, derivatives))
 
     def rates(self, values: ArrayLike) -> Floats:
         """Time derivatives of the signals, (signals, times), of a quintic spline through more points."""
@@ -138,21 +146,74 @@ class FmuMotion:
         return (self._differenced if self.method == "differences" else self._integrated)(numbers, changes)
 
     def _differenced(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
-        """Differences of runs."""
+        """Differences of runs; not-a-number, with a warning, where an event lies between these."""
+        discrete = self._discrete()
 
         def run(values: Floats) -> Floats:
-            result = self.result(self._named(values), self.signals)
+            result = self.result(self._named(values), [*self.signals, *discrete])
             if result.time[-1] < self.times[-1]:
                 raise SimulationError(f"{self.name} ends at t = {result.time[-1]:g} s; choose earlier times")
             return result.values[:, np.searchsorted(result.time, self.times)]
 
-        signals = run(values)
-        columns = [
-            extrapolated(lambda h, change=change: run(values + h * change), _OF_RUNS, change.sum())
-            for change in changes
+        count, middle = len(self.signals), run(values)
+        signals, columns, errors = middle[:count], list[Floats](), list[Floats]()
+        beside = np.zeros(len(self.times), dtype=bool)
+        for change in changes:
+            runs: dict[float, Floats] = {0.0: middle}
+
+            def moved(h: float, change: Floats = change, runs: dict[float, Floats] = runs) -> Floats:
+                if h not in runs:
+                    runs[h] = run(values + h * change)
+                return runs[h][:count]
+
+            unit = change.sum()
+            column, error = extrapolated(moved, _OF_RUNS, unit)
+            error = np.abs(error)
+            if all(-h in runs for h in _OF_RUNS):  # differences to both sides: half of what they differ by, at h = 0
+                sides = [(moved(h) - 2 * signals + moved(-h)) / (2 * h * unit) for h in _OF_RUNS]
+                coarse, fine = (2 * small - large for large, small in pairwise(sides))
+                error = np.fmax(error, np.abs(8 * fine - coarse) / 7)
+            switched = np.any([(other[count:] != middle[count:]).any(axis=0) for other in runs.values()], axis=0)
+            size = np.abs(column) + np.median(np.abs(column), axis=1, keepdims=True)
+            noise = _NOISE * np.abs(signals).max(axis=1, keepdims=True) / unit
+            wrong = error > np.where(switched, _SAME, _SMOOTH) * size + noise
+            beside |= wrong.any(axis=0)
+            columns.append(np.where(wrong, np.nan, column))
+            errors.append(np.where(wrong, 0.0, error).max(axis=1))
+        if beside.any():
+            self._warn(values, discrete, self.times[beside])
+        shape = len(columns), *signals.shape
+        return signals, np.moveaxis(np.reshape(columns, shape), 0, 2), np.reshape(errors, shape[:2]).T
+
+    def _discrete(self) -> list[str]:
+        """Names of the integers and booleans that tell in which mode an FMU is, and after how many events."""
+        return [
+            name if self.single else f"{part.name}.{name}"
+            for part in self.system.parts.values()
+            for entry in part.fmu.variables.entries.values()
+            if entry.like.type in _MODES and entry.like.causality in {"output", "local"}
+            for name in entry.names()
         ]
-        stacked = np.array(columns).reshape(len(columns), 2, *signals.shape)
-        return signals, np.moveaxis(stacked[:, 0], 0, 2), stacked[:, 1].max(axis=2).T
+
+    def _warn(self, values: Floats, discrete: Sequence[str], times: Floats) -> None:
+        """Log where derivatives are not-a-number, and the event beside the first of these."""
+        text = "two branches of the motion meet there"
+        if discrete:
+            at = int(np.searchsorted(self.times, times[0]))
+            low, high = self.times[at - 1] if at else self.start_time, self.times[min(at + 1, len(self.times) - 1)]
+            near = 0.8 ** np.arange(_NEAR)
+            points = np.unique([times[0], *times[0] - near * (times[0] - low), *times[0] + near * (high - times[0])])
+            result = self.at(points).result(self._named(values), discrete)
+            steps = np.diff(result.values, axis=1) != 0
+            if steps.any():
+                changed = np.flatnonzero(steps.any(axis=0))
+                middles = (result.time[1:] + result.time[:-1])[changed] / 2
+                event = int(np.argmin(np.abs(middles - times[0])))
+                name = discrete[int(steps[:, changed[event]].argmax())]
+                text = f"{name} changes at {middles[event]:.5g} s"
+        more = f" and {len(times) - 3} more" if len(times) > 3 else ""
+        listed_times = ", ".join(f"{time:g}" for time in times[:3]) + more
+        logger.warning("%s: derivatives are not-a-number at t = %s s: %s", self.name, listed_times, text)
 
     def _integrated(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
         """Variational equations."""
