@@ -160,7 +160,7 @@ class Controller:
             what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
         return self._system(
-            merged(self.name, start_values, keywords, PlanError), announced=self.trajectory.times.size > 1
+            merged(self.name, start_values, keywords, PlanError), announced=True
         )
 
     def _system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
