@@ -208,3 +208,12 @@ def test_constraints_are_kept_for_1e5_seconds(fmu) -> None:
     assert_follows(result, {"rod_residual": 0.0, "plane_residual": 0.0}, 1e-15)  # asked for: 1e-10
     speed = result["x"] * result["x_dot"] + (result["z"] - 1) * result["z_dot"]
     assert max_error(speed, 0.0) <= 1e-14  # the derivative of the constraint: roundings of speeds of order 5
+
+
+def test_closed_form_has_the_multiplier_that_newton_asks_for() -> None:
+    """Along the rod, m v²/l = T - m g cos θ, and T = -2 l λ_1."""
+    mass, rod, height, gravity = 2.0, 1.3, 1.7, 9.0
+    at = {"mass": mass, "rod": rod, "height": height, "gravity": gravity}
+    exact = CartesianPendulum.exact(np.linspace(0, 2, 9), theta_0=1.0, theta_dot_0=0.5, **at)
+    pull = mass * (exact["x_dot"] ** 2 + exact["z_dot"] ** 2 + gravity * (height - exact["z"])) / rod
+    np.testing.assert_allclose(-2 * rod * exact["lambda_1"], pull, rtol=1e-12)  # roundings of elliptic functions
