@@ -56,7 +56,10 @@ def until_refused(
         (
             bodies.Ball,
             {"height_0": 1e12 + 1, "table": 1e12},  # 8000 times the distance of two numbers there, and not followed
-            "gap = 1 at t = 0 is too small beside positions of 2e+12: start with 0 or more than 200, or",
+            (
+                "gap = 1 at t = 0 is too small beside positions of 2e+12: start with 0 or more than 200, or measure "
+                "positions from near the contact"
+            ),
         ),
         (bodies.Ball, {"bounce": 1.1}, "bounce = 1.1 at t = 0: it must be in [0, 1]"),
         (bodies.Ball, {"bounce": -0.1}, "bounce = -0.1 at t = 0: it must be in [0, 1]"),
