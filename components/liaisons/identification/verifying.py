@@ -38,7 +38,7 @@ def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator
     yield _replayed(estimate, replays)
     if not unknown:
         yield from residual_tests(estimate)
-    if problem.noise and problem.loss == "linear":
+    if problem.noise and problem.loss == "linear" and estimate.freedom > 0:
         yield _size(estimate)
     yield from _variances(estimate)
     yield _finer(estimate)
@@ -73,7 +73,7 @@ def residual_tests(estimate: ParameterEstimate) -> Iterator[Verdict]:
             bound = float(chi2.isf(chance, lags))
             yield verdict(text, error=whiteness(r, lags), tolerance=bound, reason=reason)
         if estimate.problem.loss == "linear" and len(r) >= _FEWEST:
-            text = f"residuals of {label} keep their size: Koenker's sum for growth with time and signal"
+            text = f"residuals of {label} keep their size: Glejser's test of growth with time and signal"
             yield verdict(text, error=growth(r, grows_with), tolerance=float(chi2.isf(chance, 2)), reason=reason)
             text = f"residuals of {label} have no outlier: Grubbs's ratio of the largest to all"
             yield verdict(text, error=largest(r), tolerance=largest_bound(len(r), chance), reason=reason)
@@ -87,15 +87,15 @@ def whiteness(r: Floats, count: int) -> float:
 
 
 def growth(r: Floats, grows_with: Floats) -> float:
-    """Count times the squared correlation of squared residuals with what they may grow with, shape (k, count).
+    """Count times the squared correlation of sizes of residuals with what they may grow with, shape (k, count).
 
-    Chi-squared of k degrees of freedom for constant noise, normal or not (Koenker, Journal of Econometrics 17 (1981)
-    107-112).
+    Chi-squared of k degrees of freedom for constant noise (Glejser, Journal of the American Statistical Association 64
+    (1969) 316-323).
     """
-    squares, centred = r**2 - np.mean(r**2), grows_with - grows_with.mean(axis=1, keepdims=True)
+    sizes, centred = np.abs(r) - np.abs(r).mean(), grows_with - grows_with.mean(axis=1, keepdims=True)
     columns = (centred / np.maximum(np.abs(centred).max(axis=1, keepdims=True), np.finfo(float).tiny)).T
-    explained = columns @ np.linalg.lstsq(columns, squares)[0]
-    return len(r) * float(explained @ explained / (squares @ squares))
+    explained = columns @ np.linalg.lstsq(columns, sizes)[0]
+    return len(r) * float(explained @ explained / (sizes @ sizes))
 
 
 def largest(r: Floats) -> float:
@@ -110,7 +110,7 @@ def largest_bound(count: int, chance: float) -> float:
 
 
 def _size(estimate: ParameterEstimate) -> Verdict:
-    square, freedom = 2 * estimate.minimum.cost, max(1, estimate.freedom)
+    square, freedom = 2 * estimate.minimum.cost, estimate.freedom
     text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}"
     return _chi_squared(text, square, freedom, _CHANCE)
 
