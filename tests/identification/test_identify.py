@@ -255,7 +255,9 @@ def failing(noise: np.ndarray, level: float | None = None) -> set[str]:
     """Which tests of residuals fail for measurements of a pendulum with this noise."""
     data = pendulum(noise=0.0)
     fit = identify("Pendulum", data | {"theta": data["theta"] + noise}, ["length", "theta_0"], level)
-    return {v.claim.split(":")[0].removeprefix("residuals of theta ") for v in residual_tests(fit.estimate) if not v.passed}
+    return {
+        v.claim.split(":")[0].removeprefix("residuals of theta ") for v in residual_tests(fit.estimate) if not v.passed
+    }
 
 
 @pytest.mark.parametrize("level", [None, NOISE])
@@ -296,7 +298,9 @@ def test_as_many_unknowns_as_rows_leave_nothing_that_shows_the_noise(noise: floa
     else:
         assert np.isnan([*fit.standard_errors.values(), *fit.intervals()["gravity"]]).all()
         (sentence,) = fit.sentences
-        assert sentence.startswith("2 unknowns from as many numbers leave no residual that shows the noise; give noise=")
+        assert sentence.startswith(
+            "2 unknowns from as many numbers leave no residual that shows the noise; give noise="
+        )
         assert failed == ["the noise is given, or residuals are left that show it"]
 
 

@@ -154,7 +154,9 @@ def refuse_samples(subject: Subject, purpose: str, error: type[LiaisonsError] = 
     """
     for name, part in subject.parts.items() if isinstance(subject, System) else [("", subject)]:
         if _samples(part):
-            raise error(f"{name or 'Regulator'} samples its readings, and {purpose} has no samples; compare runs by sweep()")
+            raise error(
+                f"{name or 'Regulator'} samples its readings, and {purpose} has no samples; compare runs by sweep()"
+            )
 
 
 def _samples(part: object) -> bool:
