@@ -287,7 +287,7 @@ SUBJECTS: dict[str, Subject] = {
         Hoist, partial(hoisted, angle=ANGLE, reach=REACH), ("mass", 3.0), {"angle": ANGLE, "reach": REACH}
     ),
     "operator": Subject(SwingPump, filtered, ("low", 0.9)),
-    "regulator": Subject(Regulator, regulated, ("period", STEP), starts={"offset": np.ones(50)}),
+    "regulator": Subject(Regulator, regulated, ("period", 4.0), starts={"offset": np.ones(50)}),
     "foreign_co_simulation": Subject(
         None, thrown, ("q_dot_0", 0.7), starts={"q_force": 1.0}, put_together=foreign_co_simulation
     ),

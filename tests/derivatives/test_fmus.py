@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from liaisons import System, gradient, sensitivities
+from liaisons import System, gradient, hold, identify, sensitivities
 from liaisons.derivatives import DifferentiableMotion, motion_of
 from liaisons.derivatives.fmus import FmuMotion
 from liaisons.errors import LiaisonsError, SimulationError
@@ -211,6 +211,22 @@ def test_friction_that_sticks_has_the_derivatives_of_its_closed_form() -> None:
     # rounding of those instants.
     assert_allclose(slopes[right], expected[right], atol=1e-5)
     assert right.mean() > 0.98
+
+
+def test_a_regulator_is_differentiated_with_its_samples() -> None:
+    """Its readings stay as they are for a period; equations without samples are off by 0.04."""
+
+    def held(theta_0: float) -> System:
+        target = {"theta": np.pi, "pivot_x": 0.0}
+        return hold("Pendulum", target, "pivot_x", step_size=0.02).system(theta_0=theta_0)
+
+    s = sensitivities(held(3.2), "Pendulum.theta_0", times=[0.1, 0.5], record="Pendulum.theta")
+    low, high = (held(x).simulate(0.5, 0.02, tolerance=1e-11)["Pendulum.theta"] for x in (3.1999, 3.2001))
+    assert s.method == "differences"
+    # Differences of 2e-4 beside extrapolated ones: of second order, 1e-8.
+    assert_allclose(s.derivative("Pendulum.theta", "Pendulum.theta_0"), ((high - low) / 2e-4)[[5, 25]], atol=1e-7)
+    with pytest.raises(LiaisonsError, match="Pendulum_pivot_x samples its readings, and a fit has no samples"):
+        identify(held(3.2), {"time": [0.1, 0.5], "Pendulum.theta": [3.2, 3.1]}, "Pendulum.theta_0")
 
 
 def test_files_of_the_catalogue_have_the_derivatives_of_their_equations(fmu) -> None:

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from liaisons import System, identify, operator, simulate
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit
+from liaisons.identification.verifying import growth, largest, largest_bound, residual_tests
 from liaisons.models import Oscillator, Pendulum
 
 TIMES = np.linspace(0.0, 6.0, 121)
@@ -223,11 +225,14 @@ def test_verdicts() -> None:
     fit = identify("Pendulum", pendulum(), unknown=["length", "theta_0"], noise=NOISE)
     verdicts = fit.verify()
     assert all(verdict.passed for verdict in verdicts), verdicts
-    assert [verdict.claim.split(":")[0] for verdict in verdicts][:5] == [
+    assert [verdict.claim.split(":")[0] for verdict in verdicts][:8] == [
         "least squares came to its end",
         "measurements determine all unknowns",
+        "the noise is given, or residuals are left that show it",
         "replayed through the FMUs, the motion is the fitted one",
         "residuals of theta are white",
+        "residuals of theta keep their size",
+        "residuals of theta have no outlier",
         "residuals are as large as the noise",
     ]
 
@@ -244,6 +249,59 @@ def test_wrong_model_is_seen() -> None:
     data = {"time": TIMES, "theta": theta + NOISE * np.random.default_rng(0).standard_normal(TIMES.size)}
     failed = [v.claim for v in identify("Pendulum", data, unknown=["length", "theta_0"]).verify() if not v.passed]
     assert any("white" in claim for claim in failed)
+
+
+def failing(noise: np.ndarray, level: float | None = None) -> set[str]:
+    """Which tests of residuals fail for measurements of a pendulum with this noise."""
+    data = pendulum(noise=0.0)
+    fit = identify("Pendulum", data | {"theta": data["theta"] + noise}, ["length", "theta_0"], level)
+    return {
+        v.claim.split(":")[0].removeprefix("residuals of theta ") for v in residual_tests(fit.estimate) if not v.passed
+    }
+
+
+@pytest.mark.parametrize("level", [None, NOISE])
+@pytest.mark.parametrize("seed", range(10))
+def test_noise_that_is_not_the_same_everywhere_is_seen(seed: int, level: float | None) -> None:
+    normal = np.random.default_rng(seed).standard_normal(TIMES.size)
+    assert "keep their size" in failing(np.linspace(0.002, 0.022, TIMES.size) * normal, level)
+    outlying = np.random.default_rng(seed).permutation(TIMES.size) < 0.05 * TIMES.size
+    assert "have no outlier" in failing(NOISE * np.where(outlying, 10, 1) * normal, level)
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
+def test_normal_noise_passes(count: int) -> None:
+    """At a chance of 0.001 a set, one of 200 fails with a probability of 0.16, and two with 0.02."""
+    failed = [seed for seed in range(count) if failing(NOISE * np.random.default_rng(seed).standard_normal(TIMES.size))]
+    assert len(failed) <= count // 100
+
+
+@pytest.mark.parametrize("n", [12, 60, 400])
+def test_residuals_fail_as_rarely_as_the_level_says(n: int) -> None:
+    """At a level of 5 %; Glejser's sum, chi-squared for large n only, is rather too small below."""
+    random, t = np.random.default_rng(n), np.linspace(0, 5, n)
+    grows_with = np.array([t, np.abs(np.cos(3 * t))])
+    sets = random.standard_normal((4000, n))
+    deviation = np.sqrt(0.05 * 0.95 / len(sets))
+    grown = np.mean([growth(r, grows_with) > chi2.isf(0.05, 2) for r in sets])
+    assert (0 if n < 20 else 0.04) < grown < 0.05 + 3 * deviation
+    assert np.mean([largest(r) > largest_bound(n, 0.05) for r in sets]) == pytest.approx(0.05, abs=3 * deviation)
+
+
+@pytest.mark.parametrize("noise", [None, NOISE / 100])
+def test_as_many_unknowns_as_rows_leave_nothing_that_shows_the_noise(noise: float | None) -> None:
+    data = {name: column[[20, 40]] for name, column in pendulum().items()}
+    fit = identify("Pendulum", data, ["gravity", "theta_0"], noise, length=0.8)
+    failed = [v.claim for v in fit.verify() if not v.passed]
+    if noise:
+        assert (fit.sentences, failed) == ((), [])
+    else:
+        assert np.isnan([*fit.standard_errors.values(), *fit.intervals()["gravity"]]).all()
+        (sentence,) = fit.sentences
+        assert sentence.startswith(
+            "2 unknowns from as many numbers leave no residual that shows the noise; give noise="
+        )
+        assert failed == ["the noise is given, or residuals are left that show it"]
 
 
 def test_exact_data() -> None:

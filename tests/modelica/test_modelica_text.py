@@ -21,6 +21,7 @@ from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import (
     ActiveCoordinate,
     Chain,
+    Coordinate,
     Experiment,
     Mechanism,
     Operator,
@@ -471,3 +472,53 @@ def test_what_a_system_cannot_say(fmu: Callable[..., Path]) -> None:
     other.add("own", fmu(Lever))
     with pytest.raises(SimulationError, match="is a 'Lever'; a system in Modelica is made of the catalogue's"):
         modelica(other)
+
+
+class KeywordOscillator(Mechanism):
+    """A mass whose names are words of Modelica."""
+
+    model = Parameter(2.0, "kg", "mass", above=0)
+    end = Parameter(3.0, "N/m", "stiffness", minimum=0)
+    equation = Coordinate("m", "elongation", start=0.5)
+    flow = ActiveCoordinate("m", "support")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.model / 2 * self.dot(self.equation) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.end / 2 * (self.equation - self.flow) ** 2
+
+
+def test_keywords_are_quoted_everywhere() -> None:
+    text = modelica(KeywordOscillator)
+    for statement in (
+        "assert('model' > 0, \"model > 0 is needed\");",
+        "der('equation') = equation_dot;",
+        "'equation' = equation_0;",
+        "flange_equation(s='equation', f=Q_equation)",
+        "{'flow', flow_dot, flow_ddot} = u_flow;",
+        "flow_dot = der('flow');",
+    ):
+        assert statement in text
+    assert pymoca.parse(text)
+
+
+@pytest.mark.parametrize("broken", ["interpolant", "inf"])
+def test_what_modelica_has_not_is_refused(broken: str) -> None:
+    table = ca.interpolant("V", "linear", [np.linspace(-2, 2, 9)], np.linspace(-2, 2, 9) ** 2)
+
+    class Tabulated(Mechanism):
+        """A mass in a potential."""
+
+        mass = Parameter(1.0, "kg", "mass", above=0)
+        limit = Parameter(np.inf if broken == "inf" else 1.0, "J", "limit")
+        x = Coordinate("1", "position")
+
+        def kinetic_energy(self) -> ca.SX:
+            return unchecked(self.mass * self.dot(self.x) ** 2)
+
+        def potential_energy(self) -> ca.SX:
+            return unchecked(table(self.x) if broken == "interpolant" else ca.fmin(self.limit, self.x**2))
+
+    with pytest.raises(ComponentError, match="has a function or a number that Modelica has not|has no number inf"):
+        modelica(Tabulated)

@@ -29,6 +29,7 @@ from liaisons.cosim.structure.simulation import SimulationSettings, checked, own
 from liaisons.derivatives.fmu_equations import SMALL, Floats, FmuEquations, Method, extrapolated
 from liaisons.errors import RefusedError, SimulationError
 from liaisons.logs import logger
+from liaisons.models.regulator import Regulator
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -40,6 +41,8 @@ _SMOOTH, _SAME, _NOISE = 1e-3, 1e-5, 1e-6
 the signals over the change of a value, what the tolerances of two runs add."""
 _MOST_CALLS = 200_000
 """Evaluations of the equations in one motion."""
+_ROUNDING = 1e-12
+"""Relative distance of two roundings of one instant."""
 _MODES = frozenset({"Integer", "Boolean", "Enumeration"})
 _NEAR = 40
 """Instants to each side of a time at which an event is sought, each a fifth nearer."""
@@ -135,9 +138,15 @@ class FmuMotion:
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def _points(self) -> Floats:
-        """Start, recorded times, and ends of polynomials between them."""
+        """Start, recorded times, and ends of polynomials and samples of regulators between them."""
         ends = [x for polynomial in self.inputs.values() for x in polynomial.x]
-        points = np.unique([self.start_time, *self.times, *ends])
+        for part in self.system.parts.values():
+            if part.fmu.model_name == Regulator.__name__:
+                period = float(part.starts.get("period", part.fmu.variables["period"].start))
+                ends += [i * period for i in range(int(self.times[-1] / period) + 1)]
+        asked = np.array([self.start_time, *self.times])
+        apart = [t for t in ends if np.abs(asked - t).min() > _ROUNDING * abs(t)]
+        points = np.unique([*asked, *apart])
         return points[(self.start_time <= points) & (points <= self.times[-1])]
 
     def _evaluated(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats, Floats]:

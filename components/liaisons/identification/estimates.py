@@ -70,9 +70,11 @@ class ParameterEstimate:
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the unknowns; not-a-number for what is not determined or at a bound."""
+        """Of the unknowns; not-a-number for what is not determined or at a bound, and where nothing tells the noise."""
         own = np.setdiff1d(np.arange(len(self.values)), self.fixed)
         covariance = np.full((len(self.values),) * 2, np.nan)
+        if not self.tells_noise:
+            return covariance
         residuals, derivatives = self.linearization
         slope, curvature = influence(self.objective.loss, residuals)
         scale = np.linalg.norm(derivatives[:, own], axis=0)
@@ -98,8 +100,11 @@ class ParameterEstimate:
         """Signals of each experiment at its times, shape (signals, times)."""
         return tuple(experiment.forward(self.values)[0] for experiment in self.objective.experiments)
 
-    def standardised(self) -> Iterator[tuple[str, Floats, float]]:
-        """Of each signal its name, its residuals over their standard deviation, and the rounding of these."""
+    def standardised(self) -> Iterator[tuple[str, Floats, float, Floats]]:
+        """Of each signal its name, its residuals over their standard deviation, and the rounding of these.
+
+        Then what noise may grow with, the time and the size of the signal, shape (2, residuals).
+        """
         several = len(self.fitted) > 1
         for i, (experiment, fitted) in enumerate(zip(self.objective.experiments, self.fitted, strict=True), start=1):
             data = experiment.measurements
@@ -107,7 +112,9 @@ class ParameterEstimate:
             for name, measured, signal, level in rows:
                 seen = np.isfinite(measured)
                 label = f"{name} ({i})" if several else name
-                yield label, (measured - signal)[seen] / level, ROUNDING * float(np.abs(signal).max()) / level
+                grows_with = np.array([data.times[seen], np.abs(signal[seen])])
+                rounding = ROUNDING * float(np.abs(signal).max()) / level
+                yield label, (measured - signal)[seen] / level, rounding, grows_with
 
     def with_finer_steps(self) -> Minimum:
         """The minimum for steps of a tenth of the tolerance."""
@@ -124,6 +131,11 @@ class ParameterEstimate:
     def freedom(self) -> int:
         """Count of measured values and priors, less that of the unknowns that were fitted."""
         return len(self.linearization[0]) - len(self.values) + len(self.fixed)
+
+    @property
+    def tells_noise(self) -> bool:
+        """Whether the noise is given, or residuals are left that show it."""
+        return self.problem.noise is not None or self.freedom > 0
 
     def intervals(self, probability: float) -> Floats:
         """Ends of an interval for each unknown, shape (unknowns, 2); one-sided at a bound, by profile likelihood."""

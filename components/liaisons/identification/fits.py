@@ -46,7 +46,10 @@ class Fit:
 
     @property
     def covariance(self) -> Floats:
-        """Shape (unknowns, unknowns); not-a-number for what is not determined, or is at a bound."""
+        """Shape (unknowns, unknowns); not-a-number for what is not determined, or is at a bound.
+
+        So it is for all where no noise was given and there are as many unknowns as numbers.
+        """
         return self.estimate.covariance
 
     @property
@@ -67,14 +70,16 @@ class Fit:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What measurements do not determine, and which unknowns are at a bound."""
+        """What measurements do not determine, which unknowns are at a bound, and whether nothing tells the noise."""
         estimate = self.estimate
         bounds = (
             f"{self.names[i]} = {estimate.values[i]:g} is at its bound; its interval is one-sided"
             for i in estimate.at_bound
         )
         kept = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
-        return (*estimate.sentences, *kept, *bounds)
+        count = len(self.names) - len(estimate.fixed)
+        unsure = f"{count} unknowns from as many numbers leave no residual that shows the noise; give noise=, or measure more"
+        return (*estimate.sentences, *kept, *bounds, *[unsure] * (not estimate.tells_noise))
 
     def intervals(self, probability: float = 0.95) -> dict[str, tuple[float, float]]:
         """Confidence intervals, by Student's distribution where no noise was given.
@@ -113,7 +118,7 @@ class Fit:
         return replays(self.estimate)
 
     def verify(self) -> list[Verdict]:
-        """Replay through the FMUs, whiteness and size of residuals, variances against 200 fits, finer steps.
+        """Replay through the FMUs, whiteness, constancy, tails and size of residuals, variances against 200 fits, finer steps.
 
         :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """

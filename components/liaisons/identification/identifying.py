@@ -12,6 +12,7 @@ from liaisons import flattening
 from liaisons.arguments import chosen, finite, listed, merged, named, positive, shown, whole
 from liaisons.array_names import split
 from liaisons.cosim import System
+from liaisons.derivatives.subjects import refuse_samples
 from liaisons.ensembles.right_hand_sides import flat_model, operator_model, settable
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
@@ -237,6 +238,7 @@ class _Unknowns:
 
 def _model(subject: Target | Model | System) -> Model:
     """Equations of what was measured, arrays element by element."""
+    refuse_samples(subject, "a fit", IdentificationError)
     if isinstance(subject, System):
         subject = flattening.composed(subject)
     of = subject if isinstance(subject, Model) else component(subject)

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.stats import chi2, norm, t
 
 from liaisons.check import Verdict, verdict
 from liaisons.identification.estimates import ParameterEstimate
+from liaisons.identification.problems import Floats
 from liaisons.results import Result
 
 _CHANCE = 1e-3
 """Of all tests of residuals together, to fail where all is well."""
-_LAGS = 10
+_LAGS, _FEWEST = 10, 8
 _REFITS = 200
 _BAND = 0.99
 _DEVIATION = 0.01
@@ -32,9 +33,12 @@ def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator
     yield verdict("least squares came to its end", error=ended, tolerance=0.0)
     count = float(estimate.null_space.directions.shape[1])
     yield verdict("measurements determine all unknowns", error=count, tolerance=0.0)
+    unknown = float(not estimate.tells_noise)
+    yield verdict("the noise is given, or residuals are left that show it", error=unknown, tolerance=0.0)
     yield _replayed(estimate, replays)
-    yield from _white(estimate)
-    if problem.noise and problem.loss == "linear":
+    if not unknown:
+        yield from residual_tests(estimate)
+    if problem.noise and problem.loss == "linear" and estimate.freedom > 0:
         yield _size(estimate)
     yield from _variances(estimate)
     yield _finer(estimate)
@@ -53,27 +57,60 @@ def _replayed(estimate: ParameterEstimate, replays: Sequence[Result]) -> Verdict
     return verdict(text, error=max(errors), tolerance=_EXACT, reason="relative, or a hundredth of the noise")
 
 
-def _white(estimate: ParameterEstimate) -> Iterator[Verdict]:
-    """The test of Ljung and Box of the residuals of each signal."""
+def residual_tests(estimate: ParameterEstimate) -> Iterator[Verdict]:
+    """Tests of the residuals of each signal; a robust loss takes noise of any size and with any tails."""
     parts = list(estimate.standardised())
-    for label, r, rounding in parts:
+    chance = _CHANCE / (len(parts) * (3 if estimate.problem.loss == "linear" else 1))
+    reason = f"chance {_CHANCE:g} in all of them"
+    for label, r, rounding, grows_with in parts:
         if np.abs(r).max() <= rounding:
             text = f"residuals of {label} are the rounding of its motion"
             yield verdict(text, error=float(np.abs(r).max()), tolerance=rounding, reason="the solver's tolerance")
             continue
-        n = len(r)
-        lags = np.arange(1, min(_LAGS, n // 4) + 1)
-        if not lags.size:
-            continue
-        correlation = np.array([r[k:] @ r[:-k] for k in lags]) / (r @ r)
-        q = n * (n + 2) * float(np.sum(correlation**2 / (n - lags)))
-        bound = float(chi2.isf(_CHANCE / len(parts), len(lags)))
-        text = f"residuals of {label} are white: Ljung and Box's sum over {len(lags)} lags"
-        yield verdict(text, error=q, tolerance=bound, reason=f"chance {_CHANCE:g} in all of them")
+        lags = min(_LAGS, len(r) // 4)
+        if lags:
+            text = f"residuals of {label} are white: Ljung and Box's sum over {lags} lags"
+            bound = float(chi2.isf(chance, lags))
+            yield verdict(text, error=whiteness(r, lags), tolerance=bound, reason=reason)
+        if estimate.problem.loss == "linear" and len(r) >= _FEWEST:
+            text = f"residuals of {label} keep their size: Glejser's test of growth with time and signal"
+            yield verdict(text, error=growth(r, grows_with), tolerance=float(chi2.isf(chance, 2)), reason=reason)
+            text = f"residuals of {label} have no outlier: Grubbs's ratio of the largest to all"
+            yield verdict(text, error=largest(r), tolerance=largest_bound(len(r), chance), reason=reason)
+
+
+def whiteness(r: Floats, count: int) -> float:
+    """The sum of Ljung and Box over so many lags; chi-squared of as many degrees of freedom for white noise."""
+    n, lags = len(r), np.arange(1, count + 1)
+    correlation = np.array([r[k:] @ r[:-k] for k in lags]) / (r @ r)
+    return n * (n + 2) * float(np.sum(correlation**2 / (n - lags)))
+
+
+def growth(r: Floats, grows_with: Floats) -> float:
+    """Count times the squared correlation of sizes of residuals with what they may grow with, shape (k, count).
+
+    Chi-squared of k degrees of freedom for constant noise (Glejser, Journal of the American Statistical Association 64
+    (1969) 316-323).
+    """
+    sizes, centred = np.abs(r) - np.abs(r).mean(), grows_with - grows_with.mean(axis=1, keepdims=True)
+    columns = (centred / np.maximum(np.abs(centred).max(axis=1, keepdims=True), np.finfo(float).tiny)).T
+    explained = columns @ np.linalg.lstsq(columns, sizes)[0]
+    return len(r) * float(explained @ explained / (sizes @ sizes))
+
+
+def largest(r: Floats) -> float:
+    """The largest deviation from the mean over the standard deviation."""
+    return float(np.abs(r - r.mean()).max() / np.std(r, ddof=1))
+
+
+def largest_bound(count: int, chance: float) -> float:
+    """What that of normal numbers exceeds with no more than this chance (Grubbs, Technometrics 11 (1969) 1-21)."""
+    square = float(t.isf(chance / (2 * count), count - 2)) ** 2
+    return (count - 1) / count**0.5 * (square / (count - 2 + square)) ** 0.5
 
 
 def _size(estimate: ParameterEstimate) -> Verdict:
-    square, freedom = 2 * estimate.minimum.cost, max(1, estimate.freedom)
+    square, freedom = 2 * estimate.minimum.cost, estimate.freedom
     text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}"
     return _chi_squared(text, square, freedom, _CHANCE)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from liaisons.language.mechanical import MechanicalComponent
+from liaisons.modelica_text.printer import identifier
 from liaisons.modelica_text.text import declared, filled, model, number, units_of
 
 ROLES = {"m": ("Translation", "s", "f"), "rad": ("Rotation", "phi", "tau")}
@@ -36,13 +37,13 @@ def faces(m: MechanicalComponent) -> list[str]:
     kinds: dict[str, list[str]] = {}
     for name, count, force in ports:
         kind, position, effort = ROLES.get(unit[name], ("Generalised", "q", "Q"))
-        kinds.setdefault(kind, []).append(f"flange_{name}{count}({position}={name}, {effort}={force})")
-    rates = (f"{s.name}_{d}dot = der({s.name}{'_dot' * bool(d)});" for s in m.actives for d in ("", "d"))
+        kinds.setdefault(kind, []).append(f"flange_{name}{count}({position}={identifier(name)}, {effort}={force})")
+    rates = (f"{s.name}_{d}dot = der({identifier(s.name + '_dot' * bool(d))});" for s in m.actives for d in ("", "d"))
     return [
         *model(
             'model Signals "Inputs u_s prescribe value, rate and acceleration of a coordinate s"',
             [f"extends Motion({', '.join(outer)});", *declared("input Real", inputs)],
-            filled(f"{{{s.name}, {s.name}_dot, {s.name}_ddot}} = u_{s.name};" for s in m.actives),
+            filled(f"{{{identifier(s.name)}, {s.name}_dot, {s.name}_ddot}} = u_{s.name};" for s in m.actives),
             experiment=m.experiment,
         ),
         *model(

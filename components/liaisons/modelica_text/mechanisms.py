@@ -18,6 +18,7 @@ from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import refuse_contacts
 from liaisons.mechanics.printing import of_mechanism
+from liaisons.modelica_text.printer import identifier
 from liaisons.modelica_text.text import (
     MOTION,
     Section,
@@ -52,6 +53,12 @@ def motion(component: type[Mechanism]) -> list[str]:
     section.add("kinetic_energy", e.kinetic_energy)
     section.add("potential_energy", e.potential_energy)
     section.add("energy", ca.SX.sym("kinetic_energy") + ca.SX.sym("potential_energy"))
+    outputs = {item.name for item in (*m.outputs, *m.assertions)}
+    if missing := [name for name in section.unsaid if name not in outputs]:
+        raise ComponentError(
+            f"{component.__name__}: {missing[0]} has a function or a number that Modelica has not, such as an interpolant "
+            "or inf; write it by formulas, or import its FMU"
+        )
     constants, initial = parameters(m)
     declarations = [*constants, *_unknowns(e, section), *section.comment]
     return model(MOTION, declarations, filled([*conditions, *section.statements]), initial)
@@ -67,7 +74,7 @@ def _laws(e: Equations, section: Section) -> None:
     attached = [-ca.SX.sym(f"Q_{name}") for name in e.points]
     inside, outside = ca.vertcat(e.drives, e.loads, e.point_loads), ca.vertcat(*applied, *[0] * len(applied), *attached)
     section.rows(names, e.momenta)
-    section.statements += [f"der({q.name}) = {q.name}_dot;" for q in m.coordinates]
+    section.statements += [f"der({identifier(q.name)}) = {q.name}_dot;" for q in m.coordinates]
     count, forces = len(m.coordinates), list[ca.SX]()
     accelerated = dict(zip(names[:count], rates, strict=False))
     for law in of_mechanism(e):

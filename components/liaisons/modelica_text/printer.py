@@ -68,6 +68,8 @@ def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> 
 
     match term:
         case Number(value):
+            if not math.isfinite(value):
+                raise UnsupportedError(str(value))
             return repr(value if isinstance(value, int) else float(value))
         case Name(name):
             return repr(math.pi) if name == "π" else names.get(name, identifier(name))

@@ -11,6 +11,7 @@ from typing import final
 
 import casadi as ca
 
+from liaisons.errors import ComponentError
 from liaisons.formulas import Notation, formula
 from liaisons.language import Experiment, Variable
 from liaisons.language.component import Component
@@ -19,6 +20,7 @@ from liaisons.modelica_text.printer import UnsupportedError, expression, identif
 
 WIDTH = 116
 MOTION = 'partial model Motion "Equations of motion"'
+WORD = r"(?<![\w.'])[A-Za-z_]\w*(?!\w*[('])"
 STRING = r'"(?:[^"\\]|\\.)*"'
 
 
@@ -26,6 +28,8 @@ def number(value: float | tuple[float, ...]) -> str:
     """A literal of a number or an array."""
     if isinstance(value, tuple):
         return f"{{{', '.join(map(number, value))}}}"
+    if not math.isfinite(value):
+        raise ComponentError(f"Modelica text has no number {value}; choose a finite one")
     return repr(float(value)).removesuffix(".0")
 
 
@@ -43,7 +47,7 @@ def named(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
 
 def modification(values: Mapping[str, str]) -> str:
     """What stands between the brackets."""
-    return ", ".join(f"{name}={value}" for name, value in values.items())
+    return ", ".join(f"{identifier(name)}={value}" for name, value in values.items())
 
 
 def declared(kind: str, variables: Iterable[str]) -> list[str]:
@@ -68,7 +72,7 @@ def parameters(
             declarations.append(f"parameter Real {text} {quoted(v.description)};")
         else:
             starts.append(text)
-            initial.append(f"{v.name[:-2]} = {v.name};")
+            initial.append(f"{identifier(v.name[:-2])} = {v.name};")
     if starts:
         starts[-1] += ' "at the start"'
     return declarations + declared("parameter Real", starts), initial
@@ -83,12 +87,12 @@ def units_of(component: Component) -> dict[str, str]:
 def asserted(symbols: Iterable[Symbol]) -> list[str]:
     """Statements that keep to bounds that are excluded, which ``min`` and ``max`` cannot say."""
     limits = [
-        f"{s.name} {sign} {number(bound)}"
+        (s.name, f"{sign} {number(bound)}")
         for s in symbols
         for sign, bound in ((">", s.minimum), ("<", s.maximum))
         if s.strict and bound is not None
     ]
-    return [f"assert({limit}, {quoted(f'{limit} is needed')});" for limit in limits]
+    return [f"assert({identifier(name)} {rest}, {quoted(f'{name} {rest} is needed')});" for name, rest in limits]
 
 
 def wrapped(statement: str) -> list[str]:
@@ -181,7 +185,7 @@ class Section:
             self.unsaid.append(left)
         else:
             self.variables |= dict.fromkeys(re.findall(r"^(?:der\()?(\w+)[\[\w\s+\])]*$", left))
-            self.statements.append(f"{left} = {text};")
+            self.statements.append(f"{re.sub(WORD, lambda name: identifier(name[0]), left)} = {text};")
 
     def rows(self, lefts: Iterable[str], column: ca.SX) -> None:
         """Write an equation for each row of a column."""
