@@ -359,6 +359,19 @@ def test_what_acts_on_a_bounded_force_shares_it() -> None:
         assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
 
 
+@pytest.mark.parametrize(("name", "bound"), [("swing", {}), ("crane", {"pivot_x": (-0.1, 1.05)})])
+def test_corrections_keep_to_the_room_of_the_knots_ahead(name: str, bound: dict[str, Any]) -> None:
+    """Six knots ahead: those of the next round, or the last one."""
+    regulator = hold(planned(name), bounds=bound)
+    (low, high), sigma = {"swing": (0.5, 1.5), "crane": (-0.1, 1.05)}[name], regulator.trajectory.motion[0, 0]
+    last = sigma.size - 1
+    assert regulator.trajectory.after == {"swing": "repeats", "crane": "rests"}[name]
+    for k in range(last + 1):
+        knots = [(k + j) % last if name == "swing" else min(k + j, last) for j in range(7)]
+        assert regulator.correction_limits["least"][0, k] == max(min(0.0, low - sigma[i]) for i in knots)
+        assert regulator.correction_limits["most"][0, k] == min(max(0.0, high - sigma[i]) for i in knots)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
