@@ -513,8 +513,7 @@ def test_a_held_plan_is_held_alike_at_any_step(step: float) -> None:
     regulator = hold(planned("crane"))
     expected = regulator.simulate(3.0, theta_0=0.2)
     run = regulator.system(theta_0=0.2).simulate(3.0, step, tolerance=1e-11)
-    common = [(i, j) for i, t in enumerate(run.time) for j in np.flatnonzero(np.abs(expected.time - t) < 1e-9)]
-    rows, others = np.transpose(common)
+    rows, others = np.nonzero(np.abs(run.time[:, None] - expected.time) < 1e-9)
     assert len(rows) > 10
     # The mechanism's polynomials are those of a part of the period: of sixth order in it.
     np.testing.assert_allclose(run["Pendulum.theta"][rows], expected["Pendulum.theta"][others], rtol=0, atol=3e-8)
