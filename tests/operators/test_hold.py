@@ -359,6 +359,19 @@ def test_what_acts_on_a_bounded_force_shares_it() -> None:
         assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
 
 
+@pytest.mark.parametrize(("name", "bound"), [("swing", {}), ("crane", {"pivot_x": (-0.1, 1.05)})])
+def test_corrections_keep_to_the_room_of_the_knots_ahead(name: str, bound: dict[str, Any]) -> None:
+    """Six knots ahead: those of the next round, or the last one."""
+    regulator = hold(planned(name), bounds=bound)
+    (low, high), sigma = {"swing": (0.5, 1.5), "crane": (-0.1, 1.05)}[name], regulator.trajectory.motion[0, 0]
+    last = sigma.size - 1
+    assert regulator.trajectory.after == {"swing": "repeats", "crane": "rests"}[name]
+    for k in range(last + 1):
+        knots = [(k + j) % last if name == "swing" else min(k + j, last) for j in range(7)]
+        assert regulator.correction_limits["least"][0, k] == max(min(0.0, low - sigma[i]) for i in knots)
+        assert regulator.correction_limits["most"][0, k] == min(max(0.0, high - sigma[i]) for i in knots)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -500,8 +513,7 @@ def test_a_held_plan_is_held_alike_at_any_step(step: float) -> None:
     regulator = hold(planned("crane"))
     expected = regulator.simulate(3.0, theta_0=0.2)
     run = regulator.system(theta_0=0.2).simulate(3.0, step, tolerance=1e-11)
-    common = [(i, j) for i, t in enumerate(run.time) for j in np.flatnonzero(np.abs(expected.time - t) < 1e-9)]
-    rows, others = np.transpose(common)
+    rows, others = np.nonzero(np.abs(run.time[:, None] - expected.time) < 1e-9)
     assert len(rows) > 10
     # The mechanism's polynomials are those of a part of the period: of sixth order in it.
     np.testing.assert_allclose(run["Pendulum.theta"][rows], expected["Pendulum.theta"][others], rtol=0, atol=3e-8)

@@ -209,6 +209,45 @@ def test_a_shape_whose_coordinates_are_singular_is_named() -> None:
         plan("SpatialCat", end={"attitude": (0, 1, 0, 0)}, closed=True, duration=1.0)
 
 
+@pytest.mark.parametrize(
+    ("sides", "curvature", "failing", "kinks"),
+    [
+        ((1.0, 1.0), 50.0, (), False),
+        ((1.0, 1.0), 50.0, (1,), False),  # no solution is near on one side
+        ((1.0, 1.0), 50.0, (-1,), False),
+        ((1.0, 1.0), 50.0, (1, -1), False),  # nor at the first end on either, but at the next ones
+        ((1.0, 0.5), 50.0, (), True),
+        ((0.5, 1.0), 50.0, (), True),
+        ((0.5, 0.5), 50.0, (), None),
+        ((0.9, 0.5), 50.0, (), None),
+        ((1.0, 1.0), 50.0, (1, 2, 4, -1, -2, -4), None),
+    ],
+)
+def test_the_slope_of_the_cost_is_told_on_both_sides_or_on_one(
+    sides: tuple[float, float],
+    curvature: float,
+    failing: tuple[int, ...],
+    kinks: bool | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Costs of other ends are made up: their slopes on both sides, in multipliers, and a curvature; None: refused."""
+    motion = crane(accuracy=None, tries=1)
+    problem, solution = motion.problem.relative, relative(motion.problem, motion.solution)
+    gradient = solution.end_multipliers
+    size, scale = float(np.linalg.norm(gradient)), abs(solution.cost)
+
+    def solved(*_arguments: Any, shift: Any = 0.0, **_options: Any) -> Any:
+        by = float(np.dot(np.atleast_1d(shift * np.ones_like(gradient)), gradient)) / size if np.any(shift) else 0.0
+        parts = round(by / (1e-4 * min(1.0, scale / size)))
+        cost = solution.cost + size * sides[by < 0] * by + curvature * size * by**2
+        return replace(solution, cost=cost, status="failed" if parts in failing else solution.status)
+
+    monkeypatch.setattr("liaisons.operators.verifying.solve", solved)
+    *_, claim = _meshes(problem, solution, Clock(60))
+    assert claim.passed == (kinks is not None)
+    assert ("kink" in claim.claim) == bool(kinks) or kinks is None
+
+
 def test_nothing_to_do_costs_nothing() -> None:
     motion = plan(
         "Pendulum", "pivot_x", end={"theta": 0, "theta_dot": 0}, minimize="pivot_x_ddot**2", **CRANE, duration=1

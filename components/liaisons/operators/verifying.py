@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -17,6 +18,8 @@ NOTHING = 1e-10
 _RELATIVE = 1e-6
 _FLAT = 1e-7
 """Eigenvalues of the reduced Hessian, relative to the largest, that are as good as 0."""
+_SLOPE = 1e-4
+"""By how much the slope of the cost may differ from the multipliers, relative to these."""
 _SHIFT = 1e-4
 """By how much the end is moved to see what that costs."""
 
@@ -119,17 +122,26 @@ def _meshes(problem: Problem, solution: Solution, clock: Clock) -> Iterator[Verd
         # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
         by = _SHIFT * min(1.0, scale / size)
 
+        @cache
         def cost(parts: int) -> float:
             shifted = solve(problem, trajectory, clock, near=True, shift=parts * by * gradient / size)
             return shifted.cost if shifted.succeeded else np.nan
 
-        sides = {side: cost(side) for side in (1, -1)}
-        slope = (sides[1] - sides[-1]) / (2 * by)
-        if not np.isfinite(slope):  # beyond one side of the end no solution is near: also of second order in δ
-            side = 1 if np.isfinite(sides[1]) else -1
-            slope = side * (4 * sides[side] - cost(2 * side) - 3 * solution.cost) / (2 * by)
-        text, error = "another end costs what the multipliers say, dJ/d(end)", abs(slope - size)
-        yield verdict(text, error=error / max(size, 1e-3 * scale), tolerance=1e-4, reason="relative")
+        def one_sided(parts: int) -> float:
+            """Slope of the parabola through the end and two ends beyond, of second order in δ, too."""
+            return (4 * cost(parts) - cost(2 * parts) - 3 * solution.cost) / (2 * by * parts)
+
+        least = max(size, 1e-3 * scale)
+        text, slope = "another end costs what the multipliers say, dJ/d(end)", (cost(1) - cost(-1)) / (2 * by)
+        if not abs(slope - size) <= _SLOPE * least:  # beyond one side no solution is near, or the slope jumps here
+            slopes = np.array([one_sided(parts) for parts in (1, -1, 2, -2)])
+            off = np.abs(slopes - size)
+            if np.isfinite(off).any():
+                slope = slopes[np.nanargmin(off)]
+            sides = [np.nanmax(off[i::2], initial=-np.inf) for i in (0, 1)]
+            if np.isfinite(sides).all() and max(sides) > _SLOPE * least:
+                text += ", on one side: the cost of the end has a kink"
+        yield verdict(text, error=abs(slope - size) / least, tolerance=_SLOPE, reason="relative")
 
 
 def _violation(rows: Rows, values: Array) -> float:
