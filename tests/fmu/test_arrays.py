@@ -205,10 +205,11 @@ def test_states_that_are_not_finite_are_named(ring_library) -> None:
 
 @pytest.mark.parametrize("function", ["GetFloat64", "SetFloat64"])
 @pytest.mark.parametrize("count", [0, 3, 5, 6])
-def test_numbers_of_values_that_do_not_fit(ring3, function, count) -> None:
-    instance = ring3.start()
-    references = instance.refs(["force", "stiffness"])
-    instance.refuse(f"{count} values for variables that hold 4", function, references, 2, reals([0.0] * 8), count)
+def test_numbers_of_values_that_do_not_fit(ring3, pendulum3, function, count) -> None:
+    for library, names, numbers in ((ring3, ["force", "stiffness"], 4), (pendulum3, ["theta_force", "length_dot"], 2)):
+        instance = library.start()
+        message = f"{count} values for variables that hold {numbers}"
+        instance.refuse(message, function, instance.refs(names), 2, reals([0.0] * 8), count)
 
 
 # ---- structural parameters ---------------------------------------------------------------------------------------

@@ -12,6 +12,8 @@ from handmade import breathing_inputs
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from liaisons.models import PolarOscillator
+
 Inputs = Callable[[float], dict[str, float]]
 
 
@@ -57,6 +59,17 @@ def test_completed_steps_ask_for_nothing(pendulum_library) -> None:
 def test_sizes_of_the_states_follow_the_parameters(pendulum_library) -> None:
     instance = pendulum_library.start(MODEL_EXCHANGE, mass=3.0, length=2.0)
     np.testing.assert_array_equal(instance.vector("GetNominalsOfContinuousStates", 4), [1.0, 12.0, 3.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    "function", ["GetNominalsOfContinuousStates", "GetContinuousStateDerivatives", "GetContinuousStates"]
+)
+def test_start_values_count_in_initialization_mode(library, function: str) -> None:
+    """Nothing is read before that calculates them."""
+    instance = library(PolarOscillator).initializing(MODEL_EXCHANGE, r_0=3.0, r_dot_0=0.7)
+    early = instance.vector(function, instance.library.states)
+    instance.exit_initialization()
+    np.testing.assert_array_equal(early, instance.vector(function, instance.library.states))
 
 
 def test_jump_of_an_input_in_event_mode_is_booked(pendulum_library) -> None:
