@@ -582,6 +582,10 @@ def test_what_is_fed_by_a_later_component_extrapolates(fmu: Fmu, tmp_path: Path)
     assert plan is not None
     assert [part["reconstruction"] for part in json.loads(plan[1])["components"]] == [1, 2]
     assert json.loads(plan[1])["tolerance"] == 1e-8  # the finest
+    system.add("held", fmu(catalogue()["Regulator"]), period=0.02)
+    plan = re.search(r'"step_size": ?([^,]*)', live_page(system).decode())
+    assert plan is not None
+    assert float(plan[1]) == pytest.approx(0.02 / 3, rel=1e-12)  # of which there are three in a period
 
 
 @in_a_browser
