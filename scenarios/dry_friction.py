@@ -77,5 +77,6 @@ def main(claim: Claims) -> None:
         leading,
         within(2 * ratio, "m/s", because="μg/Aω², the next order"),
     )
-    drifts.plot(shares, leading, label="Aω sin(πF/2μmg)")
+    every = np.linspace(0, 1, 101)
+    drifts.plot(every, AMPLITUDE * SHAKING * np.sin(np.pi / 2 * every), label="Aω sin(πF/2μmg)")
     dots(drifts, shares, means, every=1, label="FMU")

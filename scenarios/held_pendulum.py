@@ -63,9 +63,14 @@ def main(claim: Claims) -> None:
     text = f"it survives a torque of {survived:.3g} N m for 0.2 s, more than that of its weight at 0.2 rad"
     claim(text, float(survived <= weight), 0.0, within(0.0, because="a count"))
 
-    angle, work = panels(("upright is 0", "t [s]", "θ - π [rad]"), ("work exchanged", "t [s]", "∫ |P| dt [J]"))
-    for run, label, prefix in ((held, f"feedback, {spent:.2g} J", "Pendulum."), (shaken, f"{vibrated:.2g} J", "")):
+    angle, moved, work = panels(
+        ("upright is 0", "t [s]", "θ - π [rad]"),
+        ("what feedback moves", "t [s]", "pivot_x [m]"),
+        ("work exchanged", "t [s]", "∫ |P| dt [J]"),
+    )
+    labels = f"feedback, {spent:.2f} J", f"shaken, {vibrated:.0f} J"
+    for run, label, prefix in zip((held, shaken), labels, ("Pendulum.", ""), strict=True):
         angle.plot(run.time, run[f"{prefix}theta"] - np.pi, linewidth=0.8, label=label)
         power = np.abs(run[f"{prefix}pivot_{'x' if prefix else 'z'}_power"])
         work.semilogy(run.time[1:], np.cumsum(power)[1:] * np.diff(run.time), label=label)
-    angle.plot(held.time, pivot, "--", linewidth=0.8, label="pivot [m]")
+    moved.plot(held.time, pivot, linewidth=0.8)

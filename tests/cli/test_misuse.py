@@ -29,7 +29,7 @@ MISUSE = {
     "build Pendulum --modelica --fmi 3": ["--fmi", "of FMUs", "omit --modelica"],
     "build Pendulum --standard-library": ["--modelica"],
     "sweep Pendulum --ovr=theta_0=0:1:3 --keep theta": ["liaisons sweep: ", "--ovr", "--over"],
-    "run": ["--all"],
+    "run --theme contact": ["did you mean 'contacts'?"],
     "run no_such_claim": ["'no_such_claim'"],
     "check text.fmu": ["text.fmu", "no archive at all"],
     "check Pendulum --unpacked-limit many": ["'many'", "number of bytes"],

@@ -173,6 +173,14 @@ def test_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> None:
     np.testing.assert_allclose(result["x"], 1 - np.cos(since), rtol=0, atol=1e-8)
 
 
+def test_a_force_by_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> None:
+    """The jump of a force by 1 at 0.5537 s, between two steps: x'' = -x + 1, from rest."""
+    (tmp_path / "step.csv").write_text("t,x_force\n0,0\n0.5537,0\n0.5537,1\n2,1\n")
+    words = ("--set", "x_0=0", "--set", "damping=0", "--input", "step.csv")
+    result = simulated("Oscillator", *words, *WORDS)
+    np.testing.assert_allclose(result["x"], 1 - np.cos(np.maximum(result.time - 0.5537, 0)), rtol=0, atol=1e-8)
+
+
 def test_several_inputs_and_a_force(simulated: Simulated) -> None:
     """x'' = -x + 2 cos t from rest is t sin t."""
     words = ("--set", "x_0=0", "--set", "damping=0", "--input", "support=0*t", "--input", "x_force=2*cos(t)")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
@@ -58,6 +59,11 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     index_of = {part.name: i for i, part in enumerate(parts.values())}
     stops = [part.fmu.experiment.stop_time for part in parts.values()]
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
+    step = speed / (2 * _FRAMES)
+    for part in parts.values():
+        if part.fmu.model_name == "Regulator":  # its samples are communication points
+            period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
+            step = period / math.ceil(period / step)
     picture = together({prefix: picture_of(part) for prefix, part in parts.items()})
     plan = {
         "components": components,
@@ -67,7 +73,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         ],
         "groups": connected_groups(len(components), ((index_of[a], index_of[b]) for (a, _), (b, _) in feeds.items())),
         "modules": [_module(path) for path in paths],
-        "step_size": speed / (2 * _FRAMES),
+        "step_size": step,
         "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),
         "speed": speed,
         "plane": picture.plane,

@@ -86,4 +86,6 @@ def save(path: Path) -> None:
         columns = len(labels) if sum(widths) <= width else max(1, int(width / max(widths)))
         axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=columns)
     with replacing(path) as whole:
-        figure.savefig(whole, format=path.suffix[1:], dpi=150)
+        figure.savefig(
+            whole, format=path.suffix[1:], dpi=150, bbox_inches="tight"
+        )  # with legends below axes of equal aspect

@@ -155,8 +155,11 @@ class Page {
     bar("bar-work", 0, work);
     bar("bar-gain", 0, gain);
     bar("bar-lost", gain, gain + lost);
-    $("account").textContent = `work ${short(work)} J = energy gained ${short(gain)} J + dissipated ${short(lost)} J, `
-      + `to ${Math.abs(gain + lost - work).toExponential(0)} J`;
+    const told = (id, words, value) => make("span", { className: id, textContent: `${words} ${short(value)} J` });
+    $("account").replaceChildren(
+      told("bar-work", "work", work), " = ", told("bar-gain", "energy gained", gain), " + ", told("bar-lost", "dissipated", lost),
+      `, to ${Math.abs(gain + lost - work).toExponential(0)} J`,
+    );
     for (const part of this.machine.parts) {
       for (const [name] of part.free) {
         const value = (end) => this.now[this.machine.place.get(`${part.prefix}${name}${end}`)];
@@ -213,7 +216,7 @@ class Page {
     number.onchange = () => { slider.value = number.value; moved(Number(number.value)); };
     slider.setAttribute("aria-label", name);
     number.setAttribute("aria-label", `${name}, value`);
-    return make("label", { title: variable.description ?? "", className: "row" }, make("span", { textContent: name }), slider, number, make("span", { className: "unit", textContent: variable.unit ?? "" }));
+    return make("label", { title: variable.description ?? "", className: "row" }, make("span", {}, ...name.split(/(?<=[._])/).flatMap((part) => [part, make("wbr")])), slider, number, make("span", { className: "unit", textContent: variable.unit ?? "" }));
   }
 
   #preset(part, variable) {
