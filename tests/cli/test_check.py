@@ -7,12 +7,15 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import fmpy
+import numpy as np
 import pytest
 from pythonfmu.builder import FmuBuilder
 
+from liaisons.cli._invariants import _relative_difference
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Oscillator
+from liaisons.results import Result
 
 from .conftest import Cli, Runs
 
@@ -102,3 +105,17 @@ def test_outputs_of_every_type(liaisons: Cli, tmp_path: Path, counting: int) -> 
     assert reply.status == counting, reply.out + reply.err
     agree = "FAIL" if counting else "pass"
     assert verdicts(reply.out) == {"fmpy's validator": "pass", "all signals": "pass", "communication steps": agree}
+
+
+def test_differences_are_relative_to_the_motion() -> None:
+    """A signal that is 0 but for rounding, in a unit that no other has, differs by rounding."""
+    time = np.linspace(0, 1, 5)
+
+    def result(angle: np.ndarray) -> Result:
+        return Result("r", time, ("x", "angle"), np.array([np.cos(time), angle]), {"x": "m", "angle": "rad"})
+
+    assert _relative_difference(result(3e-33 * time), result(-3e-33 * time))[0] < 1e-15
+    late = result(0.1 * time + 0.01 * (time == 0.5))
+    difference, where = _relative_difference(result(0.1 * time), late)
+    assert difference == pytest.approx(0.1)
+    assert where == ", at worst angle at t = 0.5 s"

@@ -187,7 +187,7 @@ def test_gradients_count_what_has_weight(caplog: pytest.LogCaptureFixture) -> No
 
 
 def test_a_foreign_kink_is_not_differentiated(made: Made, caplog: pytest.LogCaptureFixture) -> None:
-    """An impact exactly at a recorded time: differences to both sides are the same for all sizes, and the sides differ."""
+    """An impact exactly at a recorded time: central differences agree, and those to the two sides do not."""
     T = float(np.sqrt(2 / 9.81))
     motion = motion_of(made(BALL), ["h", "e"], [0.4, T, 0.6], record=["h", "v"])
     _, derivatives = motion.forward(motion.values)

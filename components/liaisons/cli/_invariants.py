@@ -82,7 +82,7 @@ def _runs(fmu: Fmu) -> Iterator[Verdict]:
     difference, where = _relative_difference(coarse, fine)
     # Local errors of the solver add up over the run and are amplified; a factor of 1000 leaves room for both.
     yield verdict(
-        f"communication steps of {step_size:g} and {step_size / 2:g} s agree, relative to the largest of each unit{where}",
+        f"communication steps of {step_size:g} and {step_size / 2:g} s agree beside the largest of each unit{where}",
         error=difference,
         tolerance=1e3 * tolerance,
     )

@@ -137,7 +137,7 @@ def motion_of(
 
 
 def _run_instead(subject: Subject) -> System | Path | None:
-    """The system or FMU whose runs are differentiated, where its equations are not at hand, have contacts, or sample."""
+    """The system or FMU whose runs are differentiated, where equations are not at hand, have contacts, or sample."""
     if isinstance(subject, System):
         return subject
     if _is_file(subject):

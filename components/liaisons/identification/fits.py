@@ -78,7 +78,7 @@ class Fit:
         )
         kept = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
         count = len(self.names) - len(estimate.fixed)
-        unsure = f"{count} unknowns from as many numbers leave no residual that shows the noise; give noise=, or measure more"
+        unsure = f"{count} unknowns from as many numbers leave no residual that shows the noise; give noise="
         return (*estimate.sentences, *kept, *bounds, *[unsure] * (not estimate.tells_noise))
 
     def intervals(self, probability: float = 0.95) -> dict[str, tuple[float, float]]:
@@ -118,7 +118,7 @@ class Fit:
         return replays(self.estimate)
 
     def verify(self) -> list[Verdict]:
-        """Replay through the FMUs, whiteness, constancy, tails and size of residuals, variances against 200 fits, finer steps.
+        """Replay through the FMUs, tests of residuals, variances against 200 fits, finer steps.
 
         :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """

@@ -53,11 +53,11 @@ def motion(component: type[Mechanism]) -> list[str]:
     section.add("kinetic_energy", e.kinetic_energy)
     section.add("potential_energy", e.potential_energy)
     section.add("energy", ca.SX.sym("kinetic_energy") + ca.SX.sym("potential_energy"))
-    outputs = {item.name for item in (*m.outputs, *m.assertions)}
+    outputs = {item.name for item in (*m.outputs, *m.assertions, *m.calculated_parameters)}
     if missing := [name for name in section.unsaid if name not in outputs]:
         raise ComponentError(
-            f"{component.__name__}: {missing[0]} has a function or a number that Modelica has not, such as an interpolant "
-            "or inf; write it by formulas, or import its FMU"
+            f"{component.__name__}: {missing[0]} has a function or a number that Modelica has not, such as "
+            "an interpolant or inf; write it by formulas, or import its FMU"
         )
     constants, initial = parameters(m)
     declarations = [*constants, *_unknowns(e, section), *section.comment]
