@@ -72,12 +72,6 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
     parts = system.filled()
     if converted := [connection for connection in system.connections if connection.conversion != SAME]:
         raise SimulationError(f"{system.name}: {converted[0]} converts values, which is not flattened; use one unit")
-    for part in parts.values():
-        if part.fmu.model_name == "Regulator":
-            raise SimulationError(
-                f"{part.name}: {part.fmu.path.name} reads at communication points, of which equations of a whole "
-                "system have none; simulate the system"
-            )
     classes = catalogue() | dict(components or {})
     models = {name: _model(part, classes) for name, part in parts.items()}
     starts = {
@@ -118,7 +112,8 @@ def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Mod
     component = classes[fmu.model_name]
     if getattr(component, "is_sampled", bool)():
         raise SimulationError(
-            f"{part.name}: a {fmu.model_name} reads samples, which equations of motion do not have: simulate the system"
+            f"{part.name}: a {fmu.model_name} reads at communication points, of which equations of a whole system have "
+            "none; simulate the system"
         )
     size = fmu.variables.get("n") if has_size(component) else None
     derived = model(component, **({"n": int(size.start)} if size and size.start else {})).flat()

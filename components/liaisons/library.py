@@ -292,7 +292,9 @@ def _no_component(target: object, text: str) -> str:
     from liaisons.cosim import System
 
     if isinstance(target, System):
-        return f"{target.name} is a system, no component; flatten() makes one FMU of it, sweep() runs it for many values"
+        return (
+            f"{target.name} is a system, no component; flatten() makes one FMU of it, sweep() runs it for many values"
+        )
     return f"{shown(target)} {text}"
 
 

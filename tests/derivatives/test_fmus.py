@@ -225,7 +225,7 @@ def test_a_regulator_is_differentiated_with_its_samples() -> None:
     assert s.method == "differences"
     # Differences of 2e-4 beside extrapolated ones: of second order, 1e-8.
     assert_allclose(s.derivative("Pendulum.theta", "Pendulum.theta_0"), ((high - low) / 2e-4)[[5, 25]], atol=1e-7)
-    with pytest.raises(LiaisonsError, match="Pendulum_pivot_x samples its readings, and a fit has no samples"):
+    with pytest.raises(LiaisonsError, match="Pendulum_pivot_x: a Regulator reads at communication points"):
         identify(held(3.2), {"time": [0.1, 0.5], "Pendulum.theta": [3.2, 3.1]}, "Pendulum.theta_0")
 
 

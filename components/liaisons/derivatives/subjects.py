@@ -12,18 +12,16 @@ from numpy.typing import ArrayLike
 from liaisons import flattening
 from liaisons.arguments import finite, listed, named, numbers, positive
 from liaisons.array_names import split
-from liaisons.cosim import OperatorFmu, System, SystemComponent
-from liaisons.cosim.description.fmu import read
+from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import functions_of
 from liaisons.derivatives.motion import EQUAL, DifferentiableMotion, recorded_times
 from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, flat_model, operator_model, settable
-from liaisons.errors import ComponentError, LiaisonsError, SimulationError, suggestion
+from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
 from liaisons.library import Target, component, fmu_file
-from liaisons.mechanics.model import Model, contact_names, refuse_contacts
-from liaisons.models.regulator import Regulator
+from liaisons.mechanics.model import Model, contact_names, refuse_contacts, refuse_samples
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -142,28 +140,10 @@ def _run_instead(subject: Subject) -> System | Path | None:
         return subject
     if _is_file(subject):
         return Path(cast("str", subject))
-    if isinstance(subject, Model) or not (contact_names(component(subject)) or _samples(subject)):
+    if isinstance(subject, Model):
         return None
-    return fmu_file(subject)
-
-
-def refuse_samples(subject: Subject, purpose: str, error: type[LiaisonsError] = SimulationError) -> None:
-    """Refuse what reads at instants only: equations without these are those of another motion.
-
-    :raises SimulationError: or another error; it names the regulator.
-    """
-    for name, part in subject.parts.items() if isinstance(subject, System) else [("", subject)]:
-        if _samples(part):
-            raise error(
-                f"{name or 'Regulator'} samples its readings, and {purpose} has no samples; compare runs by sweep()"
-            )
-
-
-def _samples(part: object) -> bool:
-    model_name = part.fmu.model_name if isinstance(part, SystemComponent) else getattr(part, "__name__", part)
-    if isinstance(part, (str, Path)) and _is_file(part):
-        model_name = read(Path(part)).model_name if Path(part).exists() else ""
-    return model_name == Regulator.__name__
+    of = component(subject)
+    return fmu_file(subject) if contact_names(of) or getattr(of, "is_sampled", bool)() else None
 
 
 def _is_file(subject: object) -> bool:
@@ -172,7 +152,6 @@ def _is_file(subject: object) -> bool:
 
 def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
     """The model, and start values of a file that differ from the declared ones."""
-    refuse_samples(subject, _WITHOUT_EVENTS[0])
     if isinstance(subject, System):
         model = flattening.composed(subject)
         refuse_contacts(model, *_WITHOUT_EVENTS)
@@ -180,6 +159,7 @@ def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
     if not _is_file(subject):
         of = subject if isinstance(subject, Model) else component(cast("Target", subject))
         refuse_contacts(of, *_WITHOUT_EVENTS)
+        refuse_samples(of, *_WITHOUT_EVENTS)
         return of.flat() if isinstance(of, Model) else flat_model(of), {}
     model, starts = flattening.model_of(cast("str", subject))
     refuse_contacts(model, *_WITHOUT_EVENTS)

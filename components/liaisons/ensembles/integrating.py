@@ -22,7 +22,7 @@ from liaisons.expressions import program
 from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.library import component as found_component
-from liaisons.mechanics.model import refuse_contacts
+from liaisons.mechanics.model import refuse_contacts, refuse_samples
 from liaisons.results import Result
 
 _CHUNK = 16
@@ -85,7 +85,8 @@ def ensemble(
     :raises BuildError: if the compiler fails.
     """
     of = found_component(component)
-    refuse_contacts(of, "an ensemble", "take sweep(), which runs its FMU")
+    for refuse in (refuse_contacts, refuse_samples):
+        refuse(of, "an ensemble", "take sweep(), which runs its FMU")
     model = flat_model(of)
     moving = named("operators", {} if operators is None else operators)
     moving = {name: operator_model(model, name, found_component(operator)) for name, operator in moving.items()}

@@ -12,7 +12,6 @@ from liaisons import flattening
 from liaisons.arguments import chosen, finite, listed, merged, named, positive, shown, whole
 from liaisons.array_names import split
 from liaisons.cosim import System
-from liaisons.derivatives.subjects import refuse_samples
 from liaisons.ensembles.right_hand_sides import flat_model, operator_model, settable
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
@@ -23,7 +22,7 @@ from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target, component
 from liaisons.mechanics import Model
-from liaisons.mechanics.model import refuse_contacts
+from liaisons.mechanics.model import refuse_contacts, refuse_samples
 
 Range = tuple[float | None, float | None]
 Data = Any
@@ -238,11 +237,11 @@ class _Unknowns:
 
 def _model(subject: Target | Model | System) -> Model:
     """Equations of what was measured, arrays element by element."""
-    refuse_samples(subject, "a fit", IdentificationError)
     if isinstance(subject, System):
         subject = flattening.composed(subject)
     of = subject if isinstance(subject, Model) else component(subject)
-    refuse_contacts(of, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
+    for refuse in (refuse_contacts, refuse_samples):
+        refuse(of, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
     return of.flat() if isinstance(of, Model) else flat_model(of)
 
 

@@ -217,6 +217,14 @@ def refuse_contacts(
         raise error(f"{name}: {task} takes no unilateral liaisons and no dry friction ({which}); {remedy}")
 
 
+def refuse_samples(
+    subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
+) -> None:
+    """Raise an error for an operator that reads its inputs at samples: its equations are those between them."""
+    if isinstance(subject, type) and getattr(subject, "is_sampled", bool)():
+        raise error(f"{subject.__name__}: {task} takes no samples of inputs; {remedy}")
+
+
 def described(instance: Component) -> dict[str, Any]:
     """Arguments of Model that come from the declarations: names, variables, documentation."""
     component = type(instance)

@@ -7,12 +7,12 @@ from functools import partial
 
 import casadi as ca
 
-from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import interpret
 from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable
 from liaisons.mechanics import assemble
+from liaisons.mechanics.model import refuse_samples
 from liaisons.modelica_text.text import Section, asserted, declared, filled, model, named, number, parameters
 
 _ENTRY = """\
@@ -41,8 +41,7 @@ _FOLLOWER = 'model {0} "A flange that follows the signal" extends Signals; {1} f
 
 def operator_classes(component: type[Operator]) -> list[str]:
     """Lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
-    if component.is_sampled():
-        raise ComponentError(f"{component.__name__}: Modelica text takes no samples of inputs; import its FMU")
+    refuse_samples(component, "Modelica text", "import its FMU")
     operator, layout = component(), component().layout()
     operator.lookups = []
     vars(operator)["signal"] = partial(_chosen, operator.signal)

@@ -159,9 +159,7 @@ class Controller:
         :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
             what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._system(
-            merged(self.name, start_values, keywords, PlanError), announced=True
-        )
+        return self._system(merged(self.name, start_values, keywords, PlanError), announced=True)
 
     def _system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
         """The same; samples are announced to importers that choose their communication points."""
