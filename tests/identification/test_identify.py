@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from liaisons import System, identify, operator, simulate
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit
+from liaisons.identification.minimising import LOSSES
 from liaisons.identification.verifying import growth, largest, largest_bound, residual_tests
 from liaisons.models import Oscillator, Pendulum
 
@@ -36,6 +37,7 @@ def test_pendulum() -> None:
     assert fit.residuals[0].shape == (1, TIMES.size)
     assert fit.cost == pytest.approx(np.sum(fit.residuals[0] ** 2) / NOISE**2 / 2, rel=1e-12)
     assert fit.sentences == ()
+    assert fit.estimate.freedom == TIMES.size - 2
     assert "length" in repr(fit)
     assert fit.units == {"length": "m", "theta_0": "rad"}
     assert np.diag(fit.correlation) == pytest.approx(1)
@@ -302,6 +304,17 @@ def test_as_many_unknowns_as_rows_leave_nothing_that_shows_the_noise(noise: floa
             "2 unknowns from as many numbers leave no residual that shows the noise; give noise="
         )
         assert failed == ["the noise is given, or residuals are left that show it"]
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_losses_have_their_derivatives(loss: str) -> None:
+    z, h = np.array([0.3, 0.9, 1.1, 4.0]), 1e-5
+    value, slope, curvature = LOSSES[loss](z)
+    high, low = LOSSES[loss](z + h), LOSSES[loss](z - h)
+    expected = {"linear": z, "soft_l1": 2 * (np.sqrt(1 + z) - 1), "cauchy": np.log(1 + z)}
+    assert value == pytest.approx(expected.get(loss, np.where(z <= 1, z, 2 * np.sqrt(z) - 1)))
+    assert slope == pytest.approx((high[0] - low[0]) / (2 * h), abs=1e-8)
+    assert curvature == pytest.approx((high[1] - low[1]) / (2 * h), abs=1e-8)
 
 
 def test_exact_data() -> None:

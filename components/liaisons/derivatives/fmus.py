@@ -142,7 +142,8 @@ class FmuMotion:
         ends = [x for polynomial in self.inputs.values() for x in polynomial.x]
         for part in self.system.parts.values():
             if part.fmu.model_name == Regulator.__name__:
-                period = float(part.starts.get("period", part.fmu.variables["period"].start))
+                declared: Any = part.fmu.variables["period"].start
+                period = float(part.starts.get("period", declared))
                 ends += [i * period for i in range(int(self.times[-1] / period) + 1)]
         asked = np.array([self.start_time, *self.times])
         apart = [t for t in ends if np.abs(asked - t).min() > _ROUNDING * abs(t)]
