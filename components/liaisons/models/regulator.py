@@ -46,7 +46,7 @@ class Regulator(Operator):
     for _i in range(1, READINGS + 1):
         vars()[f"gain_{_i}"] = ParameterArray((), ANY, f"gains of reading {_i}, by knots", _KNOTS)
         vars()[f"reading_{_i}"] = Input(ANY, f"reading {_i}")
-    period = Parameter(0.01, "s", "sampling period: distance of the communication points", above=0)
+    period = Parameter(100.0, "s", "sampling period, of which communication steps are parts", above=0)
     repeats = Parameter(1e30, "s", "time after which the motion repeats itself", above=0)
     announced = Parameter(1.0, "1", "next_event_time has samples, too; 0: communication points are there anyhow")
     sampled = Input("s", "time elapsed at the last communication point")
