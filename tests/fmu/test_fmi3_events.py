@@ -222,6 +222,20 @@ def test_inputs_inside_a_step(pendulum3) -> None:
     np.testing.assert_allclose(instance.get(*names), fine.get(*names), rtol=0, atol=1e-6)
 
 
+def test_elements_of_an_array_follow_their_own_polynomials(ring3) -> None:
+    def forces(time: float) -> dict[str, list[float]]:
+        return {"force": [0.1 * time, -0.2 * time**2, 0.3 * time]}
+
+    options = {"observer": lambda instance, time: instance.set(forces(time)) and None, "wanted": ["force"]}
+    instance, fine = ring3.start(options=options), ring3.start(input_reconstruction=2)
+    instance.step(0.0, 1.0)
+    fine.follow(0.01, 100, forces, ahead=True)
+    np.testing.assert_allclose(instance.get("x"), fine.get("x"), rtol=0, atol=1e-4)  # linear in steps of 10 ms there
+    still = ring3.start()
+    still.step(0.0, 1.0)
+    assert np.abs(instance.get("x") - still.get("x")).min() > 1e-3
+
+
 def test_inputs_that_are_asked_for_and_not_given_move_as_ever(pendulum3) -> None:
     values = {"length_dot": 0.3, "theta_0": 1.0}
     asked = pendulum3.start(options={"observer": lambda *_: None, "wanted": ["length"]}, **values)
