@@ -14,14 +14,13 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
 import catalogue  # noqa: E402
+import crossings  # noqa: E402
 import gallery  # noqa: E402
 import hosting  # noqa: E402
 import links  # noqa: E402
 import mathml  # noqa: E402
 import reference  # noqa: E402
 import texts  # noqa: E402
-
-import crossings  # noqa: E402
 from liaisons import __version__  # noqa: E402
 
 project = "liaisons"
