@@ -293,13 +293,13 @@ def try_sensitivities(workshop: Workshop, kind: str) -> None:
 
 
 def try_gradient(workshop: Workshop, kind: str) -> None:
-    """Of the sum of squares of a signal."""
+    """Of the sum of squares of a signal, at times that are not beside an event."""
     subject, (made, starts) = SUBJECTS[kind], subject_and_values(workshop, kind)
     name, (by, value) = next(iter(subject.signals())), subject.by
-    options = {"times": T, "record": name, "start_values": starts | {by: value}, **at_operators(subject)}
+    options = {"times": T[::2], "record": name, "start_values": starts | {by: value}, **at_operators(subject)}
     found = gradient(made, lambda signals: ca.sumsqr(signals[name]), by, **options)
     assert found[by] == pytest.approx(
-        2 * slopes(subject, name) @ subject.signals()[name], abs=len(T) * differences(subject)
+        2 * slopes(subject, name)[::2] @ subject.signals()[name][::2], abs=len(T) * differences(subject)
     )
 
 
