@@ -14,7 +14,7 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
 import catalogue  # noqa: E402
-import crossings  # noqa: E402
+import crossing_table  # noqa: E402
 import gallery  # noqa: E402
 import hosting  # noqa: E402
 import links  # noqa: E402
@@ -69,7 +69,7 @@ def setup(app: Sphinx) -> None:
     """Connect what this site adds to Sphinx."""
     gallery.setup(app)
     catalogue.setup(app)
-    crossings.setup(app)
+    crossing_table.setup(app)
     mathml.setup(app)
     reference.setup(app)
     texts.setup(app)

@@ -21,7 +21,7 @@ from driver import CO_SIMULATION, OK, Instance, Library
 from making import exchange_only
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from subjects import SAMPLE, STEP, STOP, SUBJECTS, Hoist, Row, Signals, Subject, T
+from subjects import SAMPLE, STEP, STOP, SUBJECTS, Hoist, Row, Signals, Subject, T, shaken_mass
 from wasm_driver import WasmLibrary
 
 from liaisons import (
@@ -79,8 +79,7 @@ class Workshop:
         if key not in self._made:
             made = self.made(kind)
             if kind == "flattened" and form:
-                made = SUBJECTS["system"].put_together(self.folder)  # type: ignore[misc]
-                self._made[key] = made.flatten(self.folder / kind, **form)
+                self._made[key] = shaken_mass(self.folder).flatten(self.folder / kind, **form)
                 return self._made[key]
             self._made[key] = made if isinstance(made, Path) and not form else build(made, self.folder / kind, **form)
         return self._made[key]
@@ -264,7 +263,7 @@ def slopes(subject: Subject, name: str) -> NDArray:
     """Derivative of a signal by :attr:`Subject.by`, by differences of fourth order of the closed form."""
     by, value = subject.by
     h = 1e-3 * value
-    shifted = [subject.signals(**{by: value + k * h})[name] for k in (-2, -1, 1, 2)]
+    shifted = [subject.signals(T, **{by: value + k * h})[name] for k in (-2, -1, 1, 2)]
     return (shifted[0] - 8 * shifted[1] + 8 * shifted[2] - shifted[3]) / (12 * h)
 
 
@@ -474,6 +473,7 @@ def try_live_page(workshop: Workshop, kind: str) -> None:
     else:
         show(made, path=path, start_values=subject.start_values)
     with browser() as found, opened(found, path) as live:
+        reached: dict[str, float] = {}
         begins = sorted({0.0, STOP, *(ramp.begin for ramp in subject.ramps.values())})
         for begin, end in pairwise(begins):
             for name, ramp in subject.ramps.items():

@@ -197,7 +197,7 @@ def drawn(masses: Sequence[float], stiffness: float) -> tuple[NDArray, NDArray]:
 
 def left(controller: Controller, stop_time: float, **start: float) -> float:
     """What is left of a deviation, relative to sizes."""
-    run = controller.simulate(stop_time, **start)
+    run = controller.simulate(stop_time, start_values=start)
     return float(np.abs(controller.deviation(run)[:, -1] / controller.sizes).max())
 
 

@@ -11,7 +11,7 @@ from capabilities import Workshop
 from line_names import NAMES
 from subjects import SUBJECTS
 
-from crossings import REFUSED, Cell, Trial, cells, groups, page, trials
+from crossing_table import REFUSED, Cell, Trial, cells, groups, page, trials
 from liaisons import LiaisonsError, analysis
 
 SLOW = {"wasm", "live_page"}
