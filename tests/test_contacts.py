@@ -127,18 +127,6 @@ def test_page_in_the_fmu(fmu: Callable[..., Path]) -> None:
     assert "Reference results" not in page
 
 
-@pytest.mark.parametrize("named", [True, False])
-def test_runs_are_differentiated(
-    named: bool, fmu: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """z = 1 - 2 t until 0.5 s, then 2 e (t - 0.5) with e = 0.5."""
-    monkeypatch.setenv("LIAISONS_FMUS", str(tmp_path))
-    subject = Sledge if named else fmu(Sledge)
-    found = sensitivities(subject, ["bounce", "z_0"], stop_time=0.9, step_size=0.3, record="z", z_dot_0=-2.0)
-    assert found.method == "differences"
-    assert found["z"] == pytest.approx([1.0, 0.4, 0.1, 0.4], abs=1e-12)
-    assert found.derivative("z", "bounce") == pytest.approx([0.0, 0.0, 0.2, 0.8], abs=1e-8)
-    assert found.derivative("z", "z_0") == pytest.approx([1.0, 1.0, -0.5, -0.5], abs=1e-8)
 
 
 @pytest.mark.parametrize("bounce", [0.0, 1.0])

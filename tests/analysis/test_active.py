@@ -91,24 +91,8 @@ def test_effective_mass_and_connection_of_the_swing() -> None:
     np.testing.assert_allclose(force, 0, atol=1e-12)  # X_K = 0: the body turns in one piece (M 8.4)
 
 
-def test_curvature_where_the_connection_depends_on_the_fibre() -> None:
-    """Γ = -(cos θ, sin θ)/l for a moved pivot: F = Γ_x ∂_θ Γ_z - Γ_z ∂_θ Γ_x = 1/l² by the second term alone.
-
-    And with l as third: ∂_l Γ_x = cos θ/l², ∂_l Γ_z = sin θ/l².
-    """
-    theta, length = 0.8, 1.3
-    F = analysis.curvature(Pendulum).evaluate(theta=theta, length=length)
-    np.testing.assert_allclose(F[0], np.array([np.cos(theta), np.sin(theta), 1.0]) / length**2, rtol=ROUNDING)
-
-
 def circle(a: ca.SX, radius: float = 0.6, x: float = 0.9, y: float = -0.4) -> dict[str, ca.SX]:
     return {"psi_1": x + radius * ca.cos(a), "psi_2": y + 0.7 * radius * ca.sin(a)}
-
-
-def test_holonomy_of_the_cat_as_a_line_and_as_an_area() -> None:
-    line, area = analysis.holonomy(PlanarCat, circle)["phi"], analysis.curvature_integral(PlanarCat, circle)["phi"]
-    assert abs(line) > 0.01
-    assert line == pytest.approx(area, abs=1e-10)  # integration at 1e-12 over one turn, 24 Gauss nodes a radius
 
 
 def test_holonomy_is_that_of_the_loop_not_of_its_speed() -> None:

@@ -209,7 +209,7 @@ def thermostat_end(motion: Plan) -> NDArray:
     return ivp(rates, [0, 0, 0], 2.0)[:, -1]
 
 
-def close(a: Any, b: Any, tolerance: float = 1e-9) -> bool:
+def close(a: Any, b: Any, tolerance: float = 1e-12) -> bool:
     """Equal up to rounding, and SciPy's tolerance of 1e-12 over a few seconds."""
     return bool(np.allclose(a, b, rtol=tolerance, atol=tolerance))
 
@@ -233,8 +233,10 @@ def turned(rates: Callable[[float], Sequence[float]], start: Sequence[float], en
     return ivp(rate, start, end)[:, -1]
 
 
-def circle(names: Sequence[str], radius: float = 0.1) -> Callable[[Any], dict[str, Any]]:
-    return lambda a: {names[0]: radius * ca.cos(a), names[1]: radius * ca.sin(a)}
+def circle(
+    names: Sequence[str], radius: float = 0.1, centre: Sequence[float] = (0.0, 0.0)
+) -> Callable[[Any], dict[str, Any]]:
+    return lambda a: dict(zip(names, (centre[0] + radius * ca.cos(a), centre[1] + radius * ca.sin(a)), strict=True))
 
 
 def thermostat(_: float, y: NDArray) -> list[float]:

@@ -253,13 +253,6 @@ def test_one_element_is_an_array_too() -> None:
     assert "1, 1, 0," in next(line for line in model_code(model, GUID, "3").splitlines() if '{"x",' in line)
 
 
-def test_fmpy_simulates_arrays(ring3) -> None:
-    result = fmpy.simulate_fmu(
-        str(ring3.path), stop_time=1.0, output_interval=0.5, start_values={"x_0": [0.3, 0.2, 0.1]}, output=["x", "work"]
-    )
-    instance = ring3.start(x_0=[0.3, 0.2, 0.1])
-    instance.follow(0.5, 2)
-    np.testing.assert_allclose(result["x"][-1], instance.get("x"), rtol=1e-12)
 
 
 # ---- FMI 3.0 without arrays ------------------------------------------------------------------------------------------

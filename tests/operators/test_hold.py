@@ -536,17 +536,6 @@ def test_a_regulator_refuses_steps_that_miss_its_samples() -> None:
         liaisons.modelica("Regulator")
 
 
-def test_internal_states_and_plans_from_zero_are_held(tmp_path: Path) -> None:
-    """A state that is no coordinate, and a start that IPOPT leaves as 1e-34: neither has a size of its own."""
-    (tmp_path / "own.py").write_text(OWN)
-    bead = plan(f"{tmp_path}/own.py:Bead", end={"x": 0.5, "x_dot": 0}, minimize="pivot_ddot**2", duration=2.0, tries=1)
-    regulator = hold(bead)
-    assert regulator.states[:4] == ("x", "z", "p_x", "p_z")
-    assert regulator.simulate()["Bead.x"][-1] == pytest.approx(0.5, abs=1e-8)
-    lagged = hold(f"{tmp_path}/own.py:Lagged", {"x": 0, "support": 0})
-    assert lagged.free == ("x", "support")
-    run = lagged.simulate(30.0, x_0=0.1)
-    assert np.abs(lagged.deviation(run)[:, -1]).max() < 1e-6
 
 
 OWN = '''
