@@ -10,10 +10,9 @@ import pytest
 
 from liaisons import System, flatten, operator, simulate
 from liaisons.check import max_error, slope
-from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
-from liaisons.models import DoublePendulum, Oscillator, OscillatorChain, Pendulum, Ramp, Regulator, Sinusoid
+from liaisons.models import DoublePendulum, Oscillator, OscillatorChain, Pendulum, Ramp, Sinusoid
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +61,6 @@ def test_an_operator_inside_that_jumps_in_rate_is_booked(shared_folder: Path, tm
         assert result["swing.length"][-1] == pytest.approx(1.0 + 0.2 * (2.0 - start_time), rel=1e-12)
 
 
-
-
 def test_chain_keeps_its_size(shared_folder: Path, tmp_path: Path) -> None:
     system = System("pulled chain")
     chain = system.add("chain", build(assemble(OscillatorChain, 4), shared_folder / "n=4"), u_0=[0.1, 0.0, 0.0, 0.3])
@@ -73,7 +70,3 @@ def test_chain_keeps_its_size(shared_folder: Path, tmp_path: Path) -> None:
     assert result["chain.u[4]"][0] == 0.3
     energy = result["chain.energy"] + result["hand.energy"]
     assert np.ptp(energy) <= 1e-10  # nothing is lost between the two
-
-
-
-

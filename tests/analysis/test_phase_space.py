@@ -64,16 +64,6 @@ def test_hamiltons_and_marles_equations_are_the_equations_of_motion(component: t
         np.testing.assert_allclose(analysis.dynamic_field(equations).evaluate(**state), marle, rtol=1e-11, atol=size)
 
 
-def test_brackets_of_coordinates_and_momenta_have_the_sign_of_the_text() -> None:
-    """{p, q} = +1 (K eq. 87, KC9), so that {H, a} = da/dt (K eq. 88)."""
-    x, p_x, y = (analysis.observable(KeplerOrbit, f) for f in (lambda m: m.x, lambda m: m.momentum(m.x), lambda m: m.y))
-    assert analysis.poisson_bracket(p_x, x).evaluate() == 1.0
-    assert analysis.poisson_bracket(x, p_x).evaluate() == -1.0
-    assert analysis.poisson_bracket(p_x, y).evaluate() == 0.0
-    H = analysis.hamiltonian(KeplerOrbit)
-    assert analysis.poisson_bracket(H, x).evaluate(mass=2.0, p_x=3.0) == pytest.approx(1.5, rel=ROUNDING)
-
-
 def test_brackets_of_angular_momenta_and_of_velocities_in_a_field() -> None:
     """{L_x, L_y} = -L_z, {v_x, v_y} = -Q B/m² (KC9)."""
 

@@ -9,7 +9,7 @@ from scipy.integrate import simpson
 
 from liaisons import analysis
 from liaisons.check import slope
-from liaisons.models import CartesianPendulum, FreeParticle, Oscillator, Pendulum
+from liaisons.models import CartesianPendulum, Oscillator, Pendulum
 
 MASS, STIFFNESS = 0.5, 2.0  # ω = 2 rad/s: conjugate points every π/2 s
 BODY: dict[str, Any] = {"mass": MASS, "stiffness": STIFFNESS}
@@ -25,15 +25,6 @@ def sine(t: np.ndarray, n: int) -> dict[str, np.ndarray]:
 def joined(t: np.ndarray) -> np.ndarray:
     """The oscillation from x = 1 to x = 0 in the time t[-1]."""
     return np.cos(OMEGA * t) - np.sin(OMEGA * t) / np.tan(OMEGA * t[-1])
-
-
-def test_action_of_a_fall() -> None:
-    """z = -½ g t²: S = ∫ m (½ g² t² + ½ g² t²) dt = m g² T³/3; the interpolant is the parabola itself."""
-    t, zero = np.linspace(0, 1.5, 7), np.zeros(7)
-    path = {"x": zero, "y": zero, "z": -9.81 * t**2 / 2, "x_dot": zero, "y_dot": zero, "z_dot": -9.81 * t}
-    S = analysis.action(FreeParticle, t, path, mass=2.0)
-    assert S.action == pytest.approx(2 * 9.81**2 * 1.5**3 / 3, rel=1e-13)
-    assert (S.first, S.second) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])

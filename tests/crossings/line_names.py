@@ -125,20 +125,6 @@ class Thermostat(Mechanism):
         return {"z": (self.support / self.scale - self.z) / self.lag}
 
 
-class Winch(Mechanism):
-    """Drum on a spring, whose angle is prescribed."""
-
-    inertia = Parameter(2.0, "kg.m2", "inertia", above=0)
-    stiffness = Parameter(3.0, "N.m/rad", "stiffness", above=0)
-    angle = ActiveCoordinate("rad", "angle")
-
-    def kinetic_energy(self) -> ca.SX:
-        return self.inertia / 2 * self.dot(self.angle) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return self.stiffness / 2 * self.angle**2
-
-
 class Bead(Mechanism):
     """Bead on a circle, a passive constraint, on a spring whose support an operator moves."""
 
@@ -210,7 +196,7 @@ def thermostat_end(motion: Plan) -> NDArray:
 
 
 def close(a: Any, b: Any, tolerance: float = 1e-12) -> bool:
-    """Equal up to rounding, and SciPy's tolerance of 1e-12 over a few seconds."""
+    """Equal up to rounding; what is integrated at 1e-11 or 1e-12 has a tolerance of its own."""
     return bool(np.allclose(a, b, rtol=tolerance, atol=tolerance))
 
 

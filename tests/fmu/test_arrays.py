@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
-import fmpy
 import numpy as np
 import pytest
 from driver import DISCARD, ERROR, MODEL_EXCHANGE, Library, reals
@@ -251,8 +250,6 @@ def test_one_element_is_an_array_too() -> None:
     names = {element.attrib["name"] for element in root.iter("ScalarVariable")}
     assert {"x[1]", "anchor_dot[1]"} <= names
     assert "1, 1, 0," in next(line for line in model_code(model, GUID, "3").splitlines() if '{"x",' in line)
-
-
 
 
 # ---- FMI 3.0 without arrays ------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, MODEL_EXCHANGE, OK, Library, reals
+from driver import CO_SIMULATION, OK, Library
 from handmade import pendulum, ring
 from numpy.typing import NDArray
 
@@ -88,22 +88,3 @@ def test_co_simulation(pair, mode) -> None:
         assert step == (OK, False, False, pytest.approx((i + 1) * STEP, rel=1e-12))
         after = both.outputs()
     assert after != before  # it has moved
-
-
-def test_model_exchange(pair) -> None:
-    """Explicit Euler steps, with an event in their midst."""
-    both = started(pair, MODEL_EXCHANGE, 1)
-    n = pair.model.start.numel_out(0)
-    for event in range(2):
-        both.alike(lambda it: it.go_on())
-        y = np.frombuffer(both.alike(lambda it: it.vector("GetContinuousStates", n).tobytes()))
-        for i in range(10 * event, 10 * event + 10):
-            both.alike(lambda it, i=i: it.do("SetTime", i * 0.01))
-            both.set(inputs_at(pair.model, i * 0.01))
-            both.alike(lambda it, y=y: it.do("SetContinuousStates", reals(y), n))
-            rates = both.alike(lambda it: it.vector("GetContinuousStateDerivatives", n).tobytes())
-            y = y + 0.01 * np.frombuffer(rates)
-            both.outputs()
-        both.alike(lambda it: it.do("EnterEventMode"))
-        both.set(inputs_at(pair.model, 5.0))  # a jump
-    both.alike(lambda it: it.vector("GetNominalsOfContinuousStates", n).tobytes())

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from hand_derivations import SMOOTH, WITHOUT_ORIENTATION, states
-from on_paper import BACKENDS, HOLD, State, Values, assert_follows, equations_of, run, wave
+from on_paper import BACKENDS, HOLD, State, Values, assert_follows, equations_of
 
 from liaisons.array_names import suffixed
 from liaisons.check import max_error
@@ -64,8 +64,6 @@ def test_outputs_at_the_start_are_the_derived_equations(component, backend: str,
             expected = float(state(expression))
             # p → q' → everything, a few dozen roundings of terms of size 1e3 N.
             assert result[name][0] == pytest.approx(expected, rel=1e-11, abs=1e-10), name
-
-
 
 
 @pytest.mark.parametrize("component", WITHOUT_ORIENTATION)
