@@ -256,7 +256,7 @@ def test_one_element_is_an_array_too() -> None:
 
 
 @pytest.mark.parametrize("component", [PendulumChain, PlannedMotion])
-def test_fmi3_without_arrays_is_the_same(component, shared_folder) -> None:
+def test_fmi3_without_arrays_has_none(component, shared_folder) -> None:
     paths = [build(assemble(component), shared_folder, fmi="3", arrays=arrays) for arrays in (True, False)]
     assert paths[1] == shared_folder / "fmi3" / "scalars" / f"{component.__name__}.fmu"
     assert validate_fmu(str(paths[1])) == []
@@ -264,14 +264,6 @@ def test_fmi3_without_arrays_is_the_same(component, shared_folder) -> None:
     assert any(v.dimensions for v in whole.description.modelVariables)
     assert not any(v.dimensions for v in numbers.description.modelVariables)
     assert not any(v.causality == "structuralParameter" for v in numbers.description.modelVariables)
-    names = [v.name for v in whole.description.modelVariables if v.causality == "output"]
-    ends = []
-    for library in (whole, numbers):
-        instance = library.start()
-        instance.follow(0.05, 4)
-        elements = (library.elements(name) for name in names)
-        ends.append(instance.get(*(element for found in elements for element in found)))
-    np.testing.assert_array_equal(*ends)
     numbers.instantiate().refuse("{}: there are no structural parameters", "EnterConfigurationMode")
 
 
