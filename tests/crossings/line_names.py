@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from bodies import Skate  # noqa: F401 - in lines
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -30,30 +31,6 @@ from liaisons import (
     plan,  # noqa: F401
 )
 from liaisons.library import catalogue
-
-
-class Skate(Mechanism):
-    """Knife edge on a slope that falls towards +x."""
-
-    mass = Parameter(0.7, "kg", "mass", above=0)
-    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
-    gravity = Parameter(2.0, "m/s2", "gravity along the slope")
-    x = Coordinate("m", "down the slope")
-    y = Coordinate("m", "along the slope")
-    angle = Coordinate("rad", "direction of the edge from x", start_rate=1.5)
-
-    @non_holonomic("m/s", "speed across the edge")
-    def edge(self) -> ca.SX:
-        return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
-
-    def kinetic_energy(self) -> ca.SX:
-        return (
-            self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
-            + self.inertia / 2 * self.dot(self.angle) ** 2
-        )
-
-    def potential_energy(self) -> ca.SX:
-        return -self.mass * self.gravity * self.x
 
 
 class Masses(Mechanism):

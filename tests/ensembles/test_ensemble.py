@@ -181,7 +181,7 @@ def test_constraints_hold() -> None:
 
 
 def test_arrays_have_an_axis_of_their_own() -> None:
-    found = ensemble(PendulumChain, {"gravity": [5.0, 9.0]}, stop_time=0.1, step_size=0.05, record="theta")
+    found = ensemble(PendulumChain, {"gravity": [5.0, 9.0]}, stop_time=0.1, step_size=0.05)
     assert (found["theta"].shape, found.error("theta").shape) == ((2, 2, 10), (2, 10))
 
 
