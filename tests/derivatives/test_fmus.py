@@ -20,7 +20,7 @@ from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.fmu import build
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
-from liaisons.models import BouncingBall, DryOscillator, Pendulum
+from liaisons.models import BouncingBall, Pendulum
 
 TIMES = np.linspace(0.25, 4.0, 16)
 
@@ -182,23 +182,6 @@ def test_a_foreign_kink_is_not_differentiated(made: Made, caplog: pytest.LogCapt
     assert np.isnan(derivatives[:, 1, 0]).all()
     assert np.isfinite(derivatives[:, [0, 2]]).all()
     assert f"not-a-number at t = {T:g} s: two branches of the motion meet there" in caplog.text
-
-
-def test_friction_that_sticks_has_the_derivatives_of_its_closed_form() -> None:
-    times = np.linspace(0.02, 2.5, 125)
-    s = sensitivities("DryOscillator", "x_0", times=times, x_0=0.52, record=["x", "x_dot"])
-
-    def exact(x_0: float) -> Any:
-        motion = DryOscillator().exact(times, x_0=x_0)
-        return np.array([motion["x"], motion["x_dot"]])
-
-    slopes = np.array([s.derivative(name, "x_0") for name in ("x", "x_dot")])
-    right = ~np.isnan(slopes)
-    expected = (exact(0.52 + 1e-6) - exact(0.52 - 1e-6)) / 2e-6
-    # Its half swings have turning points at kπ/ω for any x_0, where it sticks at last: there is no derivative beyond
-    # rounding of those instants.
-    assert_allclose(slopes[right], expected[right], atol=1e-5)
-    assert right.mean() > 0.98
 
 
 def test_a_regulator_is_differentiated_with_its_samples() -> None:

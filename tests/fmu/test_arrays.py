@@ -164,18 +164,6 @@ def test_states_of_arrays_can_be_set_one_by_one_in_model_exchange(ring_library) 
 # ---- saved states ------------------------------------------------------------------------------------------------
 
 
-def test_saved_state(ring_library) -> None:
-    instance = ring_library.start(input_reconstruction=2)
-    instance.set(anchor=[0.2, 0.3, 0.4], force=[1, 2, 3])
-    instance.step(0.0, 0.3)
-    instance.set(anchor=[0.1, 0.1, 0.1])
-    content = instance.serialize()
-    other = ring_library.restored(content)
-    for i in (instance, other):
-        i.step(0.3, 0.3)
-    assert instance.get(*OUTPUTS).tobytes() == other.get(*OUTPUTS).tobytes()
-
-
 # ---- messages ----------------------------------------------------------------------------------------------------
 
 
