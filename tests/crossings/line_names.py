@@ -158,7 +158,7 @@ def drawn(masses: Sequence[float], stiffness: float) -> tuple[NDArray, NDArray]:
     return A, np.eye(2 * n + 2)[:, -1:]
 
 
-def left(controller: Controller, stop_time: float, **start: float) -> float:
+def left(controller: Controller, stop_time: float, **start: Any) -> float:
     """What is left of a deviation, relative to sizes."""
     run = controller.simulate(stop_time, **start)
     return float(np.abs(controller.deviation(run)[:, -1] / controller.sizes).max())

@@ -161,9 +161,6 @@ def test_states_of_arrays_can_be_set_one_by_one_in_model_exchange(ring_library) 
     instance.set({"x_dot": [0, 0, 0]}, ERROR, "x_dot[1] = 0: it is calculated; set parameters and inputs")
 
 
-# ---- saved states ------------------------------------------------------------------------------------------------
-
-
 # ---- messages ----------------------------------------------------------------------------------------------------
 
 
