@@ -10,10 +10,9 @@ import pytest
 
 from liaisons import System, flatten, operator, simulate
 from liaisons.check import max_error, slope
-from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
-from liaisons.models import DoublePendulum, Oscillator, OscillatorChain, Pendulum, Ramp, Regulator, Sinusoid
+from liaisons.models import DoublePendulum, Oscillator, OscillatorChain, Pendulum, Ramp, Sinusoid
 
 
 @pytest.fixture(scope="module")
@@ -62,16 +61,6 @@ def test_an_operator_inside_that_jumps_in_rate_is_booked(shared_folder: Path, tm
         assert result["swing.length"][-1] == pytest.approx(1.0 + 0.2 * (2.0 - start_time), rel=1e-12)
 
 
-def test_driven_oscillator_is_its_closed_form(shared_folder: Path, tmp_path: Path) -> None:
-    system = System("shaken mass")
-    shaker = system.add("shaker", build(assemble(Sinusoid), shared_folder), amplitude=0.2, angular_frequency=1.7)
-    mass = system.add("mass", build(assemble(Oscillator), shared_folder), x_0=0.0)
-    system.connect(shaker["y"], mass["support"])
-    result = simulate(flatten(system, tmp_path), stop_time=20.0, step_size=0.5, tolerance=1e-11)
-    exact = Oscillator.exact(result.time, x_0=0.0, amplitude=0.2, angular_frequency=1.7)
-    assert max_error(result["mass.x"], exact["x"]) <= 1e-8  # no error of the step, which is half a period
-
-
 def test_chain_keeps_its_size(shared_folder: Path, tmp_path: Path) -> None:
     system = System("pulled chain")
     chain = system.add("chain", build(assemble(OscillatorChain, 4), shared_folder / "n=4"), u_0=[0.1, 0.0, 0.0, 0.3])
@@ -81,21 +70,3 @@ def test_chain_keeps_its_size(shared_folder: Path, tmp_path: Path) -> None:
     assert result["chain.u[4]"][0] == 0.3
     energy = result["chain.energy"] + result["hand.energy"]
     assert np.ptp(energy) <= 1e-10  # nothing is lost between the two
-
-
-def test_what_reads_at_communication_points_is_refused(tmp_path: Path) -> None:
-    held = System("held")
-    held.add("regulator", build(assemble(Regulator), tmp_path))
-    with pytest.raises(SimulationError, match=r"^regulator: a Regulator reads at communication points, of which"):
-        held.flatten(tmp_path)
-
-
-def test_foreign_fmus_are_named(tmp_path: Path) -> None:
-    class Strange(Pendulum):
-        """A component that is not in the catalogue."""
-
-    system = System("strange")
-    system.add("one", build(assemble(Strange), tmp_path))
-    with pytest.raises(SimulationError, match=r"one: Strange\.fmu is a 'Strange'.*flatten\(components="):
-        flatten(system, tmp_path)
-    assert flatten(system, tmp_path, components={"Strange": Strange}).is_file()

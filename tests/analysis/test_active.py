@@ -47,14 +47,10 @@ def test_each_term_is_an_automorphism_of_the_poisson_structure(term: str) -> Non
 
 
 def test_energy_of_the_active_constraints() -> None:
-    """K_Y = ½ (I + m b) Y² on the hoop (M eq. 63); for the pendulum ½ m (velocity of the pivot along the rod + l')²."""
+    """K_Y = ½ (I + m b) Y² on the hoop (M eq. 63)."""
     _, b, *_ = hoop_geometry(HOOP["xi"])
     expected = (HOOP["hoop_inertia"] + HOOP["mass"] * b) / 2 * HOOP["beta_dot"] ** 2
     assert analysis.active_energy(CircularHoop).evaluate(**HOOP) == pytest.approx(expected, rel=ROUNDING)
-    theta, u, w, v = 0.8, 0.4, -0.6, 0.3
-    K = analysis.active_energy(Pendulum).evaluate(theta=theta, pivot_x_dot=u, pivot_z_dot=w, length_dot=v, mass=1.4)
-    along = u * np.sin(theta) - w * np.cos(theta) + v
-    assert pytest.approx(1.4 / 2 * along**2, rel=ROUNDING) == K
 
 
 def test_hamiltonian_on_the_reduced_phase_space() -> None:
@@ -91,24 +87,8 @@ def test_effective_mass_and_connection_of_the_swing() -> None:
     np.testing.assert_allclose(force, 0, atol=1e-12)  # X_K = 0: the body turns in one piece (M 8.4)
 
 
-def test_curvature_where_the_connection_depends_on_the_fibre() -> None:
-    """Γ = -(cos θ, sin θ)/l for a moved pivot: F = Γ_x ∂_θ Γ_z - Γ_z ∂_θ Γ_x = 1/l² by the second term alone.
-
-    And with l as third: ∂_l Γ_x = cos θ/l², ∂_l Γ_z = sin θ/l².
-    """
-    theta, length = 0.8, 1.3
-    F = analysis.curvature(Pendulum).evaluate(theta=theta, length=length)
-    np.testing.assert_allclose(F[0], np.array([np.cos(theta), np.sin(theta), 1.0]) / length**2, rtol=ROUNDING)
-
-
 def circle(a: ca.SX, radius: float = 0.6, x: float = 0.9, y: float = -0.4) -> dict[str, ca.SX]:
     return {"psi_1": x + radius * ca.cos(a), "psi_2": y + 0.7 * radius * ca.sin(a)}
-
-
-def test_holonomy_of_the_cat_as_a_line_and_as_an_area() -> None:
-    line, area = analysis.holonomy(PlanarCat, circle)["phi"], analysis.curvature_integral(PlanarCat, circle)["phi"]
-    assert abs(line) > 0.01
-    assert line == pytest.approx(area, abs=1e-10)  # integration at 1e-12 over one turn, 24 Gauss nodes a radius
 
 
 def test_holonomy_is_that_of_the_loop_not_of_its_speed() -> None:
@@ -126,8 +106,6 @@ def test_holonomy_where_areas_do_not_add_up() -> None:
     loop = lambda a: {"pivot_x": radius * ca.cos(a), "pivot_z": radius * ca.sin(a)}  # noqa: E731
     turn = analysis.holonomy(Pendulum, loop, theta=0.8, length=1.3)["theta"]
     assert turn == pytest.approx(np.pi * radius**2 / 1.3**2, rel=5 * radius)  # next order: radius/length
-    with pytest.raises(ComponentError, match=r"Pendulum: the connection depends on theta: use holonomy\(\)"):
-        analysis.curvature_integral(Pendulum, loop)
 
 
 # ---- Hamilton's equations with multipliers -----------------------------------------------------------------------

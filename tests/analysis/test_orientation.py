@@ -132,15 +132,6 @@ def wheels(a: ca.SX, size: float) -> dict[str, ca.SX]:
     return {"wheel_1": size * (ca.cos(a) - 1), "wheel_2": size * ca.sin(a), "wheel_3": size * ca.sin(2 * a)}
 
 
-def test_connection_and_curvature_of_the_satellite() -> None:
-    """ω = Γ φ' = -J⁻¹ J_w φ', constant; its curvature is what turns do not commute by, Γ_α × Γ_β."""
-    connection = analysis.kinetic_connection(Satellite).evaluate()
-    gamma = -np.diag(0.1 / np.array([10.0, 12.0, 8.0]))
-    np.testing.assert_allclose(connection, gamma, atol=ROUNDING)
-    pairs = np.array([np.cross(gamma[:, i], gamma[:, j]) for i, j in ((0, 1), (0, 2), (1, 2))]).T
-    np.testing.assert_allclose(analysis.curvature(Satellite).evaluate(), pairs, atol=1e-17)  # of size 1e-4
-
-
 def test_wheels_that_end_where_they_began_leave_the_satellite_turned() -> None:
     """Holonomy against a product of small slews, and the curvature times the area for a small loop."""
     end = analysis.holonomy(Satellite, lambda a: wheels(a, 60.0))

@@ -1,18 +1,15 @@
 """Stationary action and least constraint against closed forms."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_simpson, simpson
+from scipy.integrate import simpson
 
 from liaisons import analysis
 from liaisons.check import slope
-from liaisons.errors import ComponentError
-from liaisons.language import Coordinate, Mechanism, Parameter, non_holonomic
-from liaisons.models import CartesianPendulum, FreeParticle, Oscillator, Pendulum
+from liaisons.models import CartesianPendulum, Oscillator, Pendulum
 
 MASS, STIFFNESS = 0.5, 2.0  # ω = 2 rad/s: conjugate points every π/2 s
 BODY: dict[str, Any] = {"mass": MASS, "stiffness": STIFFNESS}
@@ -28,22 +25,6 @@ def sine(t: np.ndarray, n: int) -> dict[str, np.ndarray]:
 def joined(t: np.ndarray) -> np.ndarray:
     """The oscillation from x = 1 to x = 0 in the time t[-1]."""
     return np.cos(OMEGA * t) - np.sin(OMEGA * t) / np.tan(OMEGA * t[-1])
-
-
-def test_action_of_a_fall() -> None:
-    """z = -½ g t²: S = ∫ m (½ g² t² + ½ g² t²) dt = m g² T³/3; the interpolant is the parabola itself."""
-    t, zero = np.linspace(0, 1.5, 7), np.zeros(7)
-    path = {"x": zero, "y": zero, "z": -9.81 * t**2 / 2, "x_dot": zero, "y_dot": zero, "z_dot": -9.81 * t}
-    S = analysis.action(FreeParticle, t, path, mass=2.0)
-    assert S.action == pytest.approx(2 * 9.81**2 * 1.5**3 / 3, rel=1e-13)
-    assert (S.first, S.second) == (0.0, 0.0)
-
-
-def test_action_of_a_path_with_a_moving_active_coordinate() -> None:
-    """At rest on a support that moves as x_0 = t: S = -½ K ∫ t² dt."""
-    t, zero = np.linspace(0, 2, 5), np.zeros(5)
-    S = analysis.action(Oscillator, t, {"x": zero, "x_dot": zero, "support": t, "support_dot": zero + 1}, **BODY)
-    assert S.action == pytest.approx(-STIFFNESS / 2 * 8 / 3, rel=1e-13)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -147,67 +128,6 @@ def test_holders_principle_in_coordinates_with_constraints() -> None:
     assert first(e, n) == pytest.approx(work, abs=1e-7)
 
 
-class Skate(Mechanism):
-    """Knife edge on a slope, towards +x."""
-
-    mass = Parameter(0.7, "kg", "mass", above=0)
-    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
-    gravity = Parameter(2.0, "m/s2", "gravity along the slope")
-    x = Coordinate("m", "down the slope")
-    y = Coordinate("m", "along the slope")
-    angle = Coordinate("rad", "direction of the edge from x", start_rate=1.5)
-
-    @non_holonomic("m/s", "speed across the edge")
-    def edge(self) -> ca.SX:
-        return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
-
-    def kinetic_energy(self) -> ca.SX:
-        moving = self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
-        return moving + self.inertia / 2 * self.dot(self.angle) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return -self.mass * self.gravity * self.x
-
-
-def test_vakonomic_equations_of_a_skate() -> None:
-    """H = (p_x cos φ + p_y sin φ)²/2m + p_φ²/2I - m g x; d'Alembert's has φ'' = 0 instead."""
-    phi, p_x, p_y, p_phi = 0.8, 1.1, -0.4, 0.6
-    along, across = p_x * np.cos(phi) + p_y * np.sin(phi), p_y * np.cos(phi) - p_x * np.sin(phi)
-    u = along / 0.7
-    found = analysis.vakonomic_equations(Skate).evaluate(angle=phi, p_x=p_x, p_y=p_y, p_angle=p_phi)
-    expected = [u * np.cos(phi), u * np.sin(phi), p_phi / 0.3, 0.7 * 2.0, 0.0, -u * across]
-    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("field", "gravity", "kept"),
-    [
-        (lambda _: {"angle": 1}, 2.0, True),
-        (lambda m: {"x": ca.cos(m.angle), "y": ca.sin(m.angle)}, 0.0, True),  # L is invariant on the constraint alone
-        (lambda m: {"x": ca.cos(m.angle), "y": ca.sin(m.angle)}, 2.0, False),
-        (lambda _: {"y": 1}, 2.0, False),
-        (lambda m: {"x": -m.y, "y": m.x}, 0.0, False),
-    ],
-)
-def test_symmetries_of_a_skate_are_those_that_its_edge_keeps(field: Any, gravity: float, kept: bool) -> None:
-    """d'Alembert: u' = g cos φ along the edge, φ'' = 0."""
-    t, u_0, w, m = np.linspace(0, 3, 31), 0.8, 1.5, SimpleNamespace(angle=1.5 * np.linspace(0, 3, 31))
-    u = u_0 + gravity / w * np.sin(w * t)
-    v = {"x": u * np.cos(m.angle), "y": u * np.sin(m.angle), "angle": 0 * t + w}
-    m.x, m.y = (cumulative_simpson(v[q], x=t, initial=0) for q in "xy")
-    momentum = sum(np.array(ca.DM(xi)).ravel() * {"angle": 0.3}.get(q, 0.7) * v[q] for q, xi in field(m).items())
-    assert (np.ptp(momentum) < 1e-12) == kept
-    if kept:
-        quantity = analysis.noether(Skate, field, gravity=gravity)
-        along = quantity.evaluate(angle=m.angle, **{f"{q}_dot": rate for q, rate in v.items()})
-        np.testing.assert_allclose(along, momentum, rtol=1e-13)
-    else:
-        why = "is no symmetry" if gravity and "x" in field(m) else "moves edge, whose forces change"
-        with pytest.raises(ComponentError, match=why):
-            analysis.noether(Skate, field, gravity=gravity)
-    assert list(analysis.cyclic_coordinates(Skate)) == ["angle"]
-
-
 def test_vakonomic_equations_of_a_geometric_constraint_are_dalemberts() -> None:
     """Accelerations of the CartesianPendulum, v(q, p) differentiated along the field, at a state on the rod."""
     vakonomic = analysis.vakonomic_equations(CartesianPendulum)
@@ -217,19 +137,3 @@ def test_vakonomic_equations_of_a_geometric_constraint_are_dalemberts() -> None:
     acceleration = ca.jtimes(field[:3], ca.vertcat(free.q, free.p), field)
     found = analysis.Quantity(equations, acceleration).evaluate(**state)
     np.testing.assert_allclose(found, equations.evaluate("accelerations", **state), rtol=1e-11, atol=1e-11)
-
-
-def test_vakonomic_equations_need_linear_constraints() -> None:
-    class Steady(Skate):
-        """A skate that keeps its kinetic energy, as K Ex. 10 does."""
-
-        @non_holonomic("m2/s2", "square of the speed beyond 1")
-        def pace(self) -> ca.SX:
-            return self.speed_squared({"x": self.x, "y": self.y}) - self.unit
-
-        unit = Parameter(1.0, "m2/s2", "square of the speed")
-
-    with pytest.raises(
-        ComponentError, match="Steady: vakonomic equations need constraints that are linear in the rates"
-    ):
-        analysis.vakonomic_equations(Steady)

@@ -9,7 +9,6 @@ from liaisons.models import (
     Flywheel,
     LinearMolecule,
     Oscillator,
-    Pendulum,
     Swing,
 )
 
@@ -50,14 +49,6 @@ def test_modes_of_the_double_pendulum() -> None:
     assert found.equilibrium == pytest.approx({"theta_1": 0.0, "theta_2": 0.0}, abs=1e-14)
     for matrix, diagonal in ((found.mass, np.ones(2)), (found.stiffness, found.squares)):
         np.testing.assert_allclose(found.modes.T @ matrix @ found.modes, np.diag(diagonal), atol=1e-11)
-
-
-def test_the_pendulum_hangs_or_stands() -> None:
-    hanging = analysis.normal_modes(Pendulum, theta=0.5, length=2.0)
-    assert hanging.frequencies == pytest.approx([np.sqrt(9.81 / 2)], rel=ROUNDING)
-    standing = analysis.normal_modes(Pendulum, theta=3.0, length=2.0)
-    assert standing.equilibrium["theta"] == pytest.approx(np.pi, rel=1e-15)
-    assert standing.squares == pytest.approx([-9.81 / 2], rel=ROUNDING)
 
 
 def test_equilibrium_of_the_leaning_swing() -> None:

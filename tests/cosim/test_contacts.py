@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 from making import exchange_only, wired
 
-from liaisons import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, System
+from liaisons import Coordinate, Parameter, System
 from liaisons.fmu import build
-from liaisons.language import unilateral
 from liaisons.mechanics import assemble
+from liaisons.models import BouncingBall
 from liaisons.results import Result
 
 KEPT, HEIGHT, G = 0.5, 1.0, 9.81
@@ -26,24 +25,11 @@ TIGHT = 1e-9
 """Of the energy; the tolerance of the FMU is 1e-8, its share in each step 2e-10."""
 
 
-class WatchedBall(Mechanism):
-    """Ball above a table that an operator moves."""
+class WatchedBall(BouncingBall):
+    """It falls from a height, and keeps half of its rate."""
 
-    mass = Parameter(1.0, "kg", "mass", above=0)
     bounce = Parameter(KEPT, "1", "coefficient of restitution", minimum=0, maximum=1)
-    gravity = Gravity()
     height = Coordinate("m", "height of the ball", start=HEIGHT)
-    table = ActiveCoordinate("m", "height of the table")
-
-    def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.dot(self.height) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return self.mass * self.gravity * self.height
-
-    @unilateral("m", "distance of ball and table", restitution="bounce")
-    def gap(self) -> ca.SX:
-        return self.height - self.table
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from bodies import Skate  # noqa: F401 - in lines
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -30,30 +31,6 @@ from liaisons import (
     plan,  # noqa: F401
 )
 from liaisons.library import catalogue
-
-
-class Skate(Mechanism):
-    """Knife edge on a slope that falls towards +x."""
-
-    mass = Parameter(0.7, "kg", "mass", above=0)
-    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
-    gravity = Parameter(2.0, "m/s2", "gravity along the slope")
-    x = Coordinate("m", "down the slope")
-    y = Coordinate("m", "along the slope")
-    angle = Coordinate("rad", "direction of the edge from x", start_rate=1.5)
-
-    @non_holonomic("m/s", "speed across the edge")
-    def edge(self) -> ca.SX:
-        return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
-
-    def kinetic_energy(self) -> ca.SX:
-        return (
-            self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
-            + self.inertia / 2 * self.dot(self.angle) ** 2
-        )
-
-    def potential_energy(self) -> ca.SX:
-        return -self.mass * self.gravity * self.x
 
 
 class Masses(Mechanism):
@@ -125,20 +102,6 @@ class Thermostat(Mechanism):
         return {"z": (self.support / self.scale - self.z) / self.lag}
 
 
-class Winch(Mechanism):
-    """Drum on a spring, whose angle is prescribed."""
-
-    inertia = Parameter(2.0, "kg.m2", "inertia", above=0)
-    stiffness = Parameter(3.0, "N.m/rad", "stiffness", above=0)
-    angle = ActiveCoordinate("rad", "angle")
-
-    def kinetic_energy(self) -> ca.SX:
-        return self.inertia / 2 * self.dot(self.angle) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return self.stiffness / 2 * self.angle**2
-
-
 class Bead(Mechanism):
     """Bead on a circle, a passive constraint, on a spring whose support an operator moves."""
 
@@ -195,7 +158,7 @@ def drawn(masses: Sequence[float], stiffness: float) -> tuple[NDArray, NDArray]:
     return A, np.eye(2 * n + 2)[:, -1:]
 
 
-def left(controller: Controller, stop_time: float, **start: float) -> float:
+def left(controller: Controller, stop_time: float, **start: Any) -> float:
     """What is left of a deviation, relative to sizes."""
     run = controller.simulate(stop_time, start_values=start)
     return float(np.abs(controller.deviation(run)[:, -1] / controller.sizes).max())
@@ -209,8 +172,8 @@ def thermostat_end(motion: Plan) -> NDArray:
     return ivp(rates, [0, 0, 0], 2.0)[:, -1]
 
 
-def close(a: Any, b: Any, tolerance: float = 1e-9) -> bool:
-    """Equal up to rounding, and SciPy's tolerance of 1e-12 over a few seconds."""
+def close(a: Any, b: Any, tolerance: float = 1e-12) -> bool:
+    """Equal up to rounding; what is integrated at 1e-11 or 1e-12 has a tolerance of its own."""
     return bool(np.allclose(a, b, rtol=tolerance, atol=tolerance))
 
 
@@ -233,8 +196,10 @@ def turned(rates: Callable[[float], Sequence[float]], start: Sequence[float], en
     return ivp(rate, start, end)[:, -1]
 
 
-def circle(names: Sequence[str], radius: float = 0.1) -> Callable[[Any], dict[str, Any]]:
-    return lambda a: {names[0]: radius * ca.cos(a), names[1]: radius * ca.sin(a)}
+def circle(
+    names: Sequence[str], radius: float = 0.1, centre: Sequence[float] = (0.0, 0.0)
+) -> Callable[[Any], dict[str, Any]]:
+    return lambda a: dict(zip(names, (centre[0] + radius * ca.cos(a), centre[1] + radius * ca.sin(a)), strict=True))
 
 
 def thermostat(_: float, y: NDArray) -> list[float]:

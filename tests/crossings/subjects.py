@@ -180,7 +180,9 @@ def hoisted(t: NDArray, *, mass: float, angle: Ramp, reach: Ramp) -> Signals:
 def filtered(t: NDArray, *, low: float) -> Signals:
     """Three filters of rate 30 1/s in a row, from 1 to 0."""
     u = 30.0 * t
-    return {"y": low + (1.05 - low) * np.exp(-u) * (1 + u + u**2 / 2)}
+    decay = (1.05 - low) * np.exp(-u)
+    y_ddot = 30.0**2 * decay * (u**2 / 2 - u)
+    return {"y": low + decay * (1 + u + u**2 / 2), "y_dot": -30.0 * decay * u**2 / 2, "y_ddot": y_ddot}
 
 
 def regulated(t: NDArray, *, period: float, **_: Any) -> Signals:

@@ -13,14 +13,14 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from liaisons import System, gradient, hold, identify, sensitivities
+from liaisons import System, gradient, hold, sensitivities
 from liaisons.derivatives import DifferentiableMotion, motion_of
 from liaisons.derivatives.fmus import FmuMotion
 from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.fmu import build
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
-from liaisons.models import DryOscillator, Pendulum
+from liaisons.models import BouncingBall, Pendulum
 
 TIMES = np.linspace(0.25, 4.0, 16)
 
@@ -138,29 +138,17 @@ def test_a_bounce_has_its_jump(made: Made) -> None:
             assert derivatives[0, i, k] == pytest.approx(slope, abs=1e-7)
 
 
-def _ball(t: float, h: float, bounce: float = 0.8, g: float = 9.81) -> tuple[float, float]:
-    """Height and rate of a ball that was dropped from h onto a table at 0."""
-    end, up = np.sqrt(2 * h / g), np.sqrt(2 * h * g)
-    if t < end:
-        return h - g / 2 * t**2, -g * t
-    while up > 1e-12:
-        up *= bounce
-        if t < end + 2 * up / g:
-            return up * (t - end) - g / 2 * (t - end) ** 2, up - g * (t - end)
-        end += 2 * up / g
-    return 0.0, 0.0
-
-
 def test_derivatives_of_a_ball_are_right_or_not_a_number_beside_its_impacts() -> None:
     s = sensitivities("BouncingBall", "height_0", stop_time=5, height_0=1.0, record=["height", "height_dot"])
     bad = np.zeros(len(s.time), dtype=bool)
-    for row, name in enumerate(("height", "height_dot")):
+    for name in ("height", "height_dot"):
         slopes = s.derivative(name, "height_0")
         near = 1e-6  # differences of a closed form that is as exact as doubles: 1e-16/1e-6
-        exact = [(_ball(t, 1 + near)[row] - _ball(t, 1 - near)[row]) / (2 * near) for t in s.time.tolist()]
+        high, low = (BouncingBall.exact(s.time, height_0=1 + move)[name] for move in (near, -near))
+        exact = (high - low) / (2 * near)
         bad |= np.isnan(slopes)
         # The tolerance of runs, 1e-10, over the least of their differences, 1e-3.
-        assert_allclose(slopes[~np.isnan(slopes)], np.array(exact)[~np.isnan(slopes)], atol=1e-6)
+        assert_allclose(slopes[~np.isnan(slopes)], exact[~np.isnan(slopes)], atol=1e-6)
     # An impact at t goes through t (1 ± 0.002) when h goes through 1 ± 0.004; the bounces end at 9 √(2h/g) = 4.06 s.
     impacts = np.sqrt(2 / 9.81) * (1 + 2 * np.cumsum([0.0, *0.8 ** np.arange(1, 60)]))
     straddling = (np.abs(s.time[:, None] / impacts - 1) < 0.002).any(axis=1)
@@ -196,23 +184,6 @@ def test_a_foreign_kink_is_not_differentiated(made: Made, caplog: pytest.LogCapt
     assert f"not-a-number at t = {T:g} s: two branches of the motion meet there" in caplog.text
 
 
-def test_friction_that_sticks_has_the_derivatives_of_its_closed_form() -> None:
-    times = np.linspace(0.02, 2.5, 125)
-    s = sensitivities("DryOscillator", "x_0", times=times, x_0=0.52, record=["x", "x_dot"])
-
-    def exact(x_0: float) -> Any:
-        motion = DryOscillator().exact(times, x_0=x_0)
-        return np.array([motion["x"], motion["x_dot"]])
-
-    slopes = np.array([s.derivative(name, "x_0") for name in ("x", "x_dot")])
-    right = ~np.isnan(slopes)
-    expected = (exact(0.52 + 1e-6) - exact(0.52 - 1e-6)) / 2e-6
-    # Its half swings have turning points at kπ/ω for any x_0, where it sticks at last: there is no derivative beyond
-    # rounding of those instants.
-    assert_allclose(slopes[right], expected[right], atol=1e-5)
-    assert right.mean() > 0.98
-
-
 def test_a_regulator_is_differentiated_with_its_samples() -> None:
     """Its readings stay as they are for a period; equations without samples are off by 0.04."""
 
@@ -225,8 +196,6 @@ def test_a_regulator_is_differentiated_with_its_samples() -> None:
     assert s.method == "differences"
     # Differences of 2e-4 beside extrapolated ones: of second order, 1e-8.
     assert_allclose(s.derivative("Pendulum.theta", "Pendulum.theta_0"), ((high - low) / 2e-4)[[5, 25]], atol=1e-7)
-    with pytest.raises(LiaisonsError, match="Pendulum_pivot_x: a Regulator reads at communication points"):
-        identify(held(3.2), {"time": [0.1, 0.5], "Pendulum.theta": [3.2, 3.1]}, "Pendulum.theta_0")
 
 
 def test_files_of_the_catalogue_have_the_derivatives_of_their_equations(fmu) -> None:

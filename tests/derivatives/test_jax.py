@@ -8,14 +8,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
 import liaisons.jax
-from liaisons import LiaisonsError, assemble, gradient
+from liaisons import LiaisonsError, assemble
 from liaisons.derivatives import DifferentiableMotion, motion_of
-from liaisons.models import Pendulum, PendulumChain
+from liaisons.models import PendulumChain
 
 TIMES = np.linspace(0, 2, 5)
 HOWTO = Path(__file__).parents[2] / "docs/howto/jax-and-pytorch.md"
@@ -50,23 +49,6 @@ def test_both_modes_agree_with_differences(jax, component, values, keywords) -> 
         test_util.check_grads(function, (values,), order=1, modes=("fwd", "rev"))
 
 
-def test_grad_is_gradient(jax) -> None:
-    by = {"theta_0": 2.0, "gravity": 9.0, "length": 1.1}
-    motion = liaisons.jax.motion("Pendulum", TIMES, record="theta")
-    value, slopes = jax.value_and_grad(lambda values: jax.numpy.sum(motion(values)["theta"] ** 2))(by)
-    expected = gradient("Pendulum", lambda m: ca.sumsqr(m["theta"]), by=[*by], times=TIMES, start_values=by)
-    assert value == pytest.approx(expected.value, rel=1e-14)
-    for name, slope in slopes.items():
-        assert slope == pytest.approx(expected[name], rel=1e-12), name
-
-
-def test_jacfwd_is_the_forward_mode(jax) -> None:
-    by = {"gravity": 9.0, "length": 1.1, "theta_0": 2.0}
-    columns = jax.jacfwd(liaisons.jax.motion("Pendulum", TIMES, record="theta"))(by)["theta"]
-    _, ((*rows,),) = motion_of("Pendulum", [*by], TIMES, record="theta").forward([*by.values()])
-    np.testing.assert_allclose(np.transpose([columns[name] for name in by]), rows, rtol=1e-14)
-
-
 def test_mapped_and_compiled_is_one_by_one(jax) -> None:
     motion = liaisons.jax.motion("Pendulum", TIMES, record="theta", theta_0=1.0)
     lengths = np.array([0.5, 1.0, 2.0])
@@ -77,15 +59,6 @@ def test_mapped_and_compiled_is_one_by_one(jax) -> None:
         # The adjoint sums what the forward mode sums in another order.
         np.testing.assert_allclose(by_length, alone["length"], rtol=1e-11, atol=1e-11)
         np.testing.assert_allclose(by_gravity, alone["gravity"], rtol=1e-11, atol=1e-11)
-
-
-def test_mapped_motion_is_the_closed_form(jax) -> None:
-    starts = np.array([0.1, 1.0, 3.0])
-    motion = liaisons.jax.motion("Pendulum", TIMES, record="theta")
-    angles = jax.vmap(motion)({"theta_0": starts})["theta"]
-    for start, angle in zip(starts, angles, strict=True):
-        exact = Pendulum.exact(TIMES, theta_0=start)["theta"]
-        np.testing.assert_allclose(angle, exact, atol=1e-8)  # of steps with errors of 1e-10, which grow near 3 rad
 
 
 def test_forward_takes_one_run_and_reverse_one_adjoint(jax, monkeypatch) -> None:

@@ -132,16 +132,6 @@ def test_a_kink_has_the_derivative_of_one_of_its_sides(made: Made) -> None:
     assert linearize(path, {"x": 0.0}).A.item() == -1.0
 
 
-def test_arrays_are_linearized_element_by_element(fmu) -> None:
-    component = catalogue()["OscillatorChain"]
-    two, three = (linearize(fmu(component, fmi=fmi), {"u[2]": 0.3}, outputs="u") for fmi in "23")
-    assert two.states == three.states
-    assert two.outputs == three.outputs == tuple(f"u[{i}]" for i in range(1, len(two.outputs) + 1))
-    assert two.values["u[2]"] == three.values["u[2]"] == 0.3
-    for name in "ABCD":
-        assert_allclose(getattr(two, name), getattr(three, name), rtol=1e-14)
-
-
 def test_a_pendulum_has_its_frequency(fmu) -> None:
     linear = linearize(fmu(catalogue()["Pendulum"]), {"theta": 0.0, "length": 2.0})
     assert linear.states == ("theta", "p_theta", "work", "dissipated")

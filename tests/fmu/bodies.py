@@ -1,10 +1,19 @@
-"""Mechanisms with unilateral liaisons and dry friction that tests take to their limits."""
+"""Mechanisms that tests share, most with unilateral liaisons and dry friction that are taken to their limits."""
 
 from __future__ import annotations
 
 import casadi as ca
 
-from liaisons import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, dry_friction, unilateral
+from liaisons import (
+    ActiveCoordinate,
+    Coordinate,
+    Gravity,
+    Mechanism,
+    Parameter,
+    dry_friction,
+    non_holonomic,
+    unilateral,
+)
 
 
 class Ball(Mechanism):
@@ -241,3 +250,27 @@ def _balls(count: int) -> type[Mechanism]:
 
 
 Nine = _balls(9)
+
+
+class Skate(Mechanism):
+    """Knife edge on a slope that falls towards +x."""
+
+    mass = Parameter(0.7, "kg", "mass", above=0)
+    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
+    gravity = Parameter(2.0, "m/s2", "gravity along the slope")
+    x = Coordinate("m", "down the slope")
+    y = Coordinate("m", "along the slope")
+    angle = Coordinate("rad", "direction of the edge from x", start_rate=1.5)
+
+    @non_holonomic("m/s", "speed across the edge")
+    def edge(self) -> ca.SX:
+        return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
+
+    def kinetic_energy(self) -> ca.SX:
+        return (
+            self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+            + self.inertia / 2 * self.dot(self.angle) ** 2
+        )
+
+    def potential_energy(self) -> ca.SX:
+        return -self.mass * self.gravity * self.x

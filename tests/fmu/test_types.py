@@ -5,37 +5,22 @@ from __future__ import annotations
 import ctypes as c
 from xml.etree import ElementTree
 
-import casadi as ca
 import numpy as np
 import pytest
+from bodies import Ball
 from driver import ERROR, Instance, Library, members, reals
 from fmpy.validation import validate_fmu
 from wasm_driver import WasmLibrary
 
-from liaisons import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter
+from liaisons import Parameter
 from liaisons.fmu import build
-from liaisons.language import unilateral
 from liaisons.mechanics import Model, assemble
 
 
-class TypedBall(Mechanism):
-    """Ball above a table that an operator moves."""
+class TypedBall(Ball):
+    """It keeps half of its rate."""
 
-    mass = Parameter(1.0, "kg", "mass", above=0)
     bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
-    gravity = Gravity()
-    height = Coordinate("m", "height of the ball", start=1.0)
-    table = ActiveCoordinate("m", "height of the table")
-
-    def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.dot(self.height) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return self.mass * self.gravity * self.height
-
-    @unilateral("m", "distance of ball and table", restitution="bounce")
-    def gap(self) -> ca.SX:
-        return self.height - self.table
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from liaisons import System, identify, operator, simulate
+from liaisons import identify, operator, simulate
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit
 from liaisons.identification.minimising import LOSSES
@@ -179,19 +179,6 @@ def test_parameter_of_an_operator() -> None:
         start_values={"length.offset": 1.0, "length.angular_frequency": 5.0, "length.amplitude": 0.01},
     )
     within(fit, **{"length.amplitude": 0.07, "theta_0": 0.5})
-    assert all(verdict.passed for verdict in fit.verify())
-
-
-def test_system() -> None:
-    system = System("pumped swing")
-    swing = system.add("swing", "Pendulum", theta_0=0.5)
-    motor = system.add("motor", "Sinusoid", offset=1.0, amplitude=0.07, angular_frequency=5.0)
-    system.connect(motor["y"], swing["length"])
-    theta = system.simulate(times=TIMES)["swing.theta"]
-    theta = theta + NOISE * np.random.default_rng(0).standard_normal(theta.shape)
-    data = {"time": TIMES, "swing.theta": theta}
-    fit = identify(system, data, unknown=["motor.amplitude", "swing.theta_0"], noise=NOISE)
-    within(fit, **{"motor.amplitude": 0.07, "swing.theta_0": 0.5})
     assert all(verdict.passed for verdict in fit.verify())
 
 

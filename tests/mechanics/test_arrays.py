@@ -17,19 +17,15 @@ from liaisons import (
     Mechanism,
     Parameter,
     Size,
-    System,
     assemble,
     build,
     derive,
     equations,
-    flatten,
-    linearize,
-    modelica,
     simulate,
     unilateral,
 )
-from liaisons.errors import ComponentError, LiaisonsError
-from liaisons.models import BallRow
+from liaisons.errors import ComponentError
+from liaisons.models import BallRow, Pendulum
 
 
 class Row(Mechanism):
@@ -48,40 +44,7 @@ class Row(Mechanism):
         return (ca.dot(self.stiffness, ca.diff(self.x) ** 2) + self.hold * ca.sumsqr(self.x)) / 2
 
 
-class WrittenOut(Mechanism):
-    """The same, without arrays."""
-
-    mass_1 = Parameter(1.0, "kg", "mass", above=0)
-    mass_2 = Parameter(2.0, "kg", "mass", above=0)
-    mass_3 = Parameter(3.0, "kg", "mass", above=0)
-    stiffness = Parameter(5.0, "N/m", "of the springs between", minimum=0)
-    hold = Parameter(2.0, "N/m", "of the springs to the places", minimum=0)
-    a = Coordinate("m", "displacement", start=0.3)
-    b = Coordinate("m", "displacement", start_rate=0.1)
-    c = Coordinate("m", "displacement")
-
-    def kinetic_energy(self) -> ca.SX:
-        pairs = zip((self.mass_1, self.mass_2, self.mass_3), (self.a, self.b, self.c), strict=True)
-        return ca.SX(sum(m / 2 * self.dot(x) ** 2 for m, x in pairs))
-
-    def potential_energy(self) -> ca.SX:
-        held = self.hold / 2 * (self.a**2 + self.b**2 + self.c**2)
-        return self.stiffness / 2 * ((self.b - self.a) ** 2 + (self.c - self.b) ** 2) + held
-
-
 SETTINGS: dict[str, Any] = {"stop_time": 3.0, "step_size": 0.05, "tolerance": 1e-11}
-FORMS: list[dict[str, Any]] = [{}, {"fmi": "3"}, {"fmi": "3", "arrays": False}, {"backend": "python"}]
-
-
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_fmu_moves_as_if_it_were_written_out(tmp_path: Path, form: dict[str, Any]) -> None:
-    run = simulate(build(Row, tmp_path, **form), **SETTINGS)
-    other = simulate(build(WrittenOut, tmp_path, **form), **SETTINGS)
-    for i, name in enumerate("abc"):
-        for array, scalar in (("x", name), ("x_dot", f"{name}_dot"), ("x_ddot", f"{name}_ddot"), ("p_x", f"p_{name}")):
-            # The order in which sums are rounded differs, and with it the steps of the solver.
-            np.testing.assert_allclose(run[array][:, i], other[scalar], rtol=0, atol=1e-10)
-    np.testing.assert_allclose(run["energy"], other["energy"], rtol=1e-10)
 
 
 def test_variables_are_arrays_in_fmi_3_and_elements_in_fmi_2(tmp_path: Path) -> None:
@@ -104,8 +67,8 @@ def test_size_is_chosen_when_it_is_built(tmp_path: Path) -> None:
     assert assemble(Row, 3) is assemble(Row)
     with pytest.raises(ComponentError, match=r"Row: n = 1 \(number of beads\): it must be a whole number >= 2"):
         assemble(Row, 1)
-    with pytest.raises(ComponentError, match=r"WrittenOut: n = 4: only what declares n = Size\(...\) has a size"):
-        assemble(WrittenOut, 4)
+    with pytest.raises(ComponentError, match=r"Pendulum: n = 4: only what declares n = Size\(...\) has a size"):
+        assemble(Pendulum, 4)
 
 
 def test_accelerations_and_text_are_by_elements() -> None:
@@ -113,18 +76,6 @@ def test_accelerations_and_text_are_by_elements() -> None:
     found = derive(Row).evaluate("accelerations", **values)
     assert np.ravel(found) == pytest.approx([-2.0 - 0.6, (2.0 + 1.5 + 0.4) / 2, (-1.5 - 0.2) / 3], rel=1e-14)
     assert "½ m₂ ẋ₂²" in str(equations(Row))
-
-
-def test_what_is_made_of_it(tmp_path: Path) -> None:
-    path = build(Row, tmp_path)
-    linear = linearize(path)
-    assert linear.states[:3] == ("x[1]", "x[2]", "x[3]")
-    alone, system = simulate(path, **SETTINGS), System("alone")
-    system.add("row", path)
-    whole = simulate(flatten(system, tmp_path, components={"Row": Row}), **SETTINGS)
-    np.testing.assert_allclose(whole["row.x"], alone["x"], rtol=0, atol=1e-9)
-    with pytest.raises(LiaisonsError, match=r"Row: Modelica text takes no arrays of a mechanism; import its FMU"):
-        modelica(Row)
 
 
 @pytest.mark.parametrize("n", [2, 4, 9])

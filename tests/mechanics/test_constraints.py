@@ -9,6 +9,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 import pytest
+from bodies import Skate
 from numpy.typing import NDArray
 
 from liaisons.check import max_error
@@ -236,28 +237,6 @@ def test_projection_goes_the_shortest_way_in_the_metric_of_the_masses(seed: int)
 
 
 # ---- a skate on a slope: a non-holonomic constraint with a closed form -------------------------------------------
-
-
-class Skate(Mechanism):
-    """Knife edge on a slope: it cannot move across its own direction."""
-
-    mass = Parameter(1.0, "kg", "mass", above=0)
-    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
-    gravity = Parameter(2.0, "m/s2", "gravity along the slope, towards +x")
-    x = Coordinate("m", "down the slope")
-    y = Coordinate("m", "along the slope")
-    angle = Coordinate("rad", "direction of the skate from x", start_rate=1.5)
-
-    @non_holonomic("m/s", "speed across the edge")
-    def edge(self) -> ca.SX:
-        return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
-
-    def kinetic_energy(self) -> ca.SX:
-        moving = self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
-        return moving + self.inertia / 2 * self.dot(self.angle) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return -self.mass * self.gravity * self.x
 
 
 @pytest.fixture(scope="module")

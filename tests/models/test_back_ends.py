@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from hand_derivations import SMOOTH, WITHOUT_ORIENTATION, states
-from on_paper import BACKENDS, HOLD, State, Values, assert_follows, equations_of, run, wave
+from on_paper import BACKENDS, HOLD, State, Values, assert_follows, equations_of
 
 from liaisons.array_names import suffixed
 from liaisons.check import max_error
@@ -64,21 +64,6 @@ def test_outputs_at_the_start_are_the_derived_equations(component, backend: str,
             expected = float(state(expression))
             # p → q' → everything, a few dozen roundings of terms of size 1e3 N.
             assert result[name][0] == pytest.approx(expected, rel=1e-11, abs=1e-10), name
-
-
-@pytest.mark.parametrize("component", SMOOTH)  # the Python back end takes no contacts
-def test_native_and_python_back_end_move_alike(component, fmu) -> None:
-    start = {suffixed(q.name, "_dot_0"): 1.0 for q in component.coordinates}
-    inputs = {s.name: wave(s.start, 0.1, 2.0) for s in component.actives}
-    native, python = (
-        run(fmu(component, backend), stop_time=5.0, step_size=0.05, inputs=inputs, **start) for backend in BACKENDS
-    )
-    assert native.names == python.names
-    assert dict(native.units) == dict(python.units)
-    for name in native.names:
-        scale = max(1.0, float(np.max(np.abs(native[name]))))
-        # Two solvers at tolerance 1e-10, amplification of ten over five seconds, forces of larger size scaled.
-        assert max_error(native[name], python[name]) <= 1e-7 * scale, name
 
 
 @pytest.mark.parametrize("component", WITHOUT_ORIENTATION)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -530,58 +529,6 @@ def test_a_regulator_refuses_steps_that_miss_its_samples() -> None:
     for step in (1.5 * STEP, 2 * STEP):
         with pytest.raises(LiaisonsError, match="each sample has to be a communication point: choose a communication"):
             equilibrium.system(theta_0=np.pi + 0.01).simulate(0.4, step)
-    with pytest.raises(LiaisonsError, match="a Regulator reads at communication points"):
-        liaisons.flatten(equilibrium.system())
-    with pytest.raises(LiaisonsError, match="Regulator: Modelica text takes no samples of inputs; import its FMU"):
-        liaisons.modelica("Regulator")
-
-
-def test_internal_states_and_plans_from_zero_are_held(tmp_path: Path) -> None:
-    """A state that is no coordinate, and a start that IPOPT leaves as 1e-34: neither has a size of its own."""
-    (tmp_path / "own.py").write_text(OWN)
-    bead = plan(f"{tmp_path}/own.py:Bead", end={"x": 0.5, "x_dot": 0}, minimize="pivot_ddot**2", duration=2.0, tries=1)
-    regulator = hold(bead)
-    assert regulator.states[:4] == ("x", "z", "p_x", "p_z")
-    assert regulator.simulate()["Bead.x"][-1] == pytest.approx(0.5, abs=1e-8)
-    lagged = hold(f"{tmp_path}/own.py:Lagged", {"x": 0, "support": 0})
-    assert lagged.free == ("x", "support")
-    run = lagged.simulate(30.0, x_0=0.1)
-    assert np.abs(lagged.deviation(run)[:, -1]).max() < 1e-6
-
-
-OWN = '''
-import casadi as ca
-from liaisons import ActiveCoordinate, Coordinate, Mechanism, Parameter
-from liaisons.language import Gravity, InternalState, constraint
-
-class Bead(Mechanism):
-    """A bead on a circle, pulled by a spring from a support that moves."""
-    mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(4.0, "N/m", "stiffness", above=0)
-    gravity = Gravity()
-    radius = Parameter(1.0, "m", "radius", above=0)
-    x = Coordinate("m", "x")
-    z = Coordinate("m", "z", start=-1.0)
-    pivot = ActiveCoordinate("m", "support")
-    def kinetic_energy(self): return self.mass / 2 * (self.dot(self.x)**2 + self.dot(self.z)**2)
-    def potential_energy(self): return self.mass * self.gravity * self.z + self.stiffness / 2 * (self.x - self.pivot)**2
-    @constraint("m", "circle")
-    def circle(self): return ca.sqrt(self.x**2 + self.z**2) - self.radius
-
-class Lagged(Mechanism):
-    """Friction that follows the support."""
-    mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(4.0, "N/m", "stiffness", above=0)
-    lag = Parameter(0.5, "s", "lag", above=0)
-    scale = Parameter(1.0, "m.s", "support at which the friction is 1/s", above=0)
-    x = Coordinate("m", "place")
-    support = ActiveCoordinate("m", "support")
-    z = InternalState("1/s", "friction")
-    def kinetic_energy(self): return self.mass / 2 * self.dot(self.x)**2
-    def potential_energy(self): return self.stiffness / 2 * (self.x - self.support)**2
-    def friction_coefficient(self): return self.z
-    def internal_rates(self): return {"z": (self.support / self.scale - self.z) / self.lag}
-'''
 
 
 def test_a_time_optimal_plan_is_held_with_the_step_that_it_chooses() -> None:

@@ -42,18 +42,6 @@ def crane(**options: Any) -> Plan:
     return plan("Pendulum", "pivot_x", end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE, **options)
 
 
-@pytest.mark.parametrize("turn", [1.0, np.pi])
-def test_satellite_turns_along_a_sub_riemannian_geodesic(turn: float) -> None:
-    """½ L²/T in the metric (J/J_w)² Θ, L the length √(α (4π - α)) on the group of rotations."""
-    J, wheel, T = 10.0, 0.1, 2.0
-    least = (J / wheel) ** 2 * (wheel - wheel**2 / J) * turn * (4 * np.pi - turn) / (2 * T)
-    goal: dict[str, Any] = {"end": {"attitude": (np.cos(turn / 2), 0, 0, np.sin(turn / 2))}, "duration": T, "J_yy": J}
-    # Two meshes: of order 10 in their intervals, the finer one to IPOPT's tolerance.
-    for intervals, tolerance in ((10, 1e-8), (20, 1e-11)):
-        motion = plan("Satellite", ["wheel_1", "wheel_2"], intervals=intervals, accuracy=None, **goal)
-        assert motion.cost == pytest.approx(least, rel=tolerance)
-
-
 def test_bang_bang_is_found_to_the_last_digits() -> None:
     """A trolley without its load's feedback: θ is left free, so that D = A T²/4 and one switch half way."""
     motion = plan(
@@ -145,45 +133,6 @@ def test_a_plan_is_the_guess_of_the_next() -> None:
     assert second.cost - first.cost == pytest.approx(-0.01 * slope, rel=0.2)  # J is convex near 0, not linear
 
 
-def test_a_chain_is_brought_from_rest_to_rest() -> None:
-    end = {"pivot_x": 0.3, "pivot_x_dot": 0, "theta": 0, "theta_dot": 0}
-    goal: dict[str, Any] = {"start": {"theta": 0}, "duration": 4.0, "n": 3, "minimize": "pivot_x_ddot**2"}
-    motion = plan("PendulumChain", ["pivot_x"], end=end, tries=1, **goal)
-    assert motion.solution.succeeded
-    replay = motion.replay()
-    assert replay["theta"][-1] == pytest.approx(0, abs=1e-8)
-    assert replay["pivot_x"][-1] == pytest.approx(0.3, abs=1e-8)
-
-
-OWN = '''
-import casadi as ca
-from liaisons import ActiveCoordinate, Coordinate, Mechanism, Parameter
-
-class Cart(Mechanism):
-    """A mass on a spring that hangs on a cart."""
-    stiffness = Parameter(4.0, "N/m", "of the spring", above=0)
-    mass = Parameter(1.0, "kg", "of the load", above=0)
-    x = Coordinate("m", "of the load")
-    cart = ActiveCoordinate("m", "place of the cart")
-    def kinetic_energy(self): return self.mass / 2 * self.dot(self.x)**2
-    def potential_energy(self): return self.stiffness / 2 * (self.x - self.cart)**2
-'''
-
-
-def test_a_pendulum_on_paper_and_one_in_space_are_pulled_alike() -> None:
-    """A rod by its own coordinate, and by a rheonomic constraint on Cartesian ones, which a guess must obey."""
-    goal: dict[str, Any] = {"duration": 3.0, "intervals": 10, "accuracy": 1e-6, "tries": 1}
-    end = {"length": 1.2, "length_dot": 0, "theta": 0}
-    polar = plan("Pendulum", "length", start={"theta": 0.3}, end=end, minimize="length_ddot**2", **goal)
-    start = {"x": np.sin(0.3), "z": 1 - np.cos(0.3)}
-    end = {"rod": 1.2, "rod_dot": 0, "x": 0}
-    cartesian = plan("CartesianPendulum", start=start, end=end, minimize="rod_ddot**2", **goal)
-    assert cartesian.cost == pytest.approx(polar.cost, rel=1e-8)
-    assert polar.problem.path.low == pytest.approx([1e-3])  # at length 0 is a singularity
-    replay = cartesian.replay()
-    assert (replay["x"][-1], replay["rod"][-1]) == pytest.approx((0, 1.2), abs=1e-8)
-
-
 def test_a_cat_in_space_turns_by_half_at_a_constant_bend() -> None:
     """Φ = 2π J c/(I s² + J c²) of a loop at constant bend; where the halves are in line the azimuth says nothing."""
     goal: dict[str, Any] = {"start": {"bend": (0.3, 2.8)}, "bounds": {"bend": (0.3, 2.8)}, "duration": 1.0}
@@ -256,18 +205,6 @@ def test_nothing_to_do_costs_nothing() -> None:
     verified(motion)
 
 
-def test_a_mechanism_of_ones_own_whose_operator_may_jump(tmp_path: Path) -> None:
-    """Order 0: only σ enters the motion.  ∫ u² dt of x'' = 4 (u - x) is the linear Gramian's."""
-    (tmp_path / "cart.py").write_text(OWN)
-    motion = plan(str(tmp_path / "cart.py"), end={"x": 1.0, "x_dot": 0}, duration=2.0, minimize="cart**2")
-    assert motion.problem.order == 0
-    t = np.linspace(0, 2.0, 20001)
-    kernel = 2.0 * np.array([np.sin(2 * (2 - t)), 2 * np.cos(2 * (2 - t))])  # of x(T) and x'(T) in u
-    gramian = np.trapezoid(kernel[:, None] * kernel, t)
-    expected = np.linalg.solve(gramian, [1.0, 0.0])[0]
-    assert motion.cost == pytest.approx(expected, rel=1e-7)  # the trapezoidal rule's
-
-
 REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
     "unknown coordinate": ("PlanarCat", CAT | {"moves": ["psy_1"]}, "did you mean 'psi_1'"),
     "free coordinate": ("PlanarCat", CAT | {"moves": ["phi"]}, "it moves freely"),
@@ -308,14 +245,12 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
         {"end": {"rod": 1.2}},
         "rod_dot may jump at no cost, so that no motion is the best: bound or weigh rod_ddot, or bound rod_force",
     ),
-    "nothing to move": ("KeplerOrbit", {}, "no active coordinate"),
     "a force at the end": (
         "Pendulum",
         {"moves": "pivot_x", "end": {"pivot_x_force": 3}},
         "end: pivot_x_force depends on pivot_x_ddot",
     ),
     "texts for numbers": ("Pendulum", {"end": {"theta": ("a", 1)}}, "give a number, or two"),
-    "operator": ("Sinusoid", {}, "Sinusoid is an operator"),
     "no time at all": (
         "Pendulum",
         {"moves": "pivot_x", "end": {"theta": 1}, "minimize": "time", "duration": (0.1, 1)},
@@ -604,6 +539,21 @@ def test_nothing_depends_on_units(sizes: tuple[float, float, float]) -> None:
 
 
 # ---- files --------------------------------------------------------------------------------------------------------
+
+
+OWN = '''
+import casadi as ca
+from liaisons import ActiveCoordinate, Coordinate, Mechanism, Parameter
+
+class Cart(Mechanism):
+    """A mass on a spring that hangs on a cart."""
+    stiffness = Parameter(4.0, "N/m", "of the spring", above=0)
+    mass = Parameter(1.0, "kg", "of the load", above=0)
+    x = Coordinate("m", "of the load")
+    cart = ActiveCoordinate("m", "place of the cart")
+    def kinetic_energy(self): return self.mass / 2 * self.dot(self.x)**2
+    def potential_energy(self): return self.stiffness / 2 * (self.x - self.cart)**2
+'''
 
 
 def test_opening_a_plan_runs_no_code(tmp_path: Path) -> None:

@@ -179,7 +179,7 @@ class FmuMotion:
             unit = change.sum()
             column, error = extrapolated(moved, _OF_RUNS, unit)
             error = np.abs(error)
-            if all(-h in runs for h in _OF_RUNS):  # differences to both sides: half of what they differ by, at h = 0
+            if all({h, -h} <= runs.keys() for h in _OF_RUNS):  # half of what those to both sides differ by, at h = 0
                 sides = [(moved(h) - 2 * signals + moved(-h)) / (2 * h * unit) for h in _OF_RUNS]
                 coarse, fine = (2 * small - large for large, small in pairwise(sides))
                 error = np.fmax(error, np.abs(8 * fine - coarse) / 7)
