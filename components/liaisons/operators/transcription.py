@@ -307,7 +307,7 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | Non
     """
     trajectory = solution.trajectory
     opti = _constrained(problem, trajectory).opti
-    if _run(opti, near=True, most=_MOST, clock=clock) not in _GOOD:
+    if _run(opti, near=True, most=_MOST, clock=clock, barrier=1e-5) not in _GOOD:
         return None
     x, g, value = opti.x, opti.g, opti.debug.value
     hessian, _ = ca.hessian(opti.f + ca.dot(opti.lam_g, g), x)
@@ -375,7 +375,7 @@ def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
     )
 
 
-def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock) -> str:
+def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
     """IPOPT's word, after so many iterations at most."""
     ipopt = {
         "print_level": 0,
@@ -389,7 +389,7 @@ def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock) -> str:
         "max_iter": most,
         "max_wall_time": clock.left,
     }
-    stay = {"mu_init": 1e-7, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
+    stay = {"mu_init": barrier, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
     opti.callback(clock.tick)  # also keeps the last iterate at an interrupt
     opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | stay})
     try:
