@@ -176,11 +176,14 @@ def jacobi(
 
 @contextmanager
 def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mapping[str, Instance]]:
-    """In initialization, with their start values."""
+    """In initialization, with the start values of the archive."""
+    path = folder / "starts.ssp"
+    system.write_ssp(path, stop_time=stop_time)
+    starts = {name: part.starts for name, part in System.from_ssp(path).parts.items()}
     with ExitStack() as stack:
         instances = {}
         for name, part in system.parts.items():
             fmpy.extract(part.fmu.path, folder / name)
             instance = instances[name] = stack.enter_context(make(name, part.fmu, folder / name))
-            instance.initialize(part.starts, None, 0.0, stop_time)
+            instance.initialize(starts[name], None, 0.0, stop_time)
         yield instances

@@ -36,6 +36,13 @@ def _crane() -> Plan:
     return plan("Pendulum", ["pivot_x"], length=2.0, **goal)
 
 
+def _quickest() -> Plan:
+    """Three switches, at which the acceleration jumps, on no multiple of a step."""
+    end = {"theta": 0, "theta_dot": 0, "pivot_x": 0.5, "pivot_x_dot": 0}
+    goal: Any = {"start": {"theta": 0}, "end": end, "duration": (0.1, 10), "minimize": "time"}
+    return plan("Pendulum", ["pivot_x"], bounds={"pivot_x_ddot": (-2, 2)}, length=2.0, **goal)
+
+
 def _satellite() -> Plan:
     goal: Any = {"end": {"attitude": (0, 0, 0, 1)}, "duration": 2.0, "intervals": 20, "accuracy": None}
     return plan("Satellite", ["wheel_1", "wheel_2"], J_xx=10.0, J_yy=10.0, **goal)
@@ -48,13 +55,14 @@ def _cat() -> Plan:
 
 PLANS = {
     "crane": Wanted(_crane, {"theta": 0.0, "p_theta": 0.0}),
+    "quickest": Wanted(_quickest, {"theta": 0.0, "p_theta": 0.0}),
     "satellite": Wanted(_satellite, {"q_w": 0.0, "q_x": 0.0, "q_y": 0.0}),
     "cat": Wanted(_cat, {"phi": -1.047}),
 }
 
 
 class Outcome(NamedTuple):
-    """At the end: what is left of the goal, the energy balance [J], and how far it is from the same calls made here."""
+    """At the end: what is left of the goal, the energy balance [J], and how far it is, relatively, from the same calls made here."""
 
     missed: float
     balance: float
@@ -82,7 +90,9 @@ def theirs(master: str, found: Plan, end: Mapping[str, float], folder: Path) -> 
     sweeps = SWEEPS[master](len(system.parts))
     expected = jacobi(system, folder, size=experiment.step_size, steps=steps, sweeps=sweeps)
     missed = max(abs(values[f"{found.problem.name}.{output}"] - value) for output, value in end.items())
-    return Outcome(missed, values[".".join(balance)], max(abs(values[n] - v) for n, v in expected.items()))
+    return Outcome(
+        missed, values[".".join(balance)], max(abs(values[n] - v) / max(1.0, abs(v)) for n, v in expected.items())
+    )
 
 
 if __name__ == "__main__":

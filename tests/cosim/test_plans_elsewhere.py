@@ -8,18 +8,21 @@ import pytest
 from plans_elsewhere import MASTERS, PLANS, ours, theirs
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name != "crane")) for name in PLANS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in {"satellite", "cat"})) for name in PLANS]
+)
 def test_a_plan_is_performed_by_other_masters(
     name: str, tmp_path: Path, shared_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("LIAISONS_FMUS", str(shared_folder))
     found = PLANS[name].plan()
     own = ours(found, PLANS[name].end)
-    # All step at once, so that accelerations are held or extrapolated: of second order at least, H = T/800.
-    assert own.missed < 1e-5
+    # Ours stops at knots and divides the steps that follow, in the middle of which accelerations are off by H.
+    assert own.missed < 1e-7
     for master in MASTERS:
         outcome = theirs(master, found, PLANS[name].end, tmp_path)
-        assert outcome.missed < 1e-5
+        # all step at once: of third order, (T/4000)³ = 4e-10 at T = 3 s; kinks do not count
+        assert outcome.missed < 1e-9
         assert abs(outcome.balance) < 1e-9  # tolerance of the solvers, and rounding of what is summed up
         # the very same calls; only the times are sums of steps there, and products here
         assert outcome.difference < 1e-12

@@ -45,6 +45,8 @@ _INSTANT = 1e-9
 """How long before a jump, relative to the duration, a replay looks once more: what holds until then."""
 _SAME = 1e-7
 """By how much IPOPT may leave the bounds of a duration, relative to it."""
+_FEWEST_STEPS = 4000
+"""Of an archive."""
 _TOLERANCE = 1e-12
 """Of the solvers in a replay: so near the rounding level that what is left is the plan's own error."""
 
@@ -131,11 +133,13 @@ class Plan:
             a master can that steps operators first; False: for masters that step all at once, in equal steps, which
             are a tenth as long.
         """
-        system = System(f"planned_{self.problem.name}")
-        system.add(self.problem.name, self._fmu(), **self._values())
-        times = self._times()
-        first, end = float(times[1]), self.duration
-        system.experiment = DefaultExperiment(0.0, end, first if interpolate else _even(end, first / 10))
+        system, end = System(f"planned_{self.problem.name}"), self.duration
+        first = float(self._times()[1])
+        step = first if interpolate else _even(end, min(first / 10, end / _FEWEST_STEPS))
+        knots = self._knots if interpolate else self._parabolas(step)
+        tables = {name: tabulated(*table) for name, table in knots.items()}
+        system.add(self.problem.name, self._fmu(), **self.fmu_starts, **tables)
+        system.experiment = DefaultExperiment(0.0, end, step)
         return system
 
     def replay(self) -> Result:
@@ -196,6 +200,19 @@ class Plan:
             return np.vstack([breaks[k] + local, _derivatives(polynomial, local, k)])[:, int(not kinks[k]) :]
 
         return {name: np.hstack([column(p, k) for k in range(h.size)]) for name, p in polynomials.items()}
+
+    def _parabolas(self, step: float) -> dict[str, Array]:
+        """Knots of each operator, (4, n), a step apart: value, rate, and the acceleration that leads to the next value.
+
+        Whoever extrapolates from them meets each value, whatever σ̈ does on the way, be it a jump.
+        """
+        times = step * np.arange(round(self.duration / step) + 1)
+        knots = {}
+        for move in self.problem.moves:
+            value, rate, acceleration = (self.sigma(times)[name] for name in motion_names(move))
+            acceleration[:-1] = 2 * (np.diff(value) / step - rate[:-1]) / step
+            knots[move] = np.vstack([times, value, rate, acceleration])
+        return knots
 
     def _times(self) -> Array:
         """Communication points: the knots, and an instant before each jump."""

@@ -29,6 +29,7 @@ DEGREE = 5
 
 _ACTIVE = 1e-7
 """So near to its bound, in units of its size, a row is active where IPOPT has come to its end."""
+_MOST = 400  # iterations
 _GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
 
@@ -241,7 +242,7 @@ def solve(
     """
     program = _constrained(problem, guess, soft=soft, shift=shift)
     opti, constraints = program.opti, program.constraints
-    status = _run(opti, near=near, soft=soft, clock=clock)
+    status = _run(opti, near=near, most=200 if soft else 100 if near else _MOST, clock=clock)
 
     def value(expression: Any, *shape: int) -> Array:
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
@@ -306,7 +307,7 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | Non
     """
     trajectory = solution.trajectory
     opti = _constrained(problem, trajectory).opti
-    if _run(opti, near=True, soft=False, clock=clock) not in _GOOD:
+    if _run(opti, near=True, most=_MOST, clock=clock, barrier=1e-5) not in _GOOD:
         return None
     x, g, value = opti.x, opti.g, opti.debug.value
     hessian, _ = ca.hessian(opti.f + ca.dot(opti.lam_g, g), x)
@@ -374,8 +375,8 @@ def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
     )
 
 
-def _run(opti: ca.Opti, *, near: bool, soft: bool, clock: Clock) -> str:
-    """IPOPT's word."""
+def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
+    """IPOPT's word, after so many iterations at most."""
     ipopt = {
         "print_level": 0,
         "sb": "yes",
@@ -385,10 +386,10 @@ def _run(opti: ca.Opti, *, near: bool, soft: bool, clock: Clock) -> str:
         "acceptable_constr_viol_tol": 1e-10,
         "acceptable_iter": 25,
         "bound_relax_factor": 0.0,
-        "max_iter": 200 if soft else 100 if near else 400,
+        "max_iter": most,
         "max_wall_time": clock.left,
     }
-    stay = {"mu_init": 1e-7, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
+    stay = {"mu_init": barrier, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
     opti.callback(clock.tick)  # also keeps the last iterate at an interrupt
     opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | stay})
     try:

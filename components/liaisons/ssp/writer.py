@@ -40,6 +40,7 @@ from liaisons.ssp.connectors import (
 from liaisons.ssp.documentation import page
 from liaisons.ssp.embedded_starts import STARTS, ZEROS, baked, takes
 from liaisons.ssp.experiment import add_experiment, add_master, chosen
+from liaisons.ssp.loop_starts import solved
 from liaisons.ssp.parameters import bind, mapping, parameter_set, scalars
 from liaisons.ssp.xml import STRUCTURE, document, tag
 
@@ -71,15 +72,16 @@ def write(
     one_of("form", form, get_args(Form))
     path, name, connections = as_path("archive", path), system.name, system.connections
     parts = system.filled()
+    experiment = chosen(system, start_time, stop_time, step_size)
     if form == "portable":
         name = _identifier(name)
         names = _identifiers(parts)
+        parts = solved(name, parts, connections, experiment.start_time or 0.0)
         parts = {names[p.name]: replace(_without_interpolation(p), name=names[p.name]) for p in parts.values()}
         connections = [
             replace(link, source=_moved(link.source, parts, names), target=_moved(link.target, parts, names))
             for link in connections
         ]
-    experiment = chosen(system, start_time, stop_time, step_size)
     files: Files = {}
     root = Element(tag("ssd:SystemStructureDescription"), version="1.0" if form == "portable" else "2.0", name=name)
     whole = SubElement(root, tag("ssd:System"), name=name)
