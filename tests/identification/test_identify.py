@@ -419,6 +419,15 @@ def test_an_unknown_that_is_zero_is_determined() -> None:
     assert 0 < high < 0.01
 
 
+@pytest.mark.parametrize("bounds", [(0.5, 0.799), (0.801, 2.0)])
+def test_an_unknown_that_a_bound_stops_is_at_it(bounds: tuple[float, float]) -> None:
+    at = min(bounds, key=lambda bound: abs(bound - 0.8))
+    start = {"length": at + 0.1 if at == bounds[0] else at - 0.1}
+    fit = identify("Pendulum", pendulum(), ["length", "theta_0"], NOISE, bounds={"length": bounds}, start_values=start)
+    assert fit.values["length"] == at
+    assert fit.sentences == (f"length = {at:g} is at its bound; its interval is one-sided",)
+
+
 @pytest.mark.slow
 def test_what_is_not_determined_stays_where_it_was() -> None:
     """Also where nothing fits, so that segments are tried."""
