@@ -152,6 +152,7 @@ def joined(periods: float) -> Any:
             lambda: analysis.stationary_path(Oscillator, T, PATH, damping=0.1),
             "action has no friction, drives and loads; set",
         ),
+        (lambda: analysis.stationary_path(Oscillator, T, PATH, support_dot=0.1), r"support_dot = 0\.1 of an active"),
         (lambda: analysis.flow(Pendulum, 1.0, length_dot=0.1), "length_dot = 0.1 of an active coordinate that is held"),
         (lambda: analysis.virial(NoseHooverOscillator, T, {"q": T, "q_dot": T}), "the motion lacks xi; give"),
         (lambda: analysis.normal_modes(ChargedParticle), r"forces depend on the rates .*take linearize\(\)"),
