@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def entries() -> list[dict[str, Any]]:
-    """The entries of faults.toml, with their files relative to the repository: those of a pattern in alphabetical order."""
+    """The entries of faults.toml, with their files relative to the repository, alphabetically for each pattern."""
     found = tomllib.loads((ROOT / "tests/faults.toml").read_text(encoding="utf-8"))["faults"]
     for entry in found:
         entry["files"] = [  # in another order a seed chooses other faults
