@@ -68,6 +68,7 @@ def joined(periods: float) -> Any:
         (lambda: analysis.noether(FreeParticle, lambda _: {"x": 1}, x_load=1.0), "moves against friction, drives or l"),
         (lambda: analysis.noether(KeplerOrbit, lambda _: {}, mass=NUMBERS), "mass must be one number here, not an arr"),
         (lambda: analysis.hamiltonian(Mechanism), "Mechanism: analysis takes mechanisms, .* it is abstract$"),
+        (lambda: analysis.stationary_path(Oscillator, T, PATH, support_dot=0.1), r"support_dot = 0\.1 of an active"),
         (lambda: analysis.flow(Pendulum, 1.0, length_dot=0.1), "length_dot = 0.1 of an active coordinate that is held"),
         (lambda: analysis.Similarity(-2.0).mean_energies(0.0), "degree = -2 has no mean energies"),
         (

@@ -41,6 +41,23 @@ def test_where_the_largest_difference_is() -> None:
         assert (changed.at, changed.maximum) == (point / 2, pytest.approx(error, abs=1e-15, nan_ok=True))
 
 
+def test_strings_are_the_same_or_not() -> None:
+    """What was said last, where times lie between those of a result."""
+    texts, values = {"mode": ("rest", "slip")}, np.array([[0, 0, 1, 1, 0.0]])
+    one = Result("one", np.arange(5.0), ("mode",), values, {"mode": ""}, texts=texts)
+    other = replace(one, values=np.array([[0, 0, 1, 0, 0.0]]))
+    assert compare(one, one)["mode"].maximum == 0.0
+    assert (compare(one, other)["mode"].maximum, compare(one, other)["mode"].at) == (1.0, 3.0)
+    between = replace(one, time=np.arange(5) + 0.5)
+    assert (compare(one, between)["mode"].maximum, compare(one, between)["mode"].at) == (1.0, 2.0)
+
+
+def test_beside_0_there_is_no_difference_or_an_infinite_one() -> None:
+    one = _sine(0.5)
+    still = replace(one, values=0 * one.values)
+    assert (compare(still, still)["x"].relative, compare(still, one)["x"].relative) == (0.0, np.inf)
+
+
 @pytest.mark.parametrize(("rate", "order", "method"), [(True, 4, "Hermite"), (False, 2, "linear")])
 def test_order_of_interpolation(rate: bool, order: int, method: str) -> None:
     errors = [compare(_sine(h, rate=rate), _sine(h * 2 / 3, rate=rate))["x"] for h in (0.2, 0.1)]

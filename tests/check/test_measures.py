@@ -63,6 +63,7 @@ def test_a_cubic_passes_zero_where_it_does() -> None:
 def test_frequencies_of_cosines_of_any_phase() -> None:
     t, omega = 0.1 * np.arange(50), np.array([[0.5], [3.0], [12.0]])
     assert frequencies(2 * np.cos(omega * t + omega), 0.1) == pytest.approx(omega[:, 0], rel=1e-12)
+    assert frequencies(np.cos(3 * t), 0.1) == pytest.approx(3.0, rel=1e-12)
 
 
 def _circles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -76,6 +77,7 @@ def test_hamilton_s_equations_follow_from_the_hamiltonian() -> None:
     assert q == pytest.approx(np.cos(t) + 0.5 * np.sin(t), abs=1e-12)
     assert p == pytest.approx(0.5 * np.cos(t) - np.sin(t), abs=1e-12)
     assert hamiltonian_flow(_circles, [1.0, 0.5], 5.0) == pytest.approx([q[-1, -1], p[-1, -1]], abs=0)
+    assert hamiltonian_flow(_circles, [1.0, 0.0], 0.5) == pytest.approx([np.cos(0.5), -np.sin(0.5)], abs=1e-12)
 
 
 def test_a_kepler_ellipse_closes() -> None:

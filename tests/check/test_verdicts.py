@@ -39,3 +39,4 @@ def test_table_takes_columns_of_ones_own() -> None:
     assert header.split() == ["scenario", "claim", "error", "tolerance", "verdict", "time"]
     assert line.split() == ["swing", "grows", "0.5", "1", "pass", "3", "s"]
     assert table([]) == ""
+    assert table([{"name": "a longer text", "": "x"}], width=8).splitlines()[2:] == ["a       x", "longer", "text"]

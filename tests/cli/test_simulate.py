@@ -174,11 +174,12 @@ def test_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> None:
 
 
 def test_a_force_by_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> None:
-    """The jump of a force by 1 at 0.5537 s, between two steps: x'' = -x + 1, from rest."""
-    (tmp_path / "step.csv").write_text("t,x_force\n0,0\n0.5537,0\n0.5537,1\n2,1\n")
-    words = ("--set", "x_0=0", "--set", "damping=0", "--input", "step.csv")
+    """A force of 100 N for 1 ms, between two steps, which the file says and no search would come upon; from rest."""
+    (tmp_path / "pulse.csv").write_text("t,x_force\n0,0\n0.5537,0\n0.5537,100\n0.5547,100\n0.5547,0\n2,0\n")
+    words = ("--set", "x_0=0", "--set", "damping=0", "--input", "pulse.csv")
     result = simulated("Oscillator", *words, *WORDS)
-    np.testing.assert_allclose(result["x"], 1 - np.cos(np.maximum(result.time - 0.5537, 0)), rtol=0, atol=1e-8)
+    on, off = (1 - np.cos(np.maximum(result.time - instant, 0)) for instant in (0.5537, 0.5547))
+    np.testing.assert_allclose(result["x"], 100 * (on - off), rtol=0, atol=1e-8)
 
 
 def test_several_inputs_and_a_force(simulated: Simulated) -> None:

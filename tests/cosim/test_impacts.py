@@ -24,6 +24,7 @@ from liaisons import (
     unilateral,
 )
 from liaisons.cosim import Interrupted
+from liaisons.cosim.running.contacts import ContactMechanism, accumulated
 from liaisons.cosim.structure.schedule import Coupling
 
 
@@ -196,6 +197,18 @@ def test_steps_that_choose_their_size_follow_a_table(component: FmuPaths) -> Non
     assert run["ball.gap_impacts"][-1] == exact["ball.gap_impacts"][-1] > 0
     assert abs(run["ball.height"][-1] - exact["ball.height"][-1]) < 1e-6  # a thousand times the tolerance
     assert run.warnings == ()
+
+
+def test_errors_are_reflected_with_the_motion() -> None:
+    """Straight flight at 1 m/s from 1.5 m, back at e: an error (x, v) after 1 s is e (x + v τ, v) τ later."""
+    e, x, v, time = 0.4, 1.5e-6, 1e-6, np.arange(5.0)
+    distance = np.where(time < 1.5, 1.5 - time, e * (time - 1.5))
+    rows = np.array([distance, np.where(time < 1.5, -1, e), 0 * time, time > 1.5]).T
+    ball = ContactMechanism("ball", np.array([[0, 1, 2, 3]]), frozenset())
+    errors = accumulated(ball, rows, time, 0 * time, np.array([0, 1e-6, 0, 0, 0]))
+    # two deviations, relative to 1.5 m
+    expected = [0, 2 * x / 1.5, *(2 * e * np.hypot(x, v * tau) / 1.5 for tau in (1, 2, 3))]
+    np.testing.assert_allclose(errors, expected, rtol=1e-12)
 
 
 @pytest.mark.usefixtures("interruptible")

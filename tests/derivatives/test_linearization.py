@@ -14,6 +14,7 @@ from making import copied
 from numpy.testing import assert_allclose
 
 from liaisons import linearize
+from liaisons.derivatives.fmu_equations import extrapolated
 from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
@@ -125,6 +126,33 @@ def test_wrong_derivatives_are_not_believed(made: Made) -> None:
         linearize(path)
     right = linearize(path, method="differences")
     assert_allclose(right.A, [[0, 1], [-2 * 2.0 * 0.5 * 1.5 - 1, 1.5 * (1 - 2.0**2)]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("partial", "right", "wrong"),
+    [
+        (("x1'", "x1"), "-4.5 * 1.0007", "-4.5 * 1.0013"),  # 0.1 %
+        (("x0'", "x0"), "3e-6", "6e-6"),  # 1e-6 of x0'/x0 = 0.25 and of the 4 by which x1' changes
+    ],
+)
+def test_how_far_derivatives_may_be_off(made: Made, partial: tuple[str, str], right: str, wrong: str) -> None:
+    linearize(made(replace(VAN_DER_POL, partials={**(VAN_DER_POL.partials or {}), partial: right})))
+    with pytest.raises(SimulationError, match=r"ask its maker, or take differences"):
+        linearize(made(replace(VAN_DER_POL, partials={**(VAN_DER_POL.partials or {}), partial: wrong})))
+
+
+@pytest.mark.parametrize(("low", "high", "degree"), [(-1, 1, 6), (0, 1, 3), (-1, 0, 3)])
+def test_differences_are_exact_for_polynomials_of_their_order(low: float, high: float, degree: int) -> None:
+    """Of three sizes: to both sides, and to one at the edge of a domain; one degree more is estimated."""
+
+    def values(h: float) -> np.ndarray:
+        if not low <= h <= high:
+            raise LiaisonsError("outside")
+        return np.array([4 + 3 * h + sum((2 * h) ** k for k in range(2, n + 1)) for n in (degree, degree + 1)])
+
+    slopes, errors = extrapolated(values, (0.1, 0.05, 0.025), unit=3.0)
+    assert slopes[0] == pytest.approx(1.0, rel=1e-13)
+    assert abs(slopes[1] - 1) < errors[1] < 1e-2
 
 
 def test_a_kink_has_the_derivative_of_one_of_its_sides(made: Made) -> None:

@@ -302,6 +302,7 @@ def test_losses_have_their_derivatives(loss: str) -> None:
     assert value == pytest.approx(expected.get(loss, np.where(z <= 1, z, 2 * np.sqrt(z) - 1)))
     assert slope == pytest.approx((high[0] - low[0]) / (2 * h), abs=1e-8)
     assert curvature == pytest.approx((high[1] - low[1]) / (2 * h), abs=1e-8)
+    assert (LOSSES[loss](np.ones(1))[2] == 0) == (loss in {"linear", "huber"})  # at its bend it is a square, as SciPy's
 
 
 def test_exact_data() -> None:
@@ -399,9 +400,19 @@ def test_an_unknown_that_is_zero_is_determined() -> None:
     fit = identify("Pendulum", data, ["length", "theta_0", "friction"], noise=NOISE)
     assert fit.values["friction"] == 0
     assert fit.sentences == ("friction = 0 is at its bound; its interval is one-sided",)
+    assert fit.estimate.freedom == TIMES.size - 2  # friction is not fitted
     low, high = fit.intervals()["friction"]
     assert low == 0
     assert 0 < high < 0.01
+
+
+@pytest.mark.parametrize("bounds", [(0.5, 0.799), (0.801, 2.0)])
+def test_an_unknown_that_a_bound_stops_is_at_it(bounds: tuple[float, float]) -> None:
+    at = min(bounds, key=lambda bound: abs(bound - 0.8))
+    start = {"length": at + 0.1 if at == bounds[0] else at - 0.1}
+    fit = identify("Pendulum", pendulum(), ["length", "theta_0"], NOISE, bounds={"length": bounds}, start_values=start)
+    assert fit.values["length"] == at
+    assert fit.sentences == (f"length = {at:g} is at its bound; its interval is one-sided",)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from liaisons import System, identify, simulate
 from liaisons.errors import IdentificationError
 from liaisons.flattening import composed
 from liaisons.identification.measurements import Measurements, measurements, noise_levels
+from liaisons.identification.problems import measured_near
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
 from liaisons.units import in_si
@@ -125,6 +126,32 @@ def test_smoothing_fits_noise_by_a_spline_of_the_width() -> None:
         IdentificationError, match=r"data: column pivot_x: smoothing = 0.01 s leaves less than two values"
     ):
         measurements(data, MODEL, smoothing=0.01)
+
+
+@pytest.mark.parametrize(("count", "width"), [(9, 1.0), (6, 4.0)])
+def test_the_fewest_values_that_a_spline_can_be_fitted_to(count: int, width: float) -> None:
+    """Two in each piece, and for one piece as many as its polynomial has coefficients."""
+    t, quintic = np.linspace(0, 4, count), np.polynomial.Polynomial([1, 0.2, -0.3, 0.1, 0.02, -0.01])
+    data = {"time": t, "theta": t, "pivot_x": quintic(t)}
+    (read,) = measurements(data, MODEL, smoothing=width)
+    np.testing.assert_allclose(read.inputs["pivot_x"](t), quintic(t), rtol=1e-12)
+    fewer = {name: column[[0, *range(2, count)]] for name, column in data.items()}
+    with pytest.raises(IdentificationError, match=f"smoothing = {width:g} s leaves less than"):
+        measurements(fewer, MODEL, smoothing=width)
+
+
+@pytest.mark.parametrize("signals", [("theta",), ("theta", "theta_dot"), ("bob_x",)])
+def test_starts_of_segments_are_those_that_were_measured_nearby(signals: tuple[str, ...]) -> None:
+    """Of a parabola that lacks a value; a rate has 1 more if it was measured."""
+    t = np.linspace(0, 2, 21)
+    columns = np.array([1 + 2 * t - 3 * t**2, 3 - 6 * t])[: len(signals)]
+    columns[:, 6] = np.nan
+    data, edges = Measurements(t, signals, columns, {}, ""), [5, 20]
+    otherwise = np.array([7.0, 8.0])
+    slope = 2 - 6 * t[edges] + (len(signals) - 1) if signals[0] == "theta" else otherwise
+    value = 1 + 2 * t[edges] - 3 * t[edges] ** 2 if signals[0] == "theta" else otherwise
+    np.testing.assert_allclose(measured_near(data, "theta", edges, otherwise), value, atol=1e-12)
+    np.testing.assert_allclose(measured_near(data, "theta_dot", edges, otherwise), slope, atol=1e-12)
 
 
 def test_a_constant_column_of_what_is_unknown_is_left_out(reads) -> None:

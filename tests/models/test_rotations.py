@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from liaisons.check import max_error
 from liaisons.models.satellite import Satellite
 from liaisons.models.solutions import rotations
+from liaisons.models.solutions.euler_top import euler_top
 from liaisons.models.spatial_cat import SpatialCat
 
 Signal = Callable[[float], tuple[float, float, float]]
@@ -80,6 +81,26 @@ def test_euler_top_solves_the_equations_of_motion(start: Values) -> None:
     np.testing.assert_allclose(numbers(here, names), given, rtol=0, atol=1e-14)  # a few roundings
     norm = np.linalg.norm(numbers(exact, QUATERNION), axis=0)
     np.testing.assert_allclose(norm, 1, rtol=1e-14)  # a product of five unit quaternions
+
+
+@pytest.mark.parametrize("along", [3.0, 11.0])
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 0.7, np.pi / 2])
+def test_symmetric_top_precesses_regularly(along: float, tilt: float) -> None:
+    """Two equal moments A: a turn by H/A about H after one by (1 - C/A) ω·n about the axis n, which may point anywhere.
+
+    Without a tilt ω and H have one direction and stay; next to it they nearly do; so do they at a right angle.
+    """
+    across, t, size = 7.0, np.linspace(-20, 20, 41), 0.9
+    to_body = Rotation.from_rotvec([0.4, -1.1, 0.3])
+    axis, rate = to_body.apply([0, 0, 1]), size * to_body.apply([np.sin(tilt), 0, np.cos(tilt)])
+    inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
+    omega, q = euler_top(t, inertia, rate, np.array([0.5, 0.5, -0.5, 0.5]))
+    spin = np.outer((1 - along / across) * (rate @ axis) * t, axis)
+    np.testing.assert_allclose(omega.T, Rotation.from_rotvec(-spin).apply(rate), rtol=0, atol=1e-12)
+    precession = Rotation.from_rotvec(np.outer(t, inertia @ rate / across))
+    expected = Rotation.from_quat([0.5, -0.5, 0.5, 0.5]) * precession * Rotation.from_rotvec(spin)
+    found = Rotation.from_quat(q[[1, 2, 3, 0]].T)
+    np.testing.assert_allclose(found.as_matrix(), expected.as_matrix(), rtol=0, atol=1e-12)  # 18 rad, rounded
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

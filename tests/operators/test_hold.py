@@ -526,9 +526,12 @@ def test_a_regulator_refuses_steps_that_miss_its_samples() -> None:
     ]
     assert abs(ends[1] - ends[2]) < abs(ends[0] - ends[2]) / 3  # of second order: σ̈ is extrapolated; samples stay
     assert abs(ends[1] - ends[2]) < 1e-3 * 0.01
+    start = {"theta_0": np.pi + 0.01}
     for step in (1.5 * STEP, 2 * STEP):
+        run = equilibrium.system(start_values=start).simulate(0.4, step, tolerance=1e-11)  # it stops at samples, too
+        assert abs(run["Pendulum.theta"][-1] - ends[0]) < abs(ends[0] - ends[2]) * 10
         with pytest.raises(LiaisonsError, match="each sample has to be a communication point: choose a communication"):
-            equilibrium.system(theta_0=np.pi + 0.01).simulate(0.4, step)
+            equilibrium._system(start).simulate(0.4, step)
 
 
 def test_a_time_optimal_plan_is_held_with_the_step_that_it_chooses() -> None:
