@@ -43,7 +43,7 @@ def crane(**options: Any) -> Plan:
 
 
 def test_what_many_optima_reach_has_the_multipliers_of_one() -> None:
-    """A turn about the third axis: geodesics turned about it cost the same, and the cheapest one leads beside the end."""
+    """A turn about the third axis: all geodesics turned about it cost the same; the cheapest lie beside the end."""
     goal: dict[str, Any] = {"end": {"attitude": (np.sqrt(0.5), 0, 0, np.sqrt(0.5))}, "duration": 2.0, "J_yy": 10.0}
     motion = plan("Satellite", ["wheel_1", "wheel_2"], intervals=20, accuracy=None, **goal)
     assert any("the cost of the end has a kink" in claim for claim in verified(motion))

@@ -1,4 +1,4 @@
-"""Start values of inputs that solve algebraic loops: most masters hand values on once or twice before the first step."""
+"""Start values of inputs that solve algebraic loops: most masters hand values on once or twice at the start."""
 
 from __future__ import annotations
 
