@@ -54,13 +54,23 @@ def test_satellite_turns_along_a_sub_riemannian_geodesic(turn: float) -> None:
         assert motion.cost == pytest.approx(least, rel=tolerance)
 
 
+@pytest.mark.slow
 def test_what_many_optima_reach_has_the_multipliers_of_one() -> None:
-    """A turn about the third axis: geodesics turned about it cost the same, and the cheapest one leads beside the end."""
+    """A turn about the third axis: geodesics turned about it cost the same, each is the best for other ends nearby."""
     goal: dict[str, Any] = {"end": {"attitude": (np.sqrt(0.5), 0, 0, np.sqrt(0.5))}, "duration": 2.0, "J_yy": 10.0}
     motion = plan("Satellite", ["wheel_1", "wheel_2"], intervals=20, accuracy=None, **goal)
     assert any("the cost of the end has a kink" in claim for claim in verified(motion))
     wrong = replace(motion.solution, end_multipliers=motion.solution.end_multipliers * (1, 1, 1.003))
     assert not replace(motion, solution=wrong).proved
+
+
+@pytest.mark.slow
+def test_a_loop_along_its_bounds_is_proved_where_the_cost_of_the_end_has_a_kink() -> None:
+    """Bounds that are met at nodes only bend the cost on a coarse mesh: the Hessian is that of a finer one."""
+    limits = {"psi_1": (-np.pi, np.pi), "psi_2": (-np.pi, np.pi)}
+    goal: dict[str, Any] = {"start": {"phi": 0}, "end": {"phi": -np.pi / 3}, "closed": True, "duration": 0.9}
+    motion = plan("PlanarCat", bounds=limits, arm_1=0.25, arm_2=0.25, **goal)
+    assert any("the cost of the end has a kink" in claim for claim in verified(motion))
 
 
 def test_bang_bang_is_found_to_the_last_digits() -> None:
