@@ -62,7 +62,7 @@ PLANS = {
 
 
 class Outcome(NamedTuple):
-    """At the end: what is left of the goal, the energy balance [J], and how far it is, relatively, from the same calls made here."""
+    """At the end: what is left of the goal, the energy balance [J], relative difference from the same calls made here."""
 
     missed: float
     balance: float

@@ -109,7 +109,7 @@ def test_the_system_goes_through_an_archive_and_masters_that_step_all_at_once(tm
     assert result["Pendulum.pivot_x"][-1] == pytest.approx(0.5, abs=1e-8)
     # Steps after a knot are divided here: of second order, h² = (0.75 ms)², times a jump of 1e-3 in acceleration.
     assert result["Pendulum.theta"][-1] == pytest.approx(0.0, abs=1e-7)
-    np.testing.assert_allclose(result["Pendulum.pivot_x"], motion.sigma(result.t)["pivot_x"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(result["Pendulum.pivot_x"], motion.sigma(result.time)["pivot_x"], rtol=0, atol=1e-12)
 
 
 def test_sigma_is_one_polynomial_and_its_derivatives() -> None:

@@ -136,7 +136,8 @@ def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution],
     second = finer()
     scale = max(NOTHING / _RELATIVE, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
-    text = f"a mesh of {interval_count(second.trajectory.arcs)} intervals costs the same as one of {interval_count(trajectory.arcs)}"
+    fine, coarse = (interval_count(each.trajectory.arcs) for each in (second, solution))
+    text = f"a mesh of {fine} intervals costs the same as one of {coarse}"
     yield verdict(text, error=error, tolerance=1e-6, reason="relative")
     gradient = solution.end_multipliers
     size = float(np.linalg.norm(gradient))
