@@ -21,7 +21,7 @@ from liaisons.operators.plans import _even
 from liaisons.operators.problems import problem_of
 from liaisons.operators.searching import _is_led
 from liaisons.operators.transcription import Clock, curvature, relative
-from liaisons.operators.verifying import _curved, _meshes, _replayed, hamiltonian_scale
+from liaisons.operators.verifying import _curved, _finer, _meshes, _replayed, hamiltonian_scale
 
 from .conftest import verified
 
@@ -578,7 +578,8 @@ def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
 @pytest.mark.parametrize(("intervals", "passed"), [(2, False), (10, True)])
 def test_a_mesh_that_is_too_coarse_costs_otherwise_than_a_finer_one(intervals: int, passed: bool) -> None:
     motion = crane(intervals=intervals, accuracy=None, tries=1)
-    finer = next(_meshes(motion.problem.relative, relative(motion.problem, motion.solution), Clock()))
+    subject = motion.problem.relative, relative(motion.problem, motion.solution)
+    finer = next(_meshes(*subject, lambda: _finer(*subject, Clock()), Clock()))
     assert finer.claim == f"a mesh of {4 if intervals == 2 else 15} intervals costs the same as one of {intervals}"
     assert finer.passed == passed
 
@@ -601,7 +602,8 @@ def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:
     eigenvalues = curvature(*arguments)
     assert eigenvalues is not None
     assert eigenvalues[0] < 0
-    assert not _curved(*arguments).passed
+    problem, solution, clock = arguments
+    assert not _curved(problem, [lambda: solution, lambda: _finer(*arguments)], clock).passed
 
 
 def test_a_time_limit_is_kept_by_verdicts_too() -> None:
