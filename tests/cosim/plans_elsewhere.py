@@ -62,7 +62,7 @@ PLANS = {
 
 
 class Outcome(NamedTuple):
-    """At the end: what is left of the goal, the energy balance [J], and the difference from the same calls made here."""
+    """At the end: rest of the goal, the energy balance [J], what the same calls made here differ by, relatively."""
 
     missed: float
     balance: float

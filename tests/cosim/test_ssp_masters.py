@@ -83,7 +83,7 @@ def test_other_masters_take_it_as_it_is(master: str, name: str, tmp_path: Path, 
 
 
 def test_a_loop_is_solved_at_the_start(double: System, tmp_path: Path) -> None:
-    """At rest (m₁ + m₂) α₁ + m₂ c α₂ = -(m₁ + m₂) g sin θ₁, c α₁ + α₂ = -g sin θ₂, c = cos(θ₁ - θ₂), l = 1 m."""
+    """At rest (m₁ + m₂) α₁ + m₂ c α₂ = -(m₁ + m₂) g sin θ₁ and c α₁ + α₂ = -g sin θ₂, where c = cos(θ₁ - θ₂)."""
     c = np.cos(0.3 - 0.5)
     exact = np.linalg.solve([[7.5, 2.5 * c], [c, 1.0]], -9.81 * np.array([7.5 * np.sin(0.3), np.sin(0.5)]))
     accelerations = [("upper", "theta_ddot"), ("lower", "theta_ddot")]

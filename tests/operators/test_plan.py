@@ -21,7 +21,7 @@ from liaisons.operators.plans import _even
 from liaisons.operators.problems import problem_of
 from liaisons.operators.searching import _is_led
 from liaisons.operators.transcription import Clock, curvature, relative
-from liaisons.operators.verifying import _curved, _meshes, _replayed, hamiltonian_scale
+from liaisons.operators.verifying import _curved, _finer, _meshes, _replayed, hamiltonian_scale
 
 from .conftest import verified
 
@@ -42,13 +42,23 @@ def crane(**options: Any) -> Plan:
     return plan("Pendulum", "pivot_x", end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE, **options)
 
 
+@pytest.mark.slow
 def test_what_many_optima_reach_has_the_multipliers_of_one() -> None:
-    """A turn about the third axis: all geodesics turned about it cost the same; the cheapest lie beside the end."""
+    """A turn about the third axis: geodesics turned about it cost the same, each is the best for other ends nearby."""
     goal: dict[str, Any] = {"end": {"attitude": (np.sqrt(0.5), 0, 0, np.sqrt(0.5))}, "duration": 2.0, "J_yy": 10.0}
     motion = plan("Satellite", ["wheel_1", "wheel_2"], intervals=20, accuracy=None, **goal)
     assert any("the cost of the end has a kink" in claim for claim in verified(motion))
     wrong = replace(motion.solution, end_multipliers=motion.solution.end_multipliers * (1, 1, 1.003))
     assert not replace(motion, solution=wrong).proved
+
+
+@pytest.mark.slow
+def test_a_loop_along_its_bounds_is_proved_where_the_cost_of_the_end_has_a_kink() -> None:
+    """Bounds that are met at nodes only bend the cost on a coarse mesh: the Hessian is that of a finer one."""
+    limits = {"psi_1": (-np.pi, np.pi), "psi_2": (-np.pi, np.pi)}
+    goal: dict[str, Any] = {"start": {"phi": 0}, "end": {"phi": -np.pi / 3}, "closed": True, "duration": 0.9}
+    motion = plan("PlanarCat", bounds=limits, arm_1=0.25, arm_2=0.25, **goal)
+    assert any("the cost of the end has a kink" in claim for claim in verified(motion))
 
 
 def test_bang_bang_is_found_to_the_last_digits() -> None:
@@ -87,7 +97,7 @@ def test_the_system_goes_through_an_archive_and_masters_that_step_all_at_once(tm
     assert result["Pendulum.pivot_x"][-1] == pytest.approx(0.5, abs=1e-8)
     # Steps after a knot are divided here: of second order, h² = (0.75 ms)², times a jump of 1e-3 in acceleration.
     assert result["Pendulum.theta"][-1] == pytest.approx(0.0, abs=1e-7)
-    np.testing.assert_allclose(result["Pendulum.pivot_x"], motion.sigma(result.t)["pivot_x"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(result["Pendulum.pivot_x"], motion.sigma(result.time)["pivot_x"], rtol=0, atol=1e-12)
 
 
 def test_sigma_is_one_polynomial_and_its_derivatives() -> None:
@@ -503,7 +513,8 @@ def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
 @pytest.mark.parametrize(("intervals", "passed"), [(2, False), (10, True)])
 def test_a_mesh_that_is_too_coarse_costs_otherwise_than_a_finer_one(intervals: int, passed: bool) -> None:
     motion = crane(intervals=intervals, accuracy=None, tries=1)
-    finer = next(_meshes(motion.problem.relative, relative(motion.problem, motion.solution), Clock()))
+    subject = motion.problem.relative, relative(motion.problem, motion.solution)
+    finer = next(_meshes(*subject, lambda: _finer(*subject, Clock()), Clock()))
     assert finer.claim == f"a mesh of {4 if intervals == 2 else 15} intervals costs the same as one of {intervals}"
     assert finer.passed == passed
 
@@ -526,7 +537,8 @@ def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:
     eigenvalues = curvature(*arguments)
     assert eigenvalues is not None
     assert eigenvalues[0] < 0
-    assert not _curved(*arguments).passed
+    problem, solution, clock = arguments
+    assert not _curved(problem, [lambda: solution, lambda: _finer(*arguments)], clock).passed
 
 
 def test_a_time_limit_is_kept_by_verdicts_too() -> None:

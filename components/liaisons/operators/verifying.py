@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -40,13 +40,7 @@ def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock)
     )
     ended = verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0)
 
-    @cache
-    def finer() -> Solution:
-        """On a mesh half as fine again."""
-        trajectory = solution.trajectory
-        arcs = (replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in trajectory.arcs)
-        return solve(problem, trajectory.on(tuple(arcs), trajectory.durations), clock, near=True)
-
+    finer = cache(partial(_finer, problem, solution, clock))
     claims = [
         ended,
         *_replayed(problem, replay),
@@ -54,6 +48,13 @@ def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock)
         _curved(problem, (lambda: solution, finer), clock),
     ]
     return [*claims, *_meshes(problem, solution, finer, clock)]
+
+
+def _finer(problem: Problem, solution: Solution, clock: Clock) -> Solution:
+    """The solution on a mesh half as fine again."""
+    trajectory = solution.trajectory
+    arcs = (replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in trajectory.arcs)
+    return solve(problem, trajectory.on(tuple(arcs), trajectory.durations), clock, near=True)
 
 
 def _curved(problem: Problem, meshes: Iterable[Callable[[], Solution]], clock: Clock) -> Verdict:
@@ -136,8 +137,8 @@ def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution],
     second = finer()
     scale = max(NOTHING / _RELATIVE, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
-    meshes = [interval_count(each.arcs) for each in (second.trajectory, trajectory)]
-    text = f"a mesh of {meshes[0]} intervals costs the same as one of {meshes[1]}"
+    fine, coarse = (interval_count(each.trajectory.arcs) for each in (second, solution))
+    text = f"a mesh of {fine} intervals costs the same as one of {coarse}"
     yield verdict(text, error=error, tolerance=1e-6, reason="relative")
     gradient = solution.end_multipliers
     size = float(np.linalg.norm(gradient))

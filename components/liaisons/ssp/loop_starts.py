@@ -1,4 +1,4 @@
-"""Start values of inputs that solve algebraic loops: most masters hand values on once or twice at the start."""
+"""Start values of inputs that solve algebraic loops: masters hand values on once or twice before the first step."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 *Portable* (SSP 1.0) is for every importer: flat, connections from element to element, ``Real``, a
 parameter set a component, and, if the FMU supports it, embedded start values, since some importers ignore parameter
-sets. Its FMUs extrapolate their inputs, since other masters do not step the sources first. *Full* (SSP 2.0) has
+sets. Its FMUs extrapolate their inputs, since other masters do not step the sources first; inputs in algebraic loops
+start from what solves these. *Full* (SSP 2.0) has
 everything that SSP can express: connectors of the system, ``Float64``, arrays, one parameter set with a mapping,
 documentation. Both have units.
 """
