@@ -128,15 +128,9 @@ def test_wrong_derivatives_are_not_believed(made: Made) -> None:
     assert_allclose(right.A, [[0, 1], [-2 * 2.0 * 0.5 * 1.5 - 1, 1.5 * (1 - 2.0**2)]], rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("partial", "right", "wrong"),
-    [
-        (("x1'", "x1"), "-4.5 * 1.0007", "-4.5 * 1.0013"),  # 0.1 %
-        (("x0'", "x0"), "3e-6", "6e-6"),  # 1e-6 of x0'/x0 = 0.25 and of the 4 by which x1' changes
-    ],
-)
-def test_how_far_derivatives_may_be_off(made: Made, partial: tuple[str, str], right: str, wrong: str) -> None:
-    linearize(made(replace(VAN_DER_POL, partials={**(VAN_DER_POL.partials or {}), partial: right})))
+@pytest.mark.parametrize(("partial", "wrong"), [(("x1'", "x1"), "-4.5 * 1.0013"), (("x0'", "x0"), "6e-6")])
+def test_derivatives_that_are_a_little_wrong_are_not_believed(made: Made, partial: tuple[str, str], wrong: str) -> None:
+    """By 0.1 %, and by 1e-6 of x0'/x0 = 0.25 and of the 4 by which x1' changes."""
     with pytest.raises(SimulationError, match=r"ask its maker, or take differences"):
         linearize(made(replace(VAN_DER_POL, partials={**(VAN_DER_POL.partials or {}), partial: wrong})))
 

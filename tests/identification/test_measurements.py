@@ -140,18 +140,15 @@ def test_the_fewest_values_that_a_spline_can_be_fitted_to(count: int, width: flo
         measurements(fewer, MODEL, smoothing=width)
 
 
-@pytest.mark.parametrize("signals", [("theta",), ("theta", "theta_dot"), ("bob_x",)])
+@pytest.mark.parametrize("signals", [("theta",), ("theta", "theta_dot")])
 def test_starts_of_segments_are_those_that_were_measured_nearby(signals: tuple[str, ...]) -> None:
     """Of a parabola that lacks a value; a rate has 1 more if it was measured."""
-    t = np.linspace(0, 2, 21)
-    columns = np.array([1 + 2 * t - 3 * t**2, 3 - 6 * t])[: len(signals)]
+    t, edges = np.linspace(0, 2, 21), [5, 20]
+    columns = np.array([2 * t - 3 * t**2, 3 - 6 * t])[: len(signals)]
     columns[:, 6] = np.nan
-    data, edges = Measurements(t, signals, columns, {}, ""), [5, 20]
-    otherwise = np.array([7.0, 8.0])
-    slope = 2 - 6 * t[edges] + (len(signals) - 1) if signals[0] == "theta" else otherwise
-    value = 1 + 2 * t[edges] - 3 * t[edges] ** 2 if signals[0] == "theta" else otherwise
-    np.testing.assert_allclose(measured_near(data, "theta", edges, otherwise), value, atol=1e-12)
-    np.testing.assert_allclose(measured_near(data, "theta_dot", edges, otherwise), slope, atol=1e-12)
+    data = Measurements(t, signals, columns, {}, "")
+    for name, expected in (("theta", columns[0]), ("theta_dot", 1 + len(signals) - 6 * t)):
+        np.testing.assert_allclose(measured_near(data, name, edges, t[edges]), expected[edges], atol=1e-12)
 
 
 def test_a_constant_column_of_what_is_unknown_is_left_out(reads) -> None:
