@@ -33,7 +33,7 @@ class BuildError(LiaisonsError):
     """An FMU could not be built; nothing was written."""
 
 
-class UnsupportedError(BuildError):
+class BackEndError(BuildError):
     """A back end cannot do what this component needs; others can."""
 
 

@@ -105,7 +105,7 @@ def test_a_bad_declaration_file(liaisons: Cli, declare: Callable[[str], int], te
 def test_this_project_builds_its_whole_catalogue(liaisons: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     assert declared_components() == ["all"]
-    assert liaisons("list", "all").out == liaisons("list").out
+    assert liaisons("list").out.startswith(liaisons("list", "all").out)  # scenarios follow
 
 
 def test_an_interrupt_leaves_nothing(

@@ -74,7 +74,7 @@ LINKS = [
 def test_links_between_files_lead_somewhere(page: str, target: str) -> None:
     """As one reads them in the repository; those of the site are seen to when it is built."""
     file = ROOT / page / ".." / target.partition("#")[0]
-    generated = {f"docs/reference/{name}.md" for name in ("commands", "catalogue", "texts")}
+    generated = {f"docs/reference/{name}.md" for name in ("commands", "catalogue", "crossings", "texts")}
     assert file.resolve().exists() or str(file.resolve().relative_to(ROOT)) in generated
 
 
@@ -142,7 +142,7 @@ def test_the_wheel_has_the_scenarios_and_nothing_that_was_built(tmp_path: Path) 
     with ZipFile(documents.wheel(tmp_path)) as archive:
         members = archive.namelist()
     inside = {Path(member).stem for member in members if member.startswith("liaisons/_scenarios/")}
-    assert inside == set(names())
+    assert inside == {*names(), "gallery"}
     assert not {Path(member).suffix for member in members} & {".fmu", ".png", ".pyc", ".so"}
 
 
@@ -157,6 +157,7 @@ def test_scenarios_of_the_package_are_found_behind_those_of_the_folder(
     scenario = '"""Nothing is wrong."""\n\nfrom liaisons.scenarios import *\n\n\n@scenario\ndef main(claim):\n'
     scenario += '    panels(("", "", ""))\n    claim("nothing", 0, 0, within(0, because="whole numbers"))\n'
     (shipped / "theirs.py").write_text(scenario)
+    (shipped / "gallery.toml").write_text("[themes]\n")
     (own / "twice.py").write_text(scenario)
     for name in ("_OURS", "_SHIPPED"):
         monkeypatch.setattr(f"liaisons.project.{name}", shipped)

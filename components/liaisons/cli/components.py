@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import typer
 
 from liaisons.cli._command import Size, command, option, show, show_scenarios, subject
-from liaisons.errors import UnsupportedError
+from liaisons.errors import BackEndError
 from liaisons.library import Backend, catalogue, claim, model, sized_folder
 from liaisons.library import components as find
 from liaisons.processes import die_with_parent
@@ -117,10 +117,10 @@ def build(
     names = [(target, component.__name__) for target, component in named]
     how = {"backend": backend, "platforms": platforms, "arrays": arrays}
     versions = ["2", "3"] if fmi == "both" else [fmi]
-    left_out: list[UnsupportedError] = []
+    left_out: list[BackEndError] = []
     for built in _on_all_cores(partial(_build_one, folder, sizes, versions, how), names):
         for path in built:
-            if isinstance(path, UnsupportedError):
+            if isinstance(path, BackEndError):
                 left_out.append(path)
             else:
                 print(from_here(path), flush=True)
@@ -147,7 +147,7 @@ def _write_modelica(components: list[type[Component]], folder: Path, *, whole: b
 
 def _build_one(
     folder: Path, sizes: dict[str, object], versions: list[Any], how: dict[str, Any], name: tuple[str, str]
-) -> list[Path | UnsupportedError]:
+) -> list[Path | BackEndError]:
     from liaisons.fmu import build
 
     target, class_name = name
@@ -155,7 +155,7 @@ def _build_one(
     sized = model(component, **sizes)
     try:
         return [build(sized, folder, fmi=fmi, **how) for fmi in versions]
-    except UnsupportedError as error:
+    except BackEndError as error:
         return [error]
 
 

@@ -12,7 +12,7 @@ from uuid import UUID
 
 from liaisons.arguments import as_path, chosen
 from liaisons.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
-from liaisons.errors import BuildError, UnsupportedError
+from liaisons.errors import BackEndError, BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
 from liaisons.fmu.description import model_description
@@ -55,7 +55,7 @@ def build(
         importers that know no arrays.
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
-    :raises UnsupportedError: if the back end cannot do what the model needs.
+    :raises BackEndError: if the back end cannot do what the model needs.
     """
     chosen("backend", backend, get_args(Backend), BuildError)
     chosen("platforms", platforms, get_args(Platforms), BuildError)
@@ -119,7 +119,7 @@ def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
     remedy = "take backend='native'" if _compilers() else "native FMUs take them: pip install ziglang"
-    refuse_contacts(model, "the Python back end", remedy, UnsupportedError)
+    refuse_contacts(model, "the Python back end", remedy, BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
     members = _identified(python_members(flat, _NO_GUID), model)

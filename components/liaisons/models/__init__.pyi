@@ -20,6 +20,7 @@ from .hoop import Hoop as Hoop
 from .isokinetic_oscillator import IsokineticOscillator as IsokineticOscillator
 from .junction import Junction as Junction
 from .kepler_orbit import KeplerOrbit as KeplerOrbit
+from .knotted_motion import KnottedMotion as KnottedMotion
 from .linear_molecule import LinearMolecule as LinearMolecule
 from .nose_hoover_oscillator import NoseHooverOscillator as NoseHooverOscillator
 from .oscillator import Oscillator as Oscillator
@@ -33,6 +34,7 @@ from .planar_cat import PlanarCat as PlanarCat
 from .planar_oscillator import PlanarOscillator as PlanarOscillator
 from .planned_motion import PlannedMotion as PlannedMotion
 from .polar_oscillator import PolarOscillator as PolarOscillator
+from .quintic import quintic as quintic
 from .ramp import Ramp as Ramp
 from .regulator import Regulator as Regulator
 from .satellite import Satellite as Satellite

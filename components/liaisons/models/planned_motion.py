@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from liaisons.language import Dimension, Operator, ParameterArray, Values, closed_form
+from liaisons.models.quintic import quintic
 from liaisons.units import ANY
 
 _KNOTS = Dimension("knots", 100, "number of knots that there is room for")
@@ -38,9 +39,7 @@ class PlannedMotion(Operator):
         (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(t, "instant", "value", "rate", "acceleration")
         h, tau = t_1 - t_0, t - t_0
         u = tau / ca.if_else(h > 0, h, 1)
-        D, V, A = y_1 - (y + v * h + a * h**2 / 2), (v_1 - (v + a * h)) * h, (a_1 - a) * h**2
-        rest = (10 * D - 4 * V + A / 2) - (15 * D - 7 * V + A) * u + (6 * D - 3 * V + A / 2) * u**2
-        return y + v * tau + a * tau**2 / 2 + rest * u**3
+        return quintic((y, v, a), (y_1, v_1, a_1), tau, h, u)
 
     def events(self) -> Sequence[ca.SX]:
         return ca.vertsplit(self.instant)

@@ -6,16 +6,14 @@ from operator import mul
 
 import casadi as ca
 
-from liaisons.language import Dimension, Input, InternalState, Operator, Parameter, ParameterArray
+from liaisons.language import Input, InternalState, Parameter, ParameterArray
+from liaisons.models.knotted_motion import DIMENSION, KNOTS, NEAR, KnottedMotion
 from liaisons.units import ANY
 
-READINGS, KNOTS = 24, 50
-_NEAR = 1e-6
-"""Part of a period: knots that are nearer to each other are both sides of a jump."""
-_KNOTS = Dimension("knots", KNOTS, "number of knots")
+READINGS = 24
 
 
-class Regulator(Operator):
+class Regulator(KnottedMotion):
     """A motion through knots, and its correction by linear feedback of what was read at the last sample.
 
     Samples are the knots, and one each period behind the last of them; each has to be a communication point, of which
@@ -30,73 +28,35 @@ class Regulator(Operator):
     point is known.  The last knot is repeated where there are less than there is room for.
     """
 
-    instant = ParameterArray((), "s", "instants of the knots, ascending", _KNOTS)
-    planned = ParameterArray((), ANY, "values at the knots", _KNOTS)
-    planned_rate = ParameterArray((), ANY, "rates at the knots, in units of y a second", _KNOTS)
-    planned_acceleration = ParameterArray((), ANY, "accelerations at the knots, in units of y a second squared", _KNOTS)
-    next_jump = ParameterArray((1e30,) * KNOTS, "s", "first jump after the knot; beyond all if there is none", _KNOTS)
-    offset = ParameterArray((), ANY, "sum of gains and the values that are wanted, by knots", _KNOTS)
-    advance = ParameterArray((), ANY, "by how much the offset grows in a round of a motion that moves on", _KNOTS)
-    lowest = ParameterArray((-1e30,) * KNOTS, ANY, "least correcting acceleration", _KNOTS)
-    highest = ParameterArray((1e30,) * KNOTS, ANY, "greatest correcting acceleration", _KNOTS)
-    least = ParameterArray((-1e30,) * KNOTS, ANY, "least correction", _KNOTS)
-    most = ParameterArray((1e30,) * KNOTS, ANY, "greatest correction", _KNOTS)
-    slowest = ParameterArray((-1e30,) * KNOTS, ANY, "least rate of the correction", _KNOTS)
-    fastest = ParameterArray((1e30,) * KNOTS, ANY, "greatest rate of the correction", _KNOTS)
+    offset = ParameterArray((), ANY, "sum of gains and the values that are wanted, by knots", DIMENSION)
+    advance = ParameterArray((), ANY, "by how much the offset grows in a round of a motion that moves on", DIMENSION)
+    lowest = ParameterArray((-1e30,) * KNOTS, ANY, "least correcting acceleration", DIMENSION)
+    highest = ParameterArray((1e30,) * KNOTS, ANY, "greatest correcting acceleration", DIMENSION)
+    least = ParameterArray((-1e30,) * KNOTS, ANY, "least correction", DIMENSION)
+    most = ParameterArray((1e30,) * KNOTS, ANY, "greatest correction", DIMENSION)
+    slowest = ParameterArray((-1e30,) * KNOTS, ANY, "least rate of the correction", DIMENSION)
+    fastest = ParameterArray((1e30,) * KNOTS, ANY, "greatest rate of the correction", DIMENSION)
     for _i in range(1, READINGS + 1):
-        vars()[f"gain_{_i}"] = ParameterArray((), ANY, f"gains of reading {_i}, by knots", _KNOTS)
+        vars()[f"gain_{_i}"] = ParameterArray((), ANY, f"gains of reading {_i}, by knots", DIMENSION)
         vars()[f"reading_{_i}"] = Input(ANY, f"reading {_i}")
     period = Parameter(100.0, "s", "sampling period, of which communication steps are parts", above=0)
     repeats = Parameter(1e30, "s", "time after which the motion repeats itself", above=0)
     announced = Parameter(1.0, "1", "next_event_time has samples, too; 0: communication points are there anyhow")
     sampled = Input("s", "time elapsed at the last communication point")
-    elapsed = InternalState("s", "time since the start")
-    value = InternalState(ANY, "correction of y")
     rate = InternalState(ANY, "its rate")
     acceleration = InternalState(ANY, "its acceleration")
     sample = InternalState("s", "time elapsed at the last sample")
     wanted = InternalState(ANY, "acceleration that was wanted there")
 
-    def _round(self, t: ca.SX) -> ca.SX:
-        """Number of completed rounds; one that ends within rounding errors is completed."""
-        return ca.floor(t / self.repeats + 1e-10)
-
-    def _time(self, t: ca.SX) -> ca.SX:
-        """Time since the start of the round, put forward by rounding errors."""
-        return t - self._round(t) * self.repeats + 1e-9 * self.period
-
-    def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - by the time that the other states have, too
-        columns = "instant", "planned", "planned_rate", "planned_acceleration"
-        (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(self._time(self.elapsed), *columns, rests=True)
-        tau, h = self.elapsed - self._round(self.elapsed) * self.repeats - t_0, t_1 - t_0
-        D, V, A = y_1 - (y + v * h + a * h**2 / 2), (v_1 - (v + a * h)) * h, (a_1 - a) * h**2
-        is_jump = h < 1e-6 * self.period
-        u = tau * ca.if_else(is_jump, 0, 1 / ca.if_else(is_jump, self.period, h))
-        rest = (10 * D - 4 * V + A / 2) - (15 * D - 7 * V + A) * u + (6 * D - 3 * V + A / 2) * u**2
-        return y + v * tau + a * tau**2 / 2 + rest * u**3 + self.value
-
-    def next_event_time(self) -> ca.SX:
-        """Next repeated instant of this round, the start of the next round, or the next sample if these are announced.
-
-        At samples only the third derivative jumps.
-        """
-        (next_jump, t_0), (_, t_1) = self.interval(self._time(self.elapsed), "next_jump", "instant", rests=True)
-        begin = self._round(self.elapsed) * self.repeats
-        since = self.elapsed - begin - t_0
-        sample = ca.if_else(t_1 > t_0, t_1, t_0 + self.period * (ca.floor(since / self.period + _NEAR) + 1))
-        announced = begin + ca.if_else(self.announced > 0, sample, next_jump)
-        instants = begin + next_jump, begin + self.repeats, announced
-        return self.first_after(self.clock + (instant - self.elapsed) for instant in instants)
-
     def samples(self) -> dict[str, ca.SX]:
         """The correction that is wanted from a knot on, of what is read there."""
         gains = [f"gain_{i}" for i in range(1, READINGS + 1)]
-        begin, end = self.interval(self._time(self.elapsed), "instant", "offset", "advance", *gains, rests=True)
+        begin, end = self.interval(self.time_of_round(self.elapsed), "instant", "offset", "advance", *gains, rests=True)
         t_0, offset, advance, *row = begin
-        rounds, period = self._round(self.elapsed), self.period
+        rounds, period = self.rounds(self.elapsed), self.period
         since, h = self.elapsed - rounds * self.repeats - t_0, end[0] - t_0
-        since -= ca.if_else(h > 0, 0, period * ca.floor(since / period + _NEAR))
-        is_sample = ca.logic_and(since <= _NEAR * period, ca.logic_or(h <= 0, h > _NEAR * period))
+        since -= ca.if_else(h > 0, 0, period * ca.floor(since / period + NEAR))
+        is_sample = ca.logic_and(since <= NEAR * period, ca.logic_or(h <= 0, h > NEAR * period))
         readings = (self.symbols[f"reading_{i}"] for i in range(1, READINGS + 1))
         wanted = offset + rounds * advance - sum(map(mul, row, readings))
         return {
@@ -106,14 +66,14 @@ class Regulator(Operator):
 
     def conditions(self) -> dict[str, ca.SX]:
         (t_0, *_), (t_1, *_) = self._held_rows()
-        due = ca.if_else(t_1 > t_0, self._round(self.sample) * self.repeats + t_1, self.sample + self.period)
+        due = ca.if_else(t_1 > t_0, self.rounds(self.sample) * self.repeats + t_1, self.sample + self.period)
         text = "each sample has to be a communication point: choose a communication step that divides the period"
-        return {text: due + 2 * _NEAR * self.period - self.elapsed}
+        return {text: due + 2 * NEAR * self.period - self.elapsed}
 
     def _held_rows(self) -> tuple[list[ca.SX], list[ca.SX]]:
         """What holds from the last sample on."""
         limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
-        return self.interval(self._time(self.sample), "instant", *limits, rests=True)
+        return self.interval(self.time_of_round(self.sample), "instant", *limits, rests=True)
 
     def internal_rates(self) -> dict[str, ca.SX]:
         (_, lowest, highest, slowest, fastest, least, most), _ = self._held_rows()
