@@ -29,7 +29,6 @@ from liaisons.cosim.structure.simulation import SimulationSettings, checked, own
 from liaisons.derivatives.fmu_equations import SMALL, Floats, FmuEquations, Method, extrapolated
 from liaisons.errors import RefusedError, SimulationError
 from liaisons.logs import logger
-from liaisons.models.regulator import Regulator
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -138,13 +137,8 @@ class FmuMotion:
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def _points(self) -> Floats:
-        """Start, recorded times, and ends of polynomials and samples of regulators between them."""
+        """Start, recorded times, and ends of polynomials between them."""
         ends = [x for polynomial in self.inputs.values() for x in polynomial.x]
-        for part in self.system.parts.values():
-            if part.fmu.model_name == Regulator.__name__:
-                declared: Any = part.fmu.variables["period"].start
-                period = float(part.starts.get("period", declared))
-                ends += [i * period for i in range(int(self.times[-1] / period) + 1)]
         asked = np.array([self.start_time, *self.times])
         apart = [t for t in ends if np.abs(asked - t).min() > _ROUNDING * abs(t)]
         points = np.unique([*asked, *apart])
