@@ -48,6 +48,7 @@ from liaisons.library import fmu_file
 from liaisons.pictures.frames import frames
 
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
+WITHIN_A_STEP = 1e-5  # a rate of 0.3 m/s taken up within h = 8 ms: 0.3 h²/12, and what the motion makes of it
 RUN: dict[str, Any] = {"stop_time": STOP, "step_size": STEP, "tolerance": 1e-10}
 
 
@@ -87,9 +88,12 @@ class Workshop:
     def system(self, kind: str, **options: Any) -> tuple[System, str]:
         """A system of the subject and its operators, and what stands before the names of its signals."""
         made, subject = self.made(kind), SUBJECTS[kind]
-        if isinstance(made, System):
-            return made.with_start_values(subject.start_values), ""
         system = System(kind)
+        if isinstance(made, System):
+            for name, part in made.with_start_values(subject.start_values).parts.items():
+                system.add(name, part.fmu.path, start_values=part.starts, **options)
+            system.join(made.connections)
+            return system, ""
         system.add("it", self.fmu(kind), start_values={**subject.start_values, **subject.operators}, **options)
         return system, "it."
 
@@ -463,15 +467,19 @@ def try_picture(workshop: Workshop, kind: str) -> None:
 
 
 def try_live_page(workshop: Workshop, kind: str) -> None:
-    """In a browser, where the page's own operators move the coordinates."""
+    """In a browser, where the page's own operators move the coordinates, from rest within a step of 8 ms."""
     if BROWSER is None or zig_compiler() is None:
         pytest.skip("chromium (or google-chrome) or ziglang is missing")
     made, subject = workshop.made(kind), SUBJECTS[kind]
     path = workshop.folder / f"{kind} live.html"
+    starts, bound = subject.start_values, subject.bound
+    if subject.ramps:
+        starts = {name: x for name, x in starts.items() if not name.endswith("_dot_0")}
+        starts, bound = starts | {name: ramp.offset for name, ramp in subject.ramps.items()}, WITHIN_A_STEP
     if isinstance(made, System):
-        show(made.with_start_values(subject.start_values), path=path)
+        show(made.with_start_values(starts), path=path)
     else:
-        show(made, path=path, start_values=subject.start_values)
+        show(made, path=path, start_values=starts)
     with browser() as found, opened(found, path) as live:
         reached: dict[str, float] = {}
         begins = sorted({0.0, STOP, *(ramp.begin for ramp in subject.ramps.values())})
@@ -484,7 +492,7 @@ def try_live_page(workshop: Workshop, kind: str) -> None:
         exact = subject.signals(np.array([0.0, live.time]))
     shown = {name: x for name, x in exact.items() if name in reached}
     assert shown
-    follows({name: reached[name] for name in shown}, {name: x[-1] for name, x in shown.items()}, SUBJECTS[kind].bound)
+    follows({name: reached[name] for name in shown}, {name: x[-1] for name, x in shown.items()}, bound)
 
 
 # ---- stepped call by call ----------------------------------------------------------------------------------------

@@ -99,7 +99,8 @@ def equations_of(source: Source) -> Equations:
         what = "abstract" if abstract else chain if issubclass(source, Chain) else "an operator"
         raise ComponentError(f"{source.__name__}: analysis takes mechanisms, which have a Lagrangian, and it is {what}")
     if not (isinstance(source, type) and issubclass(source, Mechanism)):
-        raise ComponentError(f"{shown(source)} is no mechanism; give its class, or derive({shown(source)})")
+        by_name = f", or derive({source!r})" if isinstance(source, str) and not source.endswith(".fmu") else ""
+        raise ComponentError(f"{shown(source)} is no mechanism; give its class{by_name}")
     return _derived(source)
 
 
