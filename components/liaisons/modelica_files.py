@@ -79,13 +79,13 @@ def _composition(subject: System) -> Composition:
 def modelica_library(chosen: Collection[type[Component]], *, standard_library: bool = False) -> str:
     """Text of the package ``Liaisons``: components, and as ``Examples`` their default experiments and some systems.
 
-    Those with unilateral liaisons or dry friction are left out.
+    Those with unilateral liaisons or dry friction, and those that read samples, are left out.
     """
     from liaisons.language import Experiment
     from liaisons.mechanics.model import contact_names
     from liaisons.modelica_text import Composition, library_text, with_standard_library
 
-    chosen = [component for component in chosen if not contact_names(component)]
+    chosen = [c for c in chosen if not (contact_names(c) or getattr(c, "is_sampled", bool)())]
     classes = {component.__name__: component for component in chosen}
     systems = [
         Composition(name, {n: (classes[c], starts) for n, (c, starts) in parts.items()}, joined, Experiment(5.0))

@@ -352,6 +352,12 @@ def test_a_system_moves_as_its_flattened_fmu(name: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(result[signal], run[signal], atol=BOUND * max(1.0, np.max(np.abs(run[signal]))))
 
 
+def test_the_library_has_all_that_can_be_written() -> None:
+    packages = re.findall(r"^  package (\w+)", modelica("all"), re.MULTILINE)
+    assert {c.__name__ for c in WRITTEN} <= {*packages}
+    assert not {"BouncingBall", "Regulator"} & {*packages}
+
+
 @pytest.mark.slow
 def test_all_examples_of_the_library_move() -> None:
     text = modelica("all")
