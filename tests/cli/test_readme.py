@@ -134,7 +134,7 @@ def test_the_whole_catalogue_from_the_wheel(tmp_path: Path) -> None:
     place = documents.empty_folder(tmp_path)
     built = place.runs("liaisons build").split()
     assert {Path(path).stem for path in built} == {
-        line.split()[0] for line in place.runs("liaisons list").splitlines()[2:] if not line.startswith(" ")
+        line.split()[0] for line in place.runs("liaisons list all").splitlines()[2:] if not line.startswith(" ")
     }
 
 
