@@ -110,7 +110,7 @@ def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Mod
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
     component = classes[fmu.model_name]
-    if getattr(component, "is_sampled", bool)():
+    if component.is_sampled():
         raise SimulationError(
             f"{part.name}: a {fmu.model_name} reads at communication points, of which equations of a whole system have "
             "none; simulate the system"

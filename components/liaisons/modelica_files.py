@@ -85,7 +85,7 @@ def modelica_library(chosen: Collection[type[Component]], *, standard_library: b
     from liaisons.mechanics.model import contact_names
     from liaisons.modelica_text import Composition, library_text, with_standard_library
 
-    chosen = [c for c in chosen if not (contact_names(c) or getattr(c, "is_sampled", bool)())]
+    chosen = [c for c in chosen if not (contact_names(c) or c.is_sampled())]
     classes = {component.__name__: component for component in chosen}
     systems = [
         Composition(name, {n: (classes[c], starts) for n, (c, starts) in parts.items()}, joined, Experiment(5.0))

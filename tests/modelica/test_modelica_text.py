@@ -56,7 +56,7 @@ pymoca = pytest.importorskip("pymoca.parser")
 BOUND = 1e-8
 QUICK = (Pendulum, IsokineticOscillator, OscillatorChain, PlannedMotion, SmoothStep)
 # Their events, and samples, are not written.
-WRITTEN = [c for c in CATALOGUE if not contact_names(c) and not getattr(c, "is_sampled", bool)()]
+WRITTEN = [c for c in CATALOGUE if not contact_names(c) and not c.is_sampled()]
 ALL = [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow, id=c.__name__) for c in WRITTEN]
 MECHANICAL = [p for p, c in zip(ALL, WRITTEN, strict=True) if issubclass(c, MechanicalComponent)]
 KNOTS = {

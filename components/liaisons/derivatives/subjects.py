@@ -143,7 +143,7 @@ def _run_instead(subject: Subject) -> System | Path | None:
     if isinstance(subject, Model):
         return None
     of = component(subject)
-    return fmu_file(subject) if contact_names(of) or getattr(of, "is_sampled", bool)() else None
+    return fmu_file(subject) if contact_names(of) or of.is_sampled() else None
 
 
 def _is_file(subject: object) -> bool:

@@ -64,6 +64,11 @@ class Component(ABC):
         self.formulas = {}
         self.parameter_column = self._symbols(name for p in self.parameters for name in p.names)
 
+    @classmethod
+    def is_sampled(cls) -> bool:
+        """Whether internal states jump where inputs are set, as those of some operators do."""
+        return False
+
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls.is_abstract = abstract

@@ -221,7 +221,7 @@ def refuse_samples(
     subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
 ) -> None:
     """Raise an error for an operator that reads its inputs at samples: its equations are those between them."""
-    if isinstance(subject, type) and getattr(subject, "is_sampled", bool)():
+    if isinstance(subject, type) and subject.is_sampled():
         raise error(f"{subject.__name__}: {task} takes no samples of inputs; {remedy}")
 
 

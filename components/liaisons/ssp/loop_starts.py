@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -12,8 +11,7 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.simulation import SimulationSettings, checked
 from liaisons.errors import SimulationError
-
-logger = logging.getLogger(__name__)
+from liaisons.logs import logger
 
 _SHORT = 1e-6
 """A step [s] that is not looked at: a run has one at least."""
