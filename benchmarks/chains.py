@@ -27,7 +27,7 @@ from _measure import Row, command, interleaved
 from native_code import BY_HAND
 
 from liaisons import models
-from liaisons.compiler import FLAGS, compile_library, host
+from liaisons.base.compiler import FLAGS, compile_library, host
 from liaisons.fmu.code import model_code, source_files
 from liaisons.fmu.loops import PREAMBLE, loops
 from liaisons.mechanics import assemble

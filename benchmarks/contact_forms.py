@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from liaisons import System, operator
 from liaisons.cosim import simulate
-from liaisons.flattening import composed
 from liaisons.fmu import build
+from liaisons.library.flattening import composed
 from liaisons.mechanics import Model, assemble
 from liaisons.models import BallRow, BeadOnSphere, BouncingBall, DryOscillator, StringPendulum
 

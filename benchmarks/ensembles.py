@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 from _measure import Row, command, interleaved
 
-from liaisons.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host
 from liaisons.ensembles import ensemble
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat_model, operator_model, right_hand_side

@@ -24,7 +24,7 @@ from pathlib import Path
 from _measure import HERE, Row, command, interleaved
 from step_cost import compile_by_hand, load, load_by_hand, stepper
 
-from liaisons.compiler import FLAGS
+from liaisons.base.compiler import FLAGS
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum

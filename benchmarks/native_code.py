@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from liaisons.compiler import FLAGS
+from liaisons.base.compiler import FLAGS
 from liaisons.fmu.building import source_files
 from liaisons.mechanics.model import Model
 

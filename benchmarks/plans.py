@@ -23,7 +23,7 @@ from _measure import HERE, Row, command
 from scipy.optimize import minimize_scalar, root
 
 from liaisons import Plan, fmu_path, hamiltonian_flow, plan
-from liaisons.project import load_module
+from liaisons.base.project import load_module
 
 COST = "Relative error of the least cost, on N intervals and on 2 N"
 SOLVE = "Time of a plan"

@@ -23,7 +23,7 @@ import step_cost
 from _measure import Row, command, interleaved
 from numpy.typing import NDArray
 
-from liaisons.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host
 from liaisons.expressions import Program, c_statements, program
 from liaisons.expressions.sum_factoring import Expansions
 from liaisons.expressions.value_numbering import Builder

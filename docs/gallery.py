@@ -25,12 +25,12 @@ from sphinx.errors import ExtensionError
 from sphinx.util.display import status_iterator
 
 from liaisons import Result, show
+from liaisons.base.project import load_module, scenario_files, scenario_order
 from liaisons.cosim import system
 from liaisons.errors import LiaisonsError
 from liaisons.language import Operator
 from liaisons.library import catalogue
 from liaisons.pictures import motion_page
-from liaisons.project import load_module, scenario_files, scenario_order
 from liaisons.scenarios import execute, load
 
 TITLES: dict[str, str] = scenario_order()["titles"]

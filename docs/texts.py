@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import liaisons
 from liaisons import analysis, language, mechanics, models
+from liaisons.base.project import scenario_files, scenario_order
 from liaisons.language import Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import derive
-from liaisons.project import scenario_files, scenario_order
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

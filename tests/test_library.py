@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from liaisons import System, build, derive, ensemble, fmu_path, grid, simulate, sweep
+from liaisons.base.project import ProjectError
 from liaisons.errors import LiaisonsError
 from liaisons.library import variables
 from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum, PendulumChain
-from liaisons.project import ProjectError
 
 OWN = '''\
 """A component of a user."""

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from liaisons.logs import collected_warnings, ignored_warnings, logger
+from liaisons.base.logs import collected_warnings, ignored_warnings, logger
 
 pytestmark = pytest.mark.symbolic
 

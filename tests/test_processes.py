@@ -11,7 +11,7 @@ import pytest
 
 _CHILD = """
 import ctypes, sys
-from liaisons import processes
+from liaisons.base import processes
 if "watched" in sys.argv:
     processes._killed_by_kernel = lambda: False
 processes.die_with_parent(int(sys.argv[1]))
@@ -49,7 +49,7 @@ def test_process_whose_parent_has_ended_before_ends_at_once() -> None:
 
 _ENDING = """
 import os, signal, sys, time
-from liaisons.processes import orderly_end
+from liaisons.base.processes import orderly_end
 with orderly_end():
     child = os.fork()
     if child == 0:

@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from liaisons import units
+from liaisons.base import units
 
 
 def exponents(*names: str) -> dict[str, int]:

@@ -9,7 +9,7 @@ import lazy_loader
 _getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 _RENAMED = {
     **{name: f"scenarios.{name}" for name in ("Claims", "dots", "panels", "scenario", "slope", "table", "within")},
-    "Held": "operators.Controller",
+    "Held": "holding.Controller",
     "condition": "assertion",
     "submersion": "rheonomic_constraint",
 }

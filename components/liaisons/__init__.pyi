@@ -1,4 +1,6 @@
 from . import analysis as analysis
+from .base.version import __date__ as __date__
+from .base.version import __version__ as __version__
 from .check import Verdict as Verdict
 from .check import compare as compare
 from .check import crossings as crossings
@@ -12,8 +14,9 @@ from .derivatives import linearize as linearize
 from .derivatives import sensitivities as sensitivities
 from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
-from .flattening import flatten as flatten
 from .formulas import DisplayedEquations as DisplayedEquations
+from .holding import Controller as Controller
+from .holding import hold as hold
 from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations
@@ -63,14 +66,11 @@ from .language import unilateral as unilateral
 from .library import build as build
 from .library import derive as derive
 from .library import fmu_path as fmu_path
+from .library.flattening import flatten as flatten
+from .library.modelica_files import modelica as modelica
 from .mechanics import assemble as assemble
-from .modelica_files import modelica as modelica
-from .operators import Controller as Controller
-from .operators import Plan as Plan
-from .operators import hold as hold
-from .operators import plan as plan
+from .planning import Plan as Plan
+from .planning import plan as plan
 from .results import Result as Result
 from .sweeps import grid as grid
 from .sweeps import sample as sample
-from .version import __date__ as __date__
-from .version import __version__ as __version__

@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, cast, f
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons import cache, cosim, flattening, live, ssp, sweeps
-from liaisons.arguments import merged, renamed
+from liaisons import cosim, live, ssp, sweeps
+from liaisons.base import cache
+from liaisons.base.arguments import merged, renamed
+from liaisons.base.folders import process_folder
+from liaisons.base.project import ProjectError
 from liaisons.cosim.structure.components import Solver
 from liaisons.cosim.structure.knots import Join, knots
-from liaisons.folders import process_folder
-from liaisons.library import Target, component, fmu_file, is_target
-from liaisons.project import ProjectError
+from liaisons.library import Target, component, flattening, fmu_file, is_target
 
 if TYPE_CHECKING:
     from liaisons.formulas import DisplayedEquations

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import named
+from liaisons.base.arguments import named
 from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import ProjectError, SimulationError
 from liaisons.library import Target

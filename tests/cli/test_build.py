@@ -10,8 +10,8 @@ import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
+from liaisons.base.project import ProjectError, declared_components
 from liaisons.library import catalogue, fmu_path
-from liaisons.project import ProjectError, declared_components
 
 from .conftest import Cli, Runs, is_misuse
 from .documents import ROOT

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from liaisons import System
+from liaisons.base.project import ProjectError
 from liaisons.errors import LiaisonsError
 from liaisons.library import catalogue, catalogue_names
-from liaisons.project import ProjectError
 
 from .conftest import Cli, is_misuse
 

@@ -6,7 +6,7 @@ import pytest
 
 from liaisons import System
 from liaisons.check import verdict
-from liaisons.operators import Plan
+from liaisons.planning import Plan
 
 GOAL = """
 mechanism = "Pendulum"

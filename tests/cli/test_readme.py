@@ -160,7 +160,7 @@ def test_scenarios_of_the_package_are_found_behind_those_of_the_folder(
     (shipped / "gallery.toml").write_text("[themes]\n")
     (own / "twice.py").write_text(scenario)
     for name in ("_OURS", "_SHIPPED"):
-        monkeypatch.setattr(f"liaisons.project.{name}", shipped)
+        monkeypatch.setattr(f"liaisons.base.project.{name}", shipped)
     assert names() == ["theirs", "twice"]
     reply = liaisons("run", "--all")
     assert reply.status == 0, reply.out + reply.err

@@ -11,7 +11,7 @@ import pytest
 from fmpy.util import create_cmake_project
 from trial import Version, every_version, run
 
-from liaisons import compiler
+from liaisons.base import compiler
 
 # With inputs; without states; with arrays in FMI 3.0.
 COMPONENTS = ["Pendulum", *(pytest.param(name, marks=pytest.mark.slow) for name in ("SmoothStep", "OscillatorChain"))]

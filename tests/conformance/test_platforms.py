@@ -26,7 +26,7 @@ from trial import (
     unpack,
 )
 
-from liaisons import compiler
+from liaisons.base import compiler
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 

@@ -16,7 +16,7 @@ import pytest
 from fmpy.model_description import ModelDescription, ModelVariable
 from numpy.typing import NDArray
 
-from liaisons import compiler
+from liaisons.base import compiler
 from liaisons.models import CATALOGUE
 
 Version = Literal["2", "3"]  # of FMI

@@ -17,7 +17,7 @@ import hostile
 import pytest
 from making import FmuPaths, rewritten, wait_for
 
-from liaisons import cache
+from liaisons.base import cache
 from liaisons.cosim import System, simulate
 from liaisons.cosim.description.archive import Archive
 from liaisons.errors import SimulationError

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from making import wired
 
-from liaisons import compiler
+from liaisons.base import compiler
 from liaisons.cosim import Result, simulate
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, Call
@@ -212,7 +212,7 @@ _loaded = partial(compiled.loaded.__wrapped__, compiled.STEPS, "steps are made b
 
 
 def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path / "cache")
     assert _loaded() is not None
     (library,) = (path for path in (tmp_path / "cache").iterdir() if path.suffix != ".sha256")
     monkeypatch.setattr(compiled, "compile_library", lambda *_: pytest.fail("compiled again"))
@@ -223,7 +223,7 @@ def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
 
 def test_where_nothing_can_be_kept(monkeypatch, tmp_path) -> None:
     (tmp_path / "cache").write_text("a file, where a folder is wanted", encoding="utf-8")
-    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path / "cache")
     assert _loaded() is not None
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
@@ -232,7 +232,7 @@ def test_without_a_compiler(monkeypatch, tmp_path, caplog) -> None:
     def refuse(*_: object) -> bytes:
         raise BuildError("no C compiler is found")
 
-    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path)
+    monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path)
     monkeypatch.setattr(compiled, "compile_library", refuse)
     with caplog.at_level(logging.INFO, "liaisons.cosim"):
         assert _loaded() is None
@@ -244,7 +244,7 @@ def test_damaged_library_in_the_cache_is_made_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes | None
 ) -> None:
     """Half a library is loaded, and ends the process when its missing pages are touched."""
-    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path)
+    monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path)
     assert _loaded() is not None
     (library,) = (path for path in tmp_path.iterdir() if path.suffix != ".sha256")
     whole = library.read_bytes()

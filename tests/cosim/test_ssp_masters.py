@@ -16,10 +16,10 @@ from schemas import validated
 
 import liaisons
 from liaisons import System
+from liaisons.base.project import scenario_files
 from liaisons.cosim import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.simulation import SimulationSettings, checked
-from liaisons.project import scenario_files
 from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
 

@@ -39,8 +39,8 @@ from liaisons import (
     simulate,
     sweep,
 )
+from liaisons.base.compiler import zig_compiler
 from liaisons.cli._invariants import invariants
-from liaisons.compiler import zig_compiler
 from liaisons.cosim import Result
 from liaisons.jax import motion
 from liaisons.language.component import Component

@@ -10,7 +10,7 @@ from zipfile import ZipFile
 import pytest
 
 from liaisons import fmu_path
-from liaisons.project import load_module
+from liaisons.base.project import load_module
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from types import ModuleType
 import pytest
 from PIL import Image
 
-from liaisons import compiler
-from liaisons.project import load_module, scenario_files
+from liaisons.base import compiler
+from liaisons.base.project import load_module, scenario_files
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from liaisons.project import load_module
+from liaisons.base.project import load_module
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = {

@@ -9,8 +9,8 @@ from types import ModuleType
 import pytest
 
 from liaisons import analysis
+from liaisons.base.project import load_module, scenario_files
 from liaisons.library import catalogue
-from liaisons.project import load_module, scenario_files
 
 NUMBERS = {
     ("K", "equations"): [str(i) for i in range(1, 166)],

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from liaisons import expressions
-from liaisons.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host
 from liaisons.errors import ComponentError
 from liaisons.expressions import OPERATIONS, c_parts, c_statements, program
 from liaisons.mechanics import assemble

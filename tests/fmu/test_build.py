@@ -19,7 +19,7 @@ import pytest
 from driver import CO_SIMULATION, MODEL_EXCHANGE, SCHEDULED_EXECUTION, SIGNATURES, Library, members
 from handmade import kick, pendulum
 
-from liaisons import compiler
+from liaisons.base import compiler
 from liaisons.errors import BuildError
 from liaisons.fmu import archive, build
 from liaisons.fmu.code import source_files

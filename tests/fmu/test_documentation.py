@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 from liaisons.fmu.documentation import index_page
 from liaisons.fmu.documentation.sources import bibliography
 from liaisons.fmu.reference_results import trajectory

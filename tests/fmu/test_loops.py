@@ -16,7 +16,7 @@ import pytest
 from handmade import ring
 from numpy.typing import NDArray
 
-from liaisons.compiler import FLAGS, system_compiler
+from liaisons.base.compiler import FLAGS, system_compiler
 from liaisons.fmu.code import model_code
 from liaisons.fmu.dependencies import at_start, coupled, states_that_jump, while_running
 from liaisons.fmu.loops import PREAMBLE, Code, loop_functions

@@ -11,9 +11,9 @@ import pytest
 
 from liaisons import System
 from liaisons.cosim import simulate
-from liaisons.flattening import flatten
 from liaisons.fmu.description import Backend
 from liaisons.language import Operator, Parameter
+from liaisons.library.flattening import flatten
 from liaisons.models import Flywheel, SmoothStep
 
 

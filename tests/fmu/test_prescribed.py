@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 
 from liaisons.cosim import System, simulate
-from liaisons.flattening import flatten
 from liaisons.fmu import build
 from liaisons.language import Component
+from liaisons.library.flattening import flatten
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PlanarCat, Ramp, Satellite, SpatialCat, Swing
 

@@ -31,7 +31,7 @@ from handmade import kick
 from wasm_driver import WasmLibrary
 from wasm_wrapper import OURS, TOOLS, wrapper
 
-from liaisons import compiler
+from liaisons.base import compiler
 from liaisons.cli import main
 from liaisons.errors import BuildError
 from liaisons.fmu import build

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from liaisons import System, identify, simulate
+from liaisons.base.units import in_si
 from liaisons.errors import IdentificationError
-from liaisons.flattening import composed
 from liaisons.identification.measurements import Measurements, measurements, noise_levels
 from liaisons.identification.problems import measured_near
+from liaisons.library.flattening import composed
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
-from liaisons.units import in_si
 
 MODEL = assemble(Pendulum)
 Reads = Callable[..., Measurements]

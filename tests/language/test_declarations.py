@@ -12,6 +12,7 @@ import pytest
 
 import liaisons
 from liaisons import language
+from liaisons.base.project import ProjectError, load_module
 from liaisons.errors import ComponentError
 from liaisons.language import (
     ActiveCoordinate,
@@ -27,7 +28,6 @@ from liaisons.language import (
     unilateral,
 )
 from liaisons.mechanics import assemble
-from liaisons.project import ProjectError, load_module
 
 
 class _Bead(Mechanism, abstract=True):

@@ -10,7 +10,7 @@ import pytest
 from hand_derivations import SMOOTH, WITHOUT_ORIENTATION, states
 from on_paper import BACKENDS, HOLD, State, Values, assert_follows, equations_of
 
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.language import Mechanism, Operator

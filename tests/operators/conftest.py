@@ -6,8 +6,8 @@ from math import prod
 from typing import Any
 
 from liaisons import Controller, Plan
+from liaisons.base.units import ANY, powers
 from liaisons.library import component, model
-from liaisons.units import ANY, powers
 
 Scale = tuple[float, float, float]
 """Of mass, length and time."""

@@ -12,16 +12,15 @@ from scipy.linalg import expm
 
 import liaisons
 from liaisons import Controller, Plan, hold, plan
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
+from liaisons.holding.controllers import ReferenceTrajectory
+from liaisons.holding.feedback import backward, periodic, reachable, riccati, steady
+from liaisons.holding.holding import _beside
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
-from liaisons.operators import PlanError
-from liaisons.operators.controllers import ReferenceTrajectory
-from liaisons.operators.feedback import backward, periodic, reachable, riccati, steady
-from liaisons.operators.holding import _beside
-from liaisons.operators.problems import problem_of
+from liaisons.planning.problems import problem_of
 
 from .conftest import SCALES, Scale, parameters, scaled, sizes, times, verified
 

@@ -16,12 +16,13 @@ import numpy as np
 import pytest
 
 from liaisons import Plan, System, plan
-from liaisons.operators import PlanError, transcription
-from liaisons.operators.plans import _even
-from liaisons.operators.problems import problem_of
-from liaisons.operators.searching import _is_led
-from liaisons.operators.transcription import Clock, curvature, relative
-from liaisons.operators.verifying import _curved, _finer, _meshes, _replayed, hamiltonian_scale
+from liaisons.errors import PlanError
+from liaisons.planning import transcription
+from liaisons.planning.plans import _even
+from liaisons.planning.problems import problem_of
+from liaisons.planning.searching import _is_led
+from liaisons.planning.transcription import Clock, curvature, relative
+from liaisons.planning.verifying import _curved, _finer, _meshes, _replayed, hamiltonian_scale
 
 from .conftest import verified
 
@@ -211,7 +212,7 @@ def test_the_slope_of_the_cost_is_told_on_both_sides_or_on_one(
         cost = solution.cost + size * sides[by < 0] * by + curvature * size * by**2
         return replace(solution, cost=cost, status="failed" if parts in failing else solution.status)
 
-    monkeypatch.setattr("liaisons.operators.verifying.solve", solved)
+    monkeypatch.setattr("liaisons.planning.verifying.solve", solved)
     *_, claim = _meshes(problem, solution, lambda: solution, Clock(60))
     assert claim.passed == (kinks is not None)
     assert ("kink" in claim.claim) == bool(kinks) or kinks is None
@@ -324,7 +325,7 @@ def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch, 
 
 
 ENDLESS = """
-from liaisons.operators import plan, searching
+from liaisons.planning import plan, searching
 
 solve = searching.solve
 def told(*arguments, **options):

@@ -22,7 +22,7 @@ from liaisons.analysis.quantity import (
     require_smooth,
     require_still,
 )
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.equations import Equations

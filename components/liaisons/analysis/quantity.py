@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
 from liaisons.language.chain import Chain
 from liaisons.language.checks import scalar

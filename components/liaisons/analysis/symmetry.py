@@ -22,7 +22,7 @@ from liaisons.analysis.quantity import (
     require_smooth,
     sample_states,
 )
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import scalar

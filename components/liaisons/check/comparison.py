@@ -8,10 +8,10 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
+from liaisons.base.port_names import port_names
 from liaisons.check.verdicts import table
 from liaisons.errors import ValidityError
-from liaisons.port_names import port_names
 from liaisons.results import Result
 
 Method = Literal["same points", "Hermite", "linear"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import numbers
+from liaisons.base.arguments import numbers
 from liaisons.errors import ValidityError
 
 _STEP = 1e-30

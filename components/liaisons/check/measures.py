@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import finite, numbers
+from liaisons.base.arguments import finite, numbers
 from liaisons.errors import ValidityError
 
 

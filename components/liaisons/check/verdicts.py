@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from textwrap import wrap
 
-from liaisons.arguments import numbers, shown
+from liaisons.base.arguments import numbers, shown
 from liaisons.errors import ValidityError, one_line
 
 

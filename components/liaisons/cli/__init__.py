@@ -7,10 +7,10 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from liaisons.base.logs import collected_warnings, logger
+from liaisons.base.processes import orderly_end
 from liaisons.cli._encoding import tolerate_encodings
 from liaisons.errors import LiaisonsError
-from liaisons.logs import collected_warnings, logger
-from liaisons.processes import orderly_end
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from liaisons.base.files import check_writable
+from liaisons.base.project import scenario_claim, scenario_files, scenario_themes
+from liaisons.base.version import __version__
 from liaisons.errors import SimulationError
-from liaisons.files import check_writable
 from liaisons.library import catalogue_names, variables
-from liaisons.project import scenario_claim, scenario_files, scenario_themes
-from liaisons.version import __version__
 
 if TYPE_CHECKING:
     from liaisons.check import Verdict

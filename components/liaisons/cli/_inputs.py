@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.files import csv_cells
 from liaisons.cosim.structure.knots import Join, curve, knots
 from liaisons.cosim.structure.sources import Signal
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
-from liaisons.files import csv_cells
 
 if TYPE_CHECKING:
     from liaisons.cosim import OperatorFmu, System

@@ -11,6 +11,7 @@ import fmpy
 import numpy as np
 from fmpy.validation import validate_fmu
 
+from liaisons.base.folders import passing_folder
 from liaisons.check import Verdict, verdict
 from liaisons.cli._subject import mismatches
 from liaisons.cosim import simulate
@@ -18,7 +19,6 @@ from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.description.fmu import DESCRIPTION, read
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
-from liaisons.folders import passing_folder
 
 if TYPE_CHECKING:
     from liaisons.cosim.compiled.calls import Call

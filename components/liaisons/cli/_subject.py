@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from liaisons import ssp
-from liaisons.array_names import split
+from liaisons.base.array_names import split
+from liaisons.base.project import ProjectError, load_module
 from liaisons.cli._inputs import Given, drives
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
@@ -15,7 +16,6 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.knots import Join
 from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, owned
 from liaisons.library import fmu_file, fmu_path
-from liaisons.project import ProjectError, load_module
 
 MISMATCH = "_mismatch"
 _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs

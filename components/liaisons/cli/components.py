@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
+from liaisons.base.processes import die_with_parent
+from liaisons.base.project import declared_components, fmus_directory, from_here
 from liaisons.cli._command import Size, command, option, show, show_scenarios, subject
 from liaisons.errors import BackEndError
 from liaisons.library import Backend, catalogue, claim, model, sized_folder
 from liaisons.library import components as find
-from liaisons.processes import die_with_parent
-from liaisons.project import declared_components, fmus_directory, from_here
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -131,7 +131,7 @@ def build(
 
 def _write_modelica(components: list[type[Component]], folder: Path, *, whole: bool, standard_library: bool) -> int:
     """Write ``NAME.mo`` for each component, or the package of all."""
-    from liaisons.modelica_files import modelica, modelica_library
+    from liaisons.library.modelica_files import modelica, modelica_library
 
     if whole:
         texts = {"Liaisons": modelica_library(components, standard_library=standard_library)}

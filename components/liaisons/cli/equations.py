@@ -27,8 +27,9 @@ def equations(
     """Show the equations of a component: Lagrangian, momenta, motion, forces of the operators, Hamiltonian."""
     if text + latex + html + modelica > 1 or (modelica and part):
         raise typer.BadParameter("choose one of --text, --latex, --html and --modelica, the last without --part")
-    from liaisons import interface, modelica_files, ssp
+    from liaisons import interface, ssp
     from liaisons.cli._subject import declared_system
+    from liaisons.library import modelica_files
 
     system = ssp.read(of, interface.System) if of.lower().endswith(".ssp") else declared_system(of)
     if modelica:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from liaisons.base.project import ProjectError
 from liaisons.cli._command import (
     Inputs,
     Join,
@@ -22,7 +23,6 @@ from liaisons.cli._command import (
     option,
     subject,
 )
-from liaisons.project import ProjectError
 
 _WHAT = "FMU|SSP|NAME|FILE.py"
 _ZIG = "100 MB, 400 MB unpacked"
@@ -102,8 +102,8 @@ def show(
     Where the compiler for WebAssembly is not installed, a page with the recorded motion.
     """
     from liaisons import interface
+    from liaisons.base.compiler import zig_compiler
     from liaisons.cli._subject import resolved, simulation
-    from liaisons.compiler import zig_compiler
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_path
     from liaisons.live import show as written

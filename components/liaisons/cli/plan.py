@@ -25,7 +25,7 @@ def plan(
     Writes the plan (.json), its figure (.png), its animation (.gif) and its system (.ssp), and prints verdicts.  Exit
     status 1 when one of them fails.
     """
-    from liaisons.operators import planned
+    from liaisons.planning import planned
 
     folder = output or Path()
     motion = planned(goal, progress=True)

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from liaisons.base.project import ProjectError, from_here, scenario_files, scenario_themes
 from liaisons.cli._command import command, option, show, show_scenarios
 from liaisons.errors import suggestion
-from liaisons.project import ProjectError, from_here, scenario_files, scenario_themes
 
 
 @command("""

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from liaisons.array_names import split
+from liaisons.base.array_names import split
+from liaisons.base.files import check_writable
+from liaisons.base.port_names import port_names
+from liaisons.base.processes import TIME_LIMIT
 from liaisons.cli._command import (
     Inputs,
     Join,
@@ -30,9 +33,6 @@ from liaisons.cli._command import (
     subject,
 )
 from liaisons.errors import SimulationError
-from liaisons.files import check_writable
-from liaisons.port_names import port_names
-from liaisons.processes import TIME_LIMIT
 
 if TYPE_CHECKING:
     from liaisons.results import Result

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from liaisons.base.files import check_writable
+from liaisons.base.project import ProjectError
 from liaisons.cli._command import (
     Number,
     Start,
@@ -26,8 +28,6 @@ from liaisons.cli._command import (
     show,
     subject,
 )
-from liaisons.files import check_writable
-from liaisons.project import ProjectError
 
 if TYPE_CHECKING:
     from liaisons.results import Result

@@ -9,7 +9,7 @@ from typing import ParamSpec
 
 import numpy as np
 
-from liaisons.logs import collected_warnings, logger
+from liaisons.base.logs import collected_warnings, logger
 from liaisons.results import IncompleteError, Interrupted, Result
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4

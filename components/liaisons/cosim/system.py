@@ -11,7 +11,7 @@ from typing import Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, merged, named, settings_beside, shown
+from liaisons.base.arguments import as_path, merged, named, settings_beside, shown
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.running.run import performed

@@ -10,14 +10,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import finite, merged, shown, time_span
-from liaisons.array_names import split
+from liaisons.base.arguments import finite, merged, shown, time_span
+from liaisons.base.array_names import split
+from liaisons.base.logs import collected_warnings
+from liaisons.base.units import quotient
 from liaisons.derivatives.steps import Floats
 from liaisons.derivatives.subjects import Subject, motion_of
 from liaisons.errors import InvalidValueError, SimulationError, UnknownSignalError, suggestion
-from liaisons.logs import collected_warnings
 from liaisons.results import Result
-from liaisons.units import quotient
 
 _INTERVALS, _MOST = 200, 1e6
 """Between recorded times, unless their distance is set; and at most, as derivatives at more do not fit into memory."""

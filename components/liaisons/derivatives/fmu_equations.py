@@ -13,7 +13,8 @@ from typing import Any, Literal, Self, TypeAlias, cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
+from liaisons.base.folders import passing_folder
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values
@@ -24,7 +25,6 @@ from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.probe import try_to_start
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import LiaisonsError, RefusedError, SimulationError
-from liaisons.folders import passing_folder
 
 Floats: TypeAlias = NDArray[np.float64]
 Method = Literal["directional derivatives", "differences"]

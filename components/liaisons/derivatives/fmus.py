@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import listed, numbers
+from liaisons.base.arguments import listed, numbers
+from liaisons.base.logs import logger
 from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values as valid
@@ -28,7 +29,6 @@ from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.derivatives.fmu_equations import SMALL, Floats, FmuEquations, Method, extrapolated
 from liaisons.errors import RefusedError, SimulationError
-from liaisons.logs import logger
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly

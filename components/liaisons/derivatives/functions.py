@@ -9,7 +9,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from liaisons.compiler import system_compiler, zig_compiler
+from liaisons.base.compiler import system_compiler, zig_compiler
 from liaisons.derivatives.compiled_steps import CompiledSteps
 from liaisons.derivatives.interpreted_steps import InterpretedSteps
 from liaisons.ensembles.right_hand_sides import RightHandSide, right_hand_side

@@ -9,7 +9,7 @@ from typing import Any, final, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import chosen, finite, listed, named
+from liaisons.base.arguments import chosen, finite, listed, named
 from liaisons.derivatives.fmu_equations import Floats, FmuEquations, Method
 from liaisons.errors import SimulationError
 from liaisons.library import Target, fmu_file

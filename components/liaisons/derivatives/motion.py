@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import numbers
+from liaisons.base.arguments import numbers
 from liaisons.derivatives.functions import MotionFunctions
 from liaisons.derivatives.steps import (
     METHOD,

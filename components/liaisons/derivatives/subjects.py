@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons import flattening
-from liaisons.arguments import finite, listed, named, numbers, positive
-from liaisons.array_names import split
+from liaisons.base.arguments import finite, listed, named, numbers, positive
+from liaisons.base.array_names import split
 from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import functions_of
@@ -20,7 +19,7 @@ from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, flat_model, operator_model, settable
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
-from liaisons.library import Target, component, fmu_file
+from liaisons.library import Target, component, flattening, fmu_file
 from liaisons.mechanics.model import Model, contact_names, refuse_contacts, refuse_samples
 
 if TYPE_CHECKING:

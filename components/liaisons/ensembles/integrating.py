@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import chosen, listed, named, numbers, renamed, time_span, whole
-from liaisons.compiler import system_compiler, zig_compiler
+from liaisons.base.arguments import chosen, listed, named, numbers, renamed, time_span, whole
+from liaisons.base.compiler import system_compiler, zig_compiler
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
 from liaisons.ensembles.steps import LANES, Advance, Floats, by_numpy, compiled

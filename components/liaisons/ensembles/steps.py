@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.compiler import compile_library, host
+from liaisons.base.compiler import compile_library, host
 from liaisons.ensembles.methods import Tableau
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.errors import BuildError

@@ -14,10 +14,10 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons import units
+from liaisons.base import units
+from liaisons.base.units import NUMBER, Powers, product, written
 from liaisons.errors import ComponentError
 from liaisons.expressions.operations import interpret
-from liaisons.units import NUMBER, Powers, product, written
 
 _READABLE = 90
 """Characters of a term in a message."""

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Literal, get_args
 from uuid import UUID
 
-from liaisons.arguments import as_path, chosen
-from liaisons.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
+from liaisons.base.arguments import as_path, chosen
+from liaisons.base.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
 from liaisons.errors import BackEndError, BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files

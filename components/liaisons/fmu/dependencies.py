@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack
 
-from liaisons.array_names import split
+from liaisons.base.array_names import split
 from liaisons.expressions.rows import RowProgram, dependencies
 from liaisons.fmu.layout import TIME
 from liaisons.language import Variable

@@ -15,7 +15,8 @@ import casadi as ca
 import numpy as np
 from scipy.sparse import csr_array
 
-from liaisons import units
+from liaisons.base import units
+from liaisons.base.version import __version__
 from liaisons.fmu.dependencies import between_numbers, decided_at_events, initial, shown_states, states_that_jump
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
@@ -32,7 +33,6 @@ from liaisons.fmu.layout import (
 from liaisons.fmu.markup import document, element
 from liaisons.language.variables import Dimension, Variable
 from liaisons.mechanics.model import Model
-from liaisons.version import __version__
 
 Backend = Literal["native", "python"]
 

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import units
+from liaisons.base import units
 from liaisons.language import Variable
 from liaisons.mechanics.model import ActiveInput, Model
 

@@ -11,9 +11,9 @@ from datetime import UTC, datetime
 from importlib import metadata
 from xml.sax.saxutils import quoteattr
 
+from liaisons.base.version import __date__, __version__
 from liaisons.errors import BuildError
 from liaisons.mechanics.model import Model
-from liaisons.version import __date__, __version__
 
 _EPOCH = "SOURCE_DATE_EPOCH"
 _BEFORE = b' generationTool="'

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.stats import chi2, f, norm
 
-from liaisons.arguments import as_path, listed
-from liaisons.array_names import split
+from liaisons.base.arguments import as_path, listed
+from liaisons.base.array_names import split
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.problems import Floats, MeasuredMotion

@@ -5,9 +5,9 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
-from liaisons.arguments import as_path, listed
+from liaisons.base.arguments import as_path, listed
+from liaisons.base.files import beside, toml_arguments
 from liaisons.errors import IdentificationError
-from liaisons.files import beside, toml_arguments
 from liaisons.identification.fits import Fit
 from liaisons.identification.identifying import identify
 from liaisons.interface import System

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
 from liaisons.check import Verdict, table
 from liaisons.errors import IdentificationError
 from liaisons.identification import diagrams

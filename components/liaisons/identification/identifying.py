@@ -8,9 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from liaisons import flattening
-from liaisons.arguments import chosen, finite, listed, merged, named, positive, shown, whole
-from liaisons.array_names import split
+from liaisons.base.arguments import chosen, finite, listed, merged, named, positive, shown, whole
+from liaisons.base.array_names import split
 from liaisons.cosim import System
 from liaisons.ensembles.right_hand_sides import flat_model, operator_model, settable
 from liaisons.errors import IdentificationError, suggestion
@@ -20,7 +19,7 @@ from liaisons.identification.minimising import LOSSES
 from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, measured_near
 from liaisons.identification.searching import estimated
 from liaisons.language import Variable
-from liaisons.library import Target, component
+from liaisons.library import Target, component, flattening
 from liaisons.mechanics import Model
 from liaisons.mechanics.model import refuse_contacts, refuse_samples
 

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly, make_lsq_spline
 
-from liaisons.arguments import listed, positive, shown
-from liaisons.array_names import split
+from liaisons.base.arguments import listed, positive, shown
+from liaisons.base.array_names import split
+from liaisons.base.files import csv_cells
+from liaisons.base.units import in_si
 from liaisons.cosim.structure.knots import curve, knots
 from liaisons.errors import IdentificationError, suggestion
-from liaisons.files import csv_cells
 from liaisons.mechanics.model import Model
 from liaisons.results import Result
-from liaisons.units import in_si
 
 Floats = NDArray[np.float64]
 _Columns = list[tuple[str, str, Sequence[Any]]]

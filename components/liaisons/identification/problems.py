@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.array_names import split
+from liaisons.base.array_names import split
 from liaisons.derivatives.subjects import Motion, motion_of
 from liaisons.identification.determinacy import NullSpace
 from liaisons.identification.measurements import Measurements

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from liaisons import cosim
+from liaisons.base.folders import process_folder
 from liaisons.derivatives.fmus import input_functions
-from liaisons.folders import process_folder
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.problems import TIME_OFFSET, FittingProblem, MeasuredMotion
 from liaisons.interface import operator, simulate

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import casadi as ca
 
-from liaisons import units
+from liaisons.base import units
 from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.expressions.dimensions import Declared, check_units
 from liaisons.language.declarations import UNCHECKED, Declaration, InternalState, Symbol

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Generic, Literal, ParamSpec, Self, TypeVar, ov
 import casadi as ca
 import numpy as np
 
-from liaisons import units
+from liaisons.base import units
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Causality, Dimension, Variability, Variable, element
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from liaisons import units
-from liaisons.array_names import split, suffixed
+from liaisons.base import units
+from liaisons.base.array_names import split, suffixed
 from liaisons.language.declarations import InternalState
 from liaisons.language.variables import (
     ActiveInput,

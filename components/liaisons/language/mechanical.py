@@ -9,8 +9,8 @@ from functools import partial
 
 import casadi as ca
 
-from liaisons import units
-from liaisons.array_names import suffixed
+from liaisons.base import units
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.language import layout
 from liaisons.language.checks import Formulas, components_of, declared, require_units, shapes_of

@@ -11,8 +11,8 @@ from typing import NoReturn, Self
 import casadi as ca
 import numpy as np
 
-from liaisons import units
-from liaisons.array_names import suffixed
+from liaisons.base import units
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import Formulas, call, declared, scalar

@@ -13,7 +13,7 @@ from typing import Any, final
 
 import casadi as ca
 
-from liaisons import units
+from liaisons.base import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import is_smooth

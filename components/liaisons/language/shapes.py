@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, final
 
 import casadi as ca
 
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 
 VariableReference: TypeAlias = Mapping[str, Any]
 """A point's components [m] by axis, ``x`` to the right, ``y`` away, ``z`` up; those left out are 0."""

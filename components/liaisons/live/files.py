@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
-from liaisons.arguments import as_path, merged
+from liaisons.base.arguments import as_path, merged
+from liaisons.base.files import replacing
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
-from liaisons.files import replacing
 from liaisons.live.page import live_page
 from liaisons.results.notebook import framed
 

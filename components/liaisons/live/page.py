@@ -15,8 +15,8 @@ from typing import Any
 import fmpy
 from fmpy.model_description import ModelDescription, ScalarVariable
 
-from liaisons.array_names import split
-from liaisons.compiler import compile_wasm, zig_compiler
+from liaisons.base.array_names import split
+from liaisons.base.compiler import compile_wasm, zig_compiler
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.structure.components import Port

@@ -29,7 +29,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.mechanism import Mechanism

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism

@@ -22,7 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons.array_names import split, suffixed
+from liaisons.base.array_names import split, suffixed
 from liaisons.errors import ComponentError, LiaisonsError
 from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component

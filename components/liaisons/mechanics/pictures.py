@@ -8,7 +8,7 @@ from typing import Any, final
 
 import casadi as ca
 
-from liaisons import units
+from liaisons.base import units
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.rows import Vector, keys, substituted

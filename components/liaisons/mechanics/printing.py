@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 import casadi as ca
 import numpy as np
 
-from liaisons.array_names import suffixed
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain

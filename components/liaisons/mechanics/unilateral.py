@@ -22,8 +22,8 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons import units
-from liaisons.array_names import suffixed
+from liaisons.base import units
+from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.declarations import Orientation

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import casadi as ca
 
-from liaisons import units
+from liaisons.base import units
 from liaisons.expressions.algebra import gradient
 from liaisons.formulas import Notation
 from liaisons.language import Chain, Variable

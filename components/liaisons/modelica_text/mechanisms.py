@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import casadi as ca
 
-from liaisons import units
+from liaisons.base import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.formulas import Notation

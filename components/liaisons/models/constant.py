@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.units import ANY
 from liaisons.language import Operator, Parameter, Values, closed_form
-from liaisons.units import ANY
 
 
 class Constant(Operator):

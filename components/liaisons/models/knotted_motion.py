@@ -6,9 +6,9 @@ from typing import Any
 
 import casadi as ca
 
+from liaisons.base.units import ANY
 from liaisons.language import Dimension, InternalState, Operator, ParameterArray
 from liaisons.models.quintic import quintic
-from liaisons.units import ANY
 
 KNOTS = 50
 NEAR = 1e-6

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
+from liaisons.base.units import ANY
 from liaisons.language import Dimension, Operator, ParameterArray, Values, closed_form
 from liaisons.models.quintic import quintic
-from liaisons.units import ANY
 
 _KNOTS = Dimension("knots", 100, "number of knots that there is room for")
 

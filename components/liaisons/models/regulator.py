@@ -6,9 +6,9 @@ from operator import mul
 
 import casadi as ca
 
+from liaisons.base.units import ANY
 from liaisons.language import Input, InternalState, Parameter, ParameterArray
 from liaisons.models.knotted_motion import DIMENSION, KNOTS, NEAR, KnottedMotion
-from liaisons.units import ANY
 
 READINGS = 24
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from liaisons.base.units import ANY
 from liaisons.language import Input, InternalState, Operator, Parameter
-from liaisons.units import ANY
 
 
 class SwingPump(Operator):

@@ -12,16 +12,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import finite
+from liaisons.base.arguments import finite
+from liaisons.base.files import replacing
+from liaisons.base.progress import progress_bar
 from liaisons.errors import SimulationError
-from liaisons.files import replacing
 from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import glb
 from liaisons.pictures.inline import page
 from liaisons.pictures.openmodelica import visual
 from liaisons.pictures.stage import Stage
-from liaisons.progress import progress_bar
 
 LONGEST = 20.0
 """[s] that an animation takes at most, unless its speed is given."""

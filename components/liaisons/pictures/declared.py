@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, final
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
 from liaisons.errors import SimulationError
 
 MEMBER = "resources/picture.json"

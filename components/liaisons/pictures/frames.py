@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
 from liaisons.errors import SimulationError
 from liaisons.pictures.declared import LARGEST, Picture
 

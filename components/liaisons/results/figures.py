@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.arguments import shown
-from liaisons.array_names import split
+from liaisons.base.arguments import shown
+from liaisons.base.array_names import split
+from liaisons.base.files import replacing
+from liaisons.base.port_names import PortNames, port_names
 from liaisons.errors import SimulationError
-from liaisons.files import replacing
-from liaisons.port_names import PortNames, port_names
 from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:

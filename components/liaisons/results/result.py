@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, final
 
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, listed
+from liaisons.base.arguments import as_path, listed
 from liaisons.errors import SimulationError
 from liaisons.pictures import animate
 from liaisons.results import figures, notebook, tables

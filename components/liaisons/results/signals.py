@@ -11,11 +11,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.arguments import shown
-from liaisons.array_names import Shape, complete, split
+from liaisons.base.arguments import shown
+from liaisons.base.array_names import Shape, complete, split
+from liaisons.base.port_names import PortNames
 from liaisons.errors import SimulationError, UnknownSignalError, suggestion
 from liaisons.pictures import Scene
-from liaisons.port_names import PortNames
 
 
 @dataclass(frozen=True, eq=False, repr=False)

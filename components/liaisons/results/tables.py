@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.files import replacing
 from liaisons.errors import SimulationError
-from liaisons.files import replacing
 from liaisons.results.signals import LabelledSignals
 
 _FAILURE = "failure"

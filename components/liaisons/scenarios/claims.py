@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import finite, shown
+from liaisons.base.arguments import finite, shown
 from liaisons.check import Verdict, slope, verdict
 from liaisons.errors import ValidityError
 from liaisons.results import Result

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
+from liaisons.base.files import replacing
 from liaisons.errors import ValidityError
-from liaisons.files import replacing
 
 _WIDTH, _HEIGHT = 5.2, 4.0
 """Of a panel [in]."""

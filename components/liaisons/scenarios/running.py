@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
+from liaisons.base.project import ProjectError, figures_directory, from_here, load_module, scenario_files
 from liaisons.check import Verdict, table
 from liaisons.errors import suggestion
-from liaisons.project import ProjectError, figures_directory, from_here, load_module, scenario_files
 from liaisons.scenarios.claims import Claims
 from liaisons.scenarios.drawing import save
 
@@ -104,7 +104,7 @@ def load(target: str) -> Scenario:
 def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = False) -> Outcome:
     """Run a scenario.
 
-    :param figures: directory for the figure; :func:`liaisons.project.figures_directory` unless given.
+    :param figures: directory for the figure; :func:`liaisons.base.project.figures_directory` unless given.
     :param debug: let errors of the scenario through instead of putting them into the outcome.
     """
     import matplotlib.pyplot as plt

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.array_names import Shape, split
+from liaisons.base.array_names import Shape, split
 from liaisons.cosim.description.fmu import LONGEST
 from liaisons.cosim.description.model_description import BASE_UNITS, UnitDefinition
 from liaisons.cosim.description.variables import Entry, Scalar

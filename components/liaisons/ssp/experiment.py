@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.arguments import finite
+from liaisons.base.arguments import finite
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import DefaultExperiment, usable
 from liaisons.cosim.structure.simulation import common_experiment

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from liaisons.base.logs import logger
 from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.checks import ConnectionGraph
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.simulation import SimulationSettings, checked
 from liaisons.errors import SimulationError
-from liaisons.logs import logger
 
 _SHORT = 1e-6
 """A step [s] that is not looked at: a run has one at least."""

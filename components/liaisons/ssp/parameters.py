@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.array_names import offset, split
+from liaisons.base.array_names import offset, split
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.ssp.connectors import Form, Units, add_sizes, add_type, add_units

@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
-from liaisons.arguments import as_path
+from liaisons.base.arguments import as_path
+from liaisons.base.folders import passing_folder
 from liaisons.cosim import System
 from liaisons.cosim.description.archive import Archive, too_big, unpacked_limit
 from liaisons.cosim.description.fmu import Fmu
@@ -25,7 +26,6 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect_scalars
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
-from liaisons.folders import passing_folder
 from liaisons.ssp.assignment import Quantity, fitted, mapped, parameters
 from liaisons.ssp.experiment import read_experiment
 from liaisons.ssp.structure import Path as VariableReference

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
-from liaisons.array_names import Shape
+from liaisons.base.array_names import Shape
 from liaisons.cosim.description.model_description import SAME, Conversion, UnitDefinition
 from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.ssp.xml import path, tag, units

@@ -18,8 +18,9 @@ from typing import get_args
 from xml.etree.ElementTree import Element, SubElement
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
-from liaisons.arguments import as_path
-from liaisons.arguments import chosen as one_of
+from liaisons.base.arguments import as_path
+from liaisons.base.arguments import chosen as one_of
+from liaisons.base.files import replacing
 from liaisons.cosim import System
 from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.description.variables import Entry
@@ -27,7 +28,6 @@ from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, Syst
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import SimulationError
-from liaisons.files import replacing
 from liaisons.ssp.connectors import (
     Form,
     Units,

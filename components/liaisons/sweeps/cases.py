@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias, final, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import named, numbers, shown, whole
+from liaisons.base.arguments import named, numbers, shown, whole
 from liaisons.errors import SweepError
 
 

@@ -12,10 +12,10 @@ from threading import get_ident
 from typing import Any, final
 from uuid import uuid4
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
+from liaisons.base.folders import passing_folder
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
-from liaisons.folders import passing_folder
 from liaisons.sweeps.outcome import Failure, Outcome, failure
 from liaisons.sweeps.study import Study
 from liaisons.sweeps.workers import Deliver, Pool

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from liaisons.arguments import listed, shown
+from liaisons.base.arguments import listed, shown
 from liaisons.cosim import Result
 from liaisons.errors import SweepError, suggestion
 

@@ -14,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
+from liaisons.base.logs import collected_warnings, logger
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import EndedError, LiaisonsError
-from liaisons.logs import collected_warnings, logger
 from liaisons.sweeps.measures import evaluate
 from liaisons.sweeps.outcome import Completed, Failure, Outcome, failure
 from liaisons.sweeps.study import Study

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, named, positive, whole
+from liaisons.base.arguments import as_path, named, positive, whole
+from liaisons.base.logs import Warnings, logger
+from liaisons.base.progress import progress_bar
 from liaisons.cosim import System
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.errors import SimulationError, SweepError
-from liaisons.logs import Warnings, logger
-from liaisons.progress import progress_bar
 from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases

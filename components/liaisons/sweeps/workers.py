@@ -30,11 +30,11 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.folders import passing_folder
+from liaisons.base.processes import die_with_parent
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extracted, isolated
 from liaisons.errors import SweepError
-from liaisons.folders import passing_folder
-from liaisons.processes import die_with_parent
 from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.session import Task, session
 from liaisons.sweeps.study import Study

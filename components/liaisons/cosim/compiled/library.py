@@ -8,12 +8,12 @@ from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 
-from liaisons import cache
-from liaisons.compiler import FLAGS, compile_library, host
+from liaisons.base import cache
+from liaisons.base.compiler import FLAGS, compile_library, host
+from liaisons.base.files import replacing
+from liaisons.base.folders import process_folder
 from liaisons.cosim.messages import logger
 from liaisons.errors import BuildError, SimulationError
-from liaisons.files import replacing
-from liaisons.folders import process_folder
 
 STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
 """Communication steps; Python makes those of explicit coupling as well, to the same bits."""

@@ -11,7 +11,7 @@ from typing import Literal, final
 
 import fmpy
 
-from liaisons.array_names import Shape, split
+from liaisons.base.array_names import Shape, split
 from liaisons.cosim.description.archive import Archive, plain_file
 from liaisons.cosim.description.model_description import Description, Table, UnitDefinition, parse
 from liaisons.cosim.description.terminals import Terminals, read_terminals

@@ -10,7 +10,7 @@ from functools import partial
 from operator import attrgetter
 from typing import IO, NamedTuple, final
 
-from liaisons.array_names import Shape, complete, split
+from liaisons.base.array_names import Shape, complete, split
 from liaisons.cosim.description import xml_documents as documents
 from liaisons.cosim.description.variables import Array, Entry, Scalar, Variables, VariableType
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from liaisons.arguments import shown
-from liaisons.array_names import offset, split
+from liaisons.base.arguments import shown
+from liaisons.base.array_names import offset, split
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.variables import Array, Scalar, VariableType
 from liaisons.errors import InvalidValueError, SimulationError, suggestion

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar, final
 
-from liaisons.array_names import Shape, indices, offset, split
+from liaisons.base.array_names import Shape, indices, offset, split
 
 VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "Binary", "Clock"]
 

@@ -29,6 +29,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.processes import fork_guarded
 from liaisons.cosim.compiled.calls import STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.compiled.library import loaded
 from liaisons.cosim.description.fmu import Fmu
@@ -36,7 +37,6 @@ from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
 from liaisons.cosim.messages import ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.errors import EndedError, LiaisonsError, SimulationError
-from liaisons.processes import fork_guarded
 
 _ENDED, _LATE, _INTERRUPTED = 101, 102, 103  # as isolated.c has them
 _ROOM, _LISTEN, _FORGET, _BEGIN = 256, 0, -1, -2

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from liaisons.processes import die_with_parent
+from liaisons.base.processes import die_with_parent
 
 NUMBERS = {
     "Real": c.c_double,

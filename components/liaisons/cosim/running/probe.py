@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
-from liaisons import cache
+from liaisons.base import cache
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError

@@ -19,6 +19,8 @@ from typing import final
 
 import numpy as np
 
+from liaisons.base.folders import passing_folder
+from liaisons.base.progress import progress_bar
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling import explicit
 from liaisons.cosim.coupling.bus import Bus
@@ -46,8 +48,6 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
 from liaisons.errors import EndedError, SimulationError
-from liaisons.folders import passing_folder
-from liaisons.progress import progress_bar
 from liaisons.results import IncompleteError, Interrupted, Result
 
 _PORTION = 0.02  # [s] between two calls of on_progress, about

@@ -10,7 +10,7 @@ from typing import final, get_args
 
 import numpy as np
 
-from liaisons.arguments import chosen
+from liaisons.base.arguments import chosen
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.messages import logger

@@ -10,13 +10,13 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, final, get_args
 
-from liaisons.arguments import as_path, settings_beside, shown
+from liaisons.base.arguments import as_path, settings_beside, shown
+from liaisons.base.processes import TIME_LIMIT
 from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.description.start_values import Value, start_values, structural_sizes
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
 from liaisons.errors import ConnectError, InvalidValueError, SimulationError
-from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter of FMUs of liaisons: how inputs move within a step: 0 hold, 1 extrapolate, 2 interpolate."""

@@ -13,11 +13,11 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import final
 
-from liaisons.array_names import split
+from liaisons.base.array_names import split
+from liaisons.base.files import replacing
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
-from liaisons.files import replacing
 
 _MOST = 60
 """Largest number of blocks."""

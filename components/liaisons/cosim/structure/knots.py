@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
 from liaisons.errors import SimulationError, suggestion
 
 if TYPE_CHECKING:

@@ -13,12 +13,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.array_names import split
+from liaisons.base.array_names import split
+from liaisons.base.folders import passing_folder
 from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.folders import passing_folder
 from liaisons.pictures import Picture, together
 from liaisons.pictures.declared import MEMBER
 from liaisons.results import Result

@@ -11,8 +11,10 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import finite, listed, named, numbers, positive, time_span
-from liaisons.array_names import split
+from liaisons.base.arguments import finite, listed, named, numbers, positive, time_span
+from liaisons.base.array_names import split
+from liaisons.base.logs import collected_warnings
+from liaisons.base.port_names import PortNames
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.model_description import SAME, Conversion
 from liaisons.cosim.structure import checks
@@ -23,8 +25,6 @@ from liaisons.cosim.structure.scenes import FmuScene, connected_groups
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
 from liaisons.errors import InvalidValueError, SimulationError, suggestion
-from liaisons.logs import collected_warnings
-from liaisons.port_names import PortNames
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""

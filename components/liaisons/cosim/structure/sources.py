@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
 from liaisons.cosim.description.start_values import RANGES
 from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.structure.components import SystemComponent

@@ -13,6 +13,7 @@ from itertools import compress
 import casadi as ca
 import numpy as np
 
+from liaisons.base.version import __version__
 from liaisons.fmu.documentation import figures
 from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jump_effects
@@ -22,7 +23,6 @@ from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
 from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
-from liaisons.version import __version__
 
 _JOINT = "where the link before ends, or its rate"
 _KINDS = {

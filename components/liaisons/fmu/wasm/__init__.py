@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 
-from liaisons.compiler import WASM_FLAGS, compile_wasm
+from liaisons.base.compiler import WASM_FLAGS, compile_wasm
 from liaisons.fmu.code import fitting
 from liaisons.mechanics.model import Model
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_discrete_are, svd
 
-from liaisons.operators.goals import Array
+from liaisons.planning.goals import Array
 
 Step = tuple[Array, Array]
 """A and B of x' = A x + B u, from one communication point to the next."""

@@ -25,9 +25,9 @@ import numpy as np
 
 from liaisons.errors import PlanError, suggestion
 from liaisons.language import Orientation
-from liaisons.operators.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, sized
-from liaisons.operators.goals import Array, Goal, is_expression, motion_names, unit_quaternion
-from liaisons.operators.symbols import ROUNDING, GoalSymbols, goal_symbols, middle
+from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, sized
+from liaisons.planning.goals import Array, Goal, is_expression, motion_names, unit_quaternion
+from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols, middle
 
 
 @dataclass(frozen=True, eq=False)

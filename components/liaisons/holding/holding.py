@@ -2,7 +2,7 @@
 
 The regulators read the mechanism's states at each communication point, and add corrections to the motion that they
 know; these are integrators of third order (see :class:`liaisons.models.Regulator`).  What happens over one step to
-first order, x(t + H) = A x(t) + B w, is what the FMUs do, see :mod:`liaisons.operators.sampling`.  The gains solve
+first order, x(t + H) = A x(t) + B w, is what the FMUs do, see :mod:`liaisons.holding.sampling`.  The gains solve
 Riccati's equation of this discrete system, of a periodic one round by round; what cannot be controlled is left alone.
 """
 
@@ -17,13 +17,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import svd
 
-from liaisons.arguments import finite, merged, named, numbers, positive, shown
+from liaisons.base.arguments import finite, merged, named, numbers, positive, shown
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import PlanError
-from liaisons.language import Orientation
-from liaisons.library import Target, component
-from liaisons.operators.controllers import After, Controller, LinearPrediction, ReferenceTrajectory
-from liaisons.operators.feedback import (
+from liaisons.holding.controllers import After, Controller, LinearPrediction, ReferenceTrajectory
+from liaisons.holding.feedback import (
     RANK,
     Array,
     Step,
@@ -36,10 +34,12 @@ from liaisons.operators.feedback import (
     steady,
     through,
 )
-from liaisons.operators.goals import Goal, duration_range, is_expression, motion_names, move_names
-from liaisons.operators.plans import Plan
-from liaisons.operators.sampling import SampledMechanism, reduced
-from liaisons.operators.symbols import ROUNDING, goal_symbols
+from liaisons.holding.sampling import SampledMechanism, reduced
+from liaisons.language import Orientation
+from liaisons.library import Target, component
+from liaisons.planning.goals import Goal, duration_range, is_expression, motion_names, move_names
+from liaisons.planning.plans import Plan
+from liaisons.planning.symbols import ROUNDING, goal_symbols
 
 _PAIRS = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Bounds of a correction, its rate and its acceleration, as a Regulator calls them."""

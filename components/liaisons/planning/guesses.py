@@ -11,9 +11,9 @@ import numpy as np
 
 from liaisons.errors import PlanError
 from liaisons.language import Orientation
-from liaisons.operators.goals import Array, motion_names
-from liaisons.operators.problems import Problem
-from liaisons.operators.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
+from liaisons.planning.goals import Array, motion_names
+from liaisons.planning.problems import Problem
+from liaisons.planning.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 
 _FINE = 30
 """So many intervals, of six steps each, on which Runge and Kutta's method leaves 1e-9 of a loop."""

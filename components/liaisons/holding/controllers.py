@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.arguments import finite, merged, positive, shown
+from liaisons.base.arguments import finite, merged, positive, shown
+from liaisons.base.logs import ignored_warnings
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
@@ -23,9 +24,8 @@ from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
 from liaisons.library import Target, component, fmu_file, fmu_path, model
-from liaisons.logs import ignored_warnings
 from liaisons.models import regulator
-from liaisons.operators.goals import Array, chain_size, motion_names
+from liaisons.planning.goals import Array, chain_size, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 

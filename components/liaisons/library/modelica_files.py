@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from liaisons.cosim import System
 from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
-from liaisons.flattening import identifier
 from liaisons.library import Target, catalogue, components
+from liaisons.library.flattening import identifier
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:

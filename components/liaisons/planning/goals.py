@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.arguments import finite, listed, named, shown
+from liaisons.base.arguments import finite, listed, named, shown
+from liaisons.base.port_names import port_names
 from liaisons.errors import PlanError, suggestion
 from liaisons.library import Target, component, has_size
-from liaisons.port_names import port_names
 
 Array: TypeAlias = NDArray[np.float64]
 Expression: TypeAlias = "Callable[[Readings], Any] | str"

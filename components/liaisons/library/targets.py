@@ -12,9 +12,9 @@ from weakref import WeakKeyDictionary
 from xml.etree import ElementTree
 from zipfile import BadZipFile, ZipFile
 
-from liaisons.arguments import as_path, shown, whole
+from liaisons.base.arguments import as_path, shown, whole
+from liaisons.base.project import ProjectError, fmus_directory, load_module
 from liaisons.errors import BuildError, suggestion
-from liaisons.project import ProjectError, fmus_directory, load_module
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -44,7 +44,7 @@ def catalogue() -> dict[str, type[Component]]:
 
 def catalogue_names() -> list[str]:
     """Names of these components, read from the files: completion loads no component."""
-    files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parent / "models").glob("[!_]*.py"))
+    files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
     return sorted(public)

@@ -16,9 +16,9 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import PlanError
-from liaisons.operators.goals import Array
-from liaisons.operators.problems import Problem
-from liaisons.operators.transcription import (
+from liaisons.planning.goals import Array
+from liaisons.planning.problems import Problem
+from liaisons.planning.transcription import (
     DEGREE,
     TO_POWERS,
     Arc,
@@ -29,7 +29,7 @@ from liaisons.operators.transcription import (
     path_rates,
     solve,
 )
-from liaisons.operators.verifying import NOTHING, hamiltonian_scale
+from liaisons.planning.verifying import NOTHING, hamiltonian_scale
 
 COARSE = 10
 """Intervals of the mesh on which starts are tried."""

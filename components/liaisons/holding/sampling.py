@@ -18,11 +18,11 @@ import numpy as np
 from scipy.linalg import svd
 
 from liaisons.errors import PlanError
+from liaisons.holding.feedback import Step
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
-from liaisons.operators.feedback import Step
-from liaisons.operators.goals import Array, Goal, motion_names, unit_quaternion
-from liaisons.operators.symbols import column, goal_symbols
+from liaisons.planning.goals import Array, Goal, motion_names, unit_quaternion
+from liaisons.planning.symbols import column, goal_symbols
 
 _POWERS = np.arange(6)
 _DERIVATIVE = ca.DM(np.diag(_POWERS[1:], 1))

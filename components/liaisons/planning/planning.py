@@ -8,18 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from liaisons.arguments import as_path, finite, merged, named, settings_beside, shown, whole
+from liaisons.base.arguments import as_path, finite, merged, named, settings_beside, shown, whole
+from liaisons.base.files import beside, toml_arguments
+from liaisons.base.progress import progress_bar
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.errors import PlanError
-from liaisons.files import beside, toml_arguments
 from liaisons.library import Target, component
-from liaisons.operators.goals import Cost, Expression, Goal, Value, closed_names, duration_range, move_names
-from liaisons.operators.guesses import guesses, refuse_invariants
-from liaisons.operators.plans import Plan
-from liaisons.operators.problems import Problem, problem_of
-from liaisons.operators.searching import COARSE, Settings, refuse_singularity, search
-from liaisons.operators.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
-from liaisons.progress import progress_bar
+from liaisons.planning.goals import Cost, Expression, Goal, Value, closed_names, duration_range, move_names
+from liaisons.planning.guesses import guesses, refuse_invariants
+from liaisons.planning.plans import Plan
+from liaisons.planning.problems import Problem, problem_of
+from liaisons.planning.searching import COARSE, Settings, refuse_singularity, search
+from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
 
 _EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
 

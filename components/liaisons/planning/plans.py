@@ -15,17 +15,17 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from liaisons.arguments import as_path, finite, listed, named, numbers, shown, whole
+from liaisons.base.arguments import as_path, finite, listed, named, numbers, shown, whole
+from liaisons.base.files import replacing
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
-from liaisons.files import replacing
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, catalogue, fmu_path
-from liaisons.operators.goals import Goal, chain_size, duration_range, motion_names
-from liaisons.operators.problems import Problem, problem_of
-from liaisons.operators.transcription import (
+from liaisons.planning.goals import Goal, chain_size, duration_range, motion_names
+from liaisons.planning.problems import Problem, problem_of
+from liaisons.planning.transcription import (
     DEGREE,
     POWERS,
     TO_POWERS,
@@ -37,7 +37,7 @@ from liaisons.operators.transcription import (
     interval_count,
     relative,
 )
-from liaisons.operators.verifying import verdicts
+from liaisons.planning.verifying import verdicts
 
 _LOST = 1e-12
 """So much of its range σ may differ between the knots from what was planned."""

@@ -15,12 +15,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
+from liaisons.base.project import fmus_directory
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
 from liaisons.library import Backend, FmiVersion, Platforms, catalogue, has_size, model
-from liaisons.project import fmus_directory
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:

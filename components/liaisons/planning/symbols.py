@@ -12,13 +12,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.arguments import finite, shown
+from liaisons.base.arguments import finite, shown
+from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
 from liaisons.language import Chain, Mechanism, Orientation
 from liaisons.library import component, model
 from liaisons.mechanics import Model
 from liaisons.mechanics.model import refuse_contacts
-from liaisons.operators.goals import (
+from liaisons.planning.goals import (
     Array,
     Goal,
     Readings,
@@ -29,7 +30,6 @@ from liaisons.operators.goals import (
     motion_names,
     number,
 )
-from liaisons.units import ANY, NUMBER, powers
 
 ROUNDING = 1e-10
 """Nothing that is smaller than this, in units of its size, can be told from 0."""
@@ -309,7 +309,7 @@ def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]
     on units.  Zero, infinity, and pure numbers say nothing.
 
     :param values: of parameters and inputs.
-    :returns: one size a base unit, in the order of :data:`liaisons.units.Powers`.
+    :returns: one size a base unit, in the order of :data:`liaisons.base.units.Powers`.
     """
     groups: list[Any] = [group for group in (goal.bounds, goal.start, goal.end) if isinstance(group, Mapping)]
     quantities = [

@@ -9,11 +9,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons.arguments import shown
+from liaisons.base.arguments import shown
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.expressions.formulas import FormulaError, formula
-from liaisons.operators.goals import elements, is_expression, limits, motion_names, unit_quaternion
-from liaisons.operators.symbols import GoalSymbols
+from liaisons.planning.goals import elements, is_expression, limits, motion_names, unit_quaternion
+from liaisons.planning.symbols import GoalSymbols
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ from typing import Any
 
 from liaisons.errors import LiaisonsError, ProjectError
 
-_CLONE = Path(__file__).resolve().parents[2]
+_CLONE = Path(__file__).resolve().parents[3]
 """The clone that this package runs from, in an editable installation."""
-_SHIPPED = Path(__file__).resolve().parent / "_scenarios"
+_SHIPPED = Path(__file__).resolve().parents[1] / "_scenarios"
 """The scenarios in a wheel."""
 _OURS = _SHIPPED if _SHIPPED.is_dir() else _CLONE / "scenarios"
 

@@ -9,8 +9,8 @@ from functools import cache, partial
 import numpy as np
 
 from liaisons.check import Verdict, verdict
-from liaisons.operators.problems import Problem, Rows
-from liaisons.operators.transcription import Array, Clock, Solution, curvature, interval_count, solve
+from liaisons.planning.problems import Problem, Rows
+from liaisons.planning.transcription import Array, Clock, Solution, curvature, interval_count, solve
 from liaisons.results import Result
 
 NOTHING = 1e-10

@@ -21,8 +21,8 @@ from scipy.linalg import null_space
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from liaisons.operators.goals import Array
-from liaisons.operators.problems import Problem, Rows
+from liaisons.planning.goals import Array
+from liaisons.planning.problems import Problem, Rows
 
 DEGREE = 5
 """Collocation points in an interval: of order 10 at its ends."""

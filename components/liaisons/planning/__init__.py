@@ -1,0 +1,8 @@
+"""Planning: from a goal for a mechanism to the motion σ(t) of its operator, and the verdicts on it."""
+
+from __future__ import annotations
+
+from liaisons.planning.planning import plan, planned
+from liaisons.planning.plans import Plan
+
+__all__ = ["Plan", "plan", "planned"]
