@@ -37,7 +37,7 @@ def test_pendulum() -> None:
     assert fit.residuals[0].shape == (1, TIMES.size)
     assert fit.cost == pytest.approx(np.sum(fit.residuals[0] ** 2) / NOISE**2 / 2, rel=1e-12)
     assert fit.sentences == ()
-    assert fit.estimate.freedom == TIMES.size - 2
+    assert fit.estimate.degrees_of_freedom == TIMES.size - 2
     assert "length" in repr(fit)
     assert fit.units == {"length": "m", "theta_0": "rad"}
     assert np.diag(fit.correlation) == pytest.approx(1)
@@ -400,7 +400,7 @@ def test_an_unknown_that_is_zero_is_determined() -> None:
     fit = identify("Pendulum", data, ["length", "theta_0", "friction"], noise=NOISE)
     assert fit.values["friction"] == 0
     assert fit.sentences == ("friction = 0 is at its bound; its interval is one-sided",)
-    assert fit.estimate.freedom == TIMES.size - 2  # friction is not fitted
+    assert fit.estimate.degrees_of_freedom == TIMES.size - 2  # friction is not fitted
     low, high = fit.intervals()["friction"]
     assert low == 0
     assert 0 < high < 0.01
@@ -440,7 +440,7 @@ def test_more_unknowns_than_numbers() -> None:
 
 
 def test_what_was_reached_is_in_the_exception(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("liaisons.identification.minimising._EVALUATIONS", 1)
+    monkeypatch.setattr("liaisons.identification.minimising._MAX_EVALUATIONS", 1)
     with pytest.raises(IdentificationError, match="give other start values") as error:
         identify("Pendulum", pendulum(), unknown=["length", "theta_0"], segments=1)
     assert error.value.fit.values["length"] == 1.0

@@ -1,4 +1,4 @@
-"""Parameters from measurements, with their covariance and what makes it believed."""
+"""Estimates of parameters from measurements, with covariances and the verdicts that verify them."""
 
 from liaisons.identification.fit_files import identified
 from liaisons.identification.fits import Fit

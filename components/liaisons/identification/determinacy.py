@@ -1,4 +1,4 @@
-"""What measurements determine and what not: null directions of the information matrix, in words."""
+"""Null space of the information matrix, and sentences that name what measurements do not determine."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from scipy.sparse.csgraph import connected_components
 
 Floats = NDArray[np.float64]
 
-_UNSEEN = 1e-9
-"""A derivative that is smaller, relative to the largest one, is rounding."""
-_ROUNDING = 1e-12
-"""So is one that is smaller, relative to what was measured."""
-_DEPENDENT = 1e-8
-"""A singular value of normalised columns that is smaller is rounding, or the error of the steps."""
+_DERIVATIVE_ROUNDING = 1e-9
+"""Rounding error of a derivative, relative to the largest one."""
+_MEASUREMENT_ROUNDING = 1e-12
+"""Rounding error of a derivative, relative to the measurements."""
+_SINGULAR = 1e-8
+"""Singular values of normalised columns below this one are rounding or integration errors."""
 _INVOLVED = 1e-5
-_LARGEST = 6
-"""Of exponents and their denominators."""
+"""Components of null directions below this one are 0."""
+_LARGEST_EXPONENT = 6
+"""Largest exponent, and largest denominator of an exponent, that a product is written with."""
 
 
 @final
@@ -40,30 +41,30 @@ class NullSpace:
 
     @classmethod
     def of(cls, jacobian: Floats, values: Floats, size: float = 0.0) -> NullSpace:
-        """Of the derivatives of residuals, shape (residuals, unknowns).
+        """Return the null space of the derivatives of residuals, shape (residuals, unknowns).
 
-        :param size: norm of what was measured, each over its standard deviation.
+        :param size: norm of all measured values, each divided by its standard deviation.
         """
         relative = jacobian * _scales(values)
         lengths = np.linalg.norm(relative, axis=0)
-        lengths[lengths <= max(_UNSEEN * lengths.max(initial=0.0), _ROUNDING * size)] = 0
+        lengths[lengths <= max(_DERIVATIVE_ROUNDING * lengths.max(initial=0.0), _MEASUREMENT_ROUNDING * size)] = 0
         unit = np.divide(relative, lengths, out=np.zeros_like(relative), where=lengths > 0)
-        directions = null_space(np.linalg.qr(unit, mode="r"), rcond=_DEPENDENT)
+        directions = null_space(np.linalg.qr(unit, mode="r"), rcond=_SINGULAR)
         directions /= np.where(lengths > 0, lengths, 1)[:, None]
         return cls(values, np.linalg.qr(directions)[0])
 
     @property
     def undetermined(self) -> NDArray[np.bool_]:
-        """Which unknowns change."""
+        """Which unknowns take part in a null direction, shape (unknowns,)."""
         return np.linalg.norm(self.directions, axis=1) > _INVOLVED
 
     @property
     def dependent(self) -> list[int]:
-        """Unknowns, the last ones, that have to be held for all others to be determined."""
+        """Indices of the last unknowns that must be held to determine all others."""
         return _independent(self.directions)
 
     def projection(self) -> Floats:
-        """Onto the directions."""
+        """Return the orthogonal projector onto the null directions, shape (unknowns, unknowns)."""
         return self.directions @ self.directions.T
 
 
@@ -72,9 +73,9 @@ def _scales(values: Floats) -> Floats:
 
 
 def sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: Sequence[str]) -> tuple[str, ...]:
-    """What is not determined: ``"of gravity and length only gravity/length is determined by theta"``.
+    """Return sentences such as ``"of gravity and length only gravity/length is determined by theta"``.
 
-    :param near: at other values; a product that is the same there is one, and no coincidence of the values.
+    :param near: null space at other values; only a product that both share is reported.
     :param names: of the unknowns.
     :param measured: names of the signals.
     """
@@ -85,7 +86,7 @@ def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured:
     undetermined = here.undetermined
     linked: Any = connected_components(np.abs(here.projection()) > _INVOLVED)
     blocks = linked[1]
-    unseen: list[str] = []
+    absent: list[str] = []
     for block in dict.fromkeys(blocks[undetermined]):
         members = np.flatnonzero(blocks == block).tolist()
         own = [names[i] for i in members]
@@ -94,16 +95,16 @@ def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured:
             verb = "are" if "combinations" in combinations[0] or len(combinations) > 1 else "is"
             yield f"of {_joined(own)} only {_joined(combinations)} {verb} determined by {measured}"
         else:
-            unseen += own
-    if unseen:
-        yield f"{_joined(unseen)}: not determined at all by {measured}"
+            absent += own
+    if absent:
+        yield f"{_joined(absent)}: not determined at all by {measured}"
 
 
 def _combinations(here: NullSpace, near: NullSpace, members: list[int], names: list[str]) -> list[str]:
-    """Combinations of some unknowns that are determined: products, else sums, else how many there are."""
+    """Return determined combinations of some unknowns: products, else sums, else their number."""
     for written in (_product, _sum):
         rows = [
-            _rows(space.directions[members] * (_scales(space.values)[members, None] if written is _sum else 1))
+            _integer_rows(space.directions[members] * (_scales(space.values)[members, None] if written is _sum else 1))
             for space in (here, near)
         ]
         if None not in rows and rows[0] == rows[1] and (written is _sum or (here.values[members] != 0).all()):
@@ -112,15 +113,18 @@ def _combinations(here: NullSpace, near: NullSpace, members: list[int], names: l
     return [f"{count} combination{'s' if count > 1 else ''} near these values"] if count else []
 
 
-def _rows(directions: Floats) -> list[tuple[int, ...]] | None:
-    """Whole numbers whose sums, weighted by what is determined, stay constant; None if these are none."""
+def _integer_rows(directions: Floats) -> list[tuple[int, ...]] | None:
+    """Return integer exponents orthogonal to the null directions; None if the exponents are no small integers."""
     basis = null_space(directions.T, rcond=_INVOLVED)
     rows = []
     for row in (basis @ np.linalg.inv(basis[_independent(basis)])).T.tolist():
-        fractions = [Fraction(x).limit_denominator(_LARGEST) for x in row]
+        fractions = [Fraction(x).limit_denominator(_LARGEST_EXPONENT) for x in row]
         common = math.lcm(*(fraction.denominator for fraction in fractions))
         whole = [int(fraction * common) for fraction in fractions]
-        if max(abs(x * common - n) for x, n in zip(row, whole, strict=True)) > _INVOLVED or max(whole) > _LARGEST:
+        if (
+            max(abs(x * common - n) for x, n in zip(row, whole, strict=True)) > _INVOLVED
+            or max(whole) > _LARGEST_EXPONENT
+        ):
             return None
         first = next(filter(None, whole))
         sign = np.sign(sum(map(np.sign, whole)) or first)
@@ -129,7 +133,7 @@ def _rows(directions: Floats) -> list[tuple[int, ...]] | None:
 
 
 def _independent(rows: Floats) -> list[int]:
-    """Indices of rows, the last ones, of which all others are linear combinations."""
+    """Return the indices of the last rows that form a basis of all rows."""
     chosen: list[int] = []
     for i in reversed(range(len(rows))):
         if np.linalg.matrix_rank(rows[[*chosen, i]], tol=_INVOLVED) > len(chosen):

@@ -1,4 +1,4 @@
-"""Diagrams, films and tables of a fit; these are methods of :class:`liaisons.identification.Fit`."""
+"""Diagrams, films and tables of a fit: the methods of :class:`liaisons.identification.Fit`."""
 
 from __future__ import annotations
 
@@ -22,24 +22,23 @@ from liaisons.results.figures import new_figure, save
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_POINTS = 500
-"""Of a curve."""
-_BAND = 0.95
+_CURVE_POINTS = 500
+_BAND_PROBABILITY = 0.95
 
 
 class Fitted(Protocol):
-    """What has an estimate."""
+    """A fit with its estimate."""
 
     @property
     def estimate(self) -> ParameterEstimate:
-        """Of the unknowns."""
+        """Estimate of the unknowns."""
         ...
 
 
 def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
     """Draw measured points over the fitted motion, the band that holds 95 % of them, and residuals below.
 
-    :param names: measured signals or arrays of them, one by one or in a list; if nothing is named, all.
+    :param names: measured signals or arrays of them, one by one or in a list; default: all.
     :param path: where to save the figure, its kind by the suffix.
     :raises IdentificationError: for a signal that was not measured.
     """
@@ -72,7 +71,7 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
 
 
 def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path: Path | str | None = None) -> Figure:
-    """Draw the ellipse that holds two unknowns with a probability.
+    """Draw the confidence ellipse of two unknowns.
 
     :raises IdentificationError: for a name that is no unknown, or an unknown without a variance.
     """
@@ -84,8 +83,8 @@ def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path
     covariance = estimate.covariance[np.ix_(pair, pair)]
     if not np.isfinite(covariance).all():
         raise IdentificationError(f"plot_ellipse: {a} and {b} have no covariance; fit.sentences say why")
-    size = chi2.ppf(probability, 2) if problem.noise else 2 * f.ppf(probability, 2, max(1, estimate.freedom))
-    angles = np.linspace(0, 2 * np.pi, _POINTS)
+    size = chi2.ppf(probability, 2) if problem.noise else 2 * f.ppf(probability, 2, max(1, estimate.degrees_of_freedom))
+    angles = np.linspace(0, 2 * np.pi, _CURVE_POINTS)
     circle = np.sqrt(size) * np.array([np.cos(angles), np.sin(angles)])
     x, y = estimate.values[pair]
     figure = new_figure(alone=path is not None)
@@ -99,7 +98,7 @@ def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path
 
 
 def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float | None = None) -> float:
-    """Write the fitted motion of an experiment as a film, with measured coordinates and points as a ghost.
+    """Write a film of the fitted motion; a ghost shows measured coordinates and points.
 
     :param path: ends in ``.gif``, ``.png`` (a strip of instants) or ``.mp4`` (needs the extra ``film``).
     :param experiment: its number, from 1.
@@ -120,7 +119,7 @@ def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float 
 
 
 def to_csv(fit: Fitted, path: Path | str) -> None:
-    """Write measured and fitted signals and their residuals; of further experiments to ``NAME_2.csv`` and so on.
+    """Write measured and fitted signals and residuals; further experiments go to ``NAME_2.csv`` and so on.
 
     :raises SimulationError: if a file cannot be written.
     """
@@ -130,7 +129,7 @@ def to_csv(fit: Fitted, path: Path | str) -> None:
 
 
 def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
-    """Measured and fitted values of each experiment, and their difference."""
+    """Return each experiment with a table of measured values, fitted values and residuals."""
     tables = []
     for experiment, fitted in zip(estimate.objective.experiments, estimate.fitted, strict=True):
         data, columns, units = experiment.measurements, {}, {}
@@ -143,14 +142,14 @@ def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
 
 
 def _curve(estimate: ParameterEstimate, experiment: MeasuredMotion, name: str) -> tuple[Floats, Floats, Floats, Floats]:
-    """Times, fitted values, and both ends of the band."""
+    """Return times, fitted values, and both ends of the confidence band."""
     data = experiment.measurements
     row = data.signals.index(name)
-    times = np.linspace(data.times[0], data.times[-1], _POINTS)
+    times = np.linspace(data.times[0], data.times[-1], _CURVE_POINTS)
     dense = replace(experiment, measurements=replace(data, times=times), motion=experiment.motion.at(times))
     signals, slopes = dense.forward(estimate.values)
     variances = np.einsum("ti,ij,tj->t", slopes[row], np.nan_to_num(estimate.covariance), slopes[row])
-    half = norm.ppf((1 + _BAND) / 2) * np.sqrt(variances + experiment.deviations[row] ** 2)
+    half = norm.ppf((1 + _BAND_PROBABILITY) / 2) * np.sqrt(variances + experiment.deviations[row] ** 2)
     return times, signals[row], signals[row] - half, signals[row] + half
 
 

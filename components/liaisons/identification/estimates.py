@@ -1,4 +1,4 @@
-"""An estimate of unknowns, and how sure it is."""
+"""Estimates of unknowns with covariance and confidence intervals."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from liaisons.identification.determinacy import NullSpace, sentences
 from liaisons.identification.minimising import Minimum, influence, minimise
 from liaisons.identification.problems import FittingProblem, Floats, Objective
 
-_APART = 0.02
-"""Relative distance of the values at which a product of unknowns has to be the same."""
-_DOUBLINGS = 40
+_SECOND_POINT_DISTANCE = 0.02
+"""Relative distance of a second point, at which the same product of unknowns must be determined."""
+_MAX_DOUBLINGS = 40
 ROUNDING = 1e-7
-"""Residuals that are less, relative to their signal, are those of the motion's steps."""
+"""Residuals below this fraction of their signal are integration errors."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class ParameterEstimate:
-    """Unknowns that fit measurements best.
+    """Unknowns that minimise the objective.
 
-    :param held: indices of unknowns that keep their start values, since they are not determined.
+    :param held: indices of undetermined unknowns, which keep their start values.
     :param at_bound: indices of unknowns that are at one of their bounds.
     """
 
@@ -40,25 +40,25 @@ class ParameterEstimate:
 
     @property
     def values(self) -> Floats:
-        """Of the unknowns."""
+        """Estimated values of the unknowns, shape (unknowns,)."""
         return self.minimum.values
 
     @cached_property
     def linearization(self) -> tuple[Floats, Floats]:
-        """Residuals and their derivatives by the unknowns."""
+        """Residuals, and their derivatives by the unknowns."""
         return self.objective(self.values)
 
     @cached_property
     def null_space(self) -> NullSpace:
-        """What no residual determines."""
+        """Changes of unknowns that change no residual."""
         return self.objective.null_space(self.values)
 
     @cached_property
     def sentences(self) -> tuple[str, ...]:
-        """What is not determined, in words."""
+        """Sentences that name what the measurements do not determine."""
         if not self.null_space.directions.size:
             return ()
-        random = np.random.default_rng(0).uniform(_APART / 2, _APART, len(self.values))
+        random = np.random.default_rng(0).uniform(_SECOND_POINT_DISTANCE / 2, _SECOND_POINT_DISTANCE, len(self.values))
         shifts = np.where(self.null_space.undetermined, random * np.where(self.values == 0, 1, self.values), 0)
         values = np.clip(self.values + shifts, *self.objective.limits)
         try:
@@ -70,10 +70,10 @@ class ParameterEstimate:
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the unknowns; not-a-number for what is not determined or at a bound, and where nothing tells the noise."""
+        """Covariance of the unknowns; not-a-number if undetermined, at a bound, or without an estimate of the noise."""
         own = np.setdiff1d(np.arange(len(self.values)), self.fixed)
         covariance = np.full((len(self.values),) * 2, np.nan)
-        if not self.tells_noise:
+        if not self.has_noise_estimate:
             return covariance
         residuals, derivatives = self.linearization
         slope, curvature = influence(self.objective.loss, residuals)
@@ -92,7 +92,7 @@ class ParameterEstimate:
 
     @cached_property
     def standard_errors(self) -> Floats:
-        """Of the unknowns; not-a-number where there is no variance."""
+        """Standard errors of the unknowns; not-a-number without a variance."""
         return np.sqrt(np.diag(self.covariance))
 
     @cached_property
@@ -101,23 +101,23 @@ class ParameterEstimate:
         return tuple(experiment.forward(self.values)[0] for experiment in self.objective.experiments)
 
     def standardised(self) -> Iterator[tuple[str, Floats, float, Floats]]:
-        """Of each signal its name, its residuals over their standard deviation, and the rounding of these.
+        """Yield for each signal its name, standardised residuals and their rounding error.
 
-        Then what noise may grow with, the time and the size of the signal, shape (2, residuals).
+        The fourth item has time and size of the signal, which noise may grow with, shape (2, residuals).
         """
         several = len(self.fitted) > 1
         for i, (experiment, fitted) in enumerate(zip(self.objective.experiments, self.fitted, strict=True), start=1):
             data = experiment.measurements
             rows = zip(data.signals, data.values, fitted, experiment.deviations, strict=True)
             for name, measured, signal, level in rows:
-                seen = np.isfinite(measured)
+                present = np.isfinite(measured)
                 label = f"{name} ({i})" if several else name
-                grows_with = np.array([data.times[seen], np.abs(signal[seen])])
+                grows_with = np.array([data.times[present], np.abs(signal[present])])
                 rounding = ROUNDING * float(np.abs(signal).max()) / level
-                yield label, (measured - signal)[seen] / level, rounding, grows_with
+                yield label, (measured - signal)[present] / level, rounding, grows_with
 
     def with_finer_steps(self) -> Minimum:
-        """The minimum for steps of a tenth of the tolerance."""
+        """Return the minimum at a tenth of the integration tolerance."""
         levels = [experiment.deviations for experiment in self.objective.experiments]
         finer = self.problem.objective(self.values, levels, self.problem.tolerance / 10)
         return minimise(finer, self.values, self.fixed)
@@ -128,28 +128,30 @@ class ParameterEstimate:
         return *self.held, *self.at_bound
 
     @property
-    def freedom(self) -> int:
-        """Count of measured values and priors, less that of the unknowns that were fitted."""
+    def degrees_of_freedom(self) -> int:
+        """Number of measured values and priors minus number of fitted unknowns."""
         return len(self.linearization[0]) - len(self.values) + len(self.fixed)
 
     @property
-    def tells_noise(self) -> bool:
-        """Whether the noise is given, or residuals are left that show it."""
-        return self.problem.noise is not None or self.freedom > 0
+    def has_noise_estimate(self) -> bool:
+        """Whether the noise is an argument, or residuals are left to estimate it from."""
+        return self.problem.noise is not None or self.degrees_of_freedom > 0
 
     def intervals(self, probability: float) -> Floats:
-        """Ends of an interval for each unknown, shape (unknowns, 2); one-sided at a bound, by profile likelihood."""
+        """Return confidence intervals, shape (unknowns, 2); at a bound one-sided, by profile likelihood."""
         half = self._quantile((1 + probability) / 2) * self.standard_errors
         ends = np.clip(self.values + np.outer([-1, 1], half), *self.objective.limits).T
         for i in self.at_bound:
-            ends[i] = sorted([self.values[i], self._profile(i, self._quantile(probability))])
+            ends[i] = sorted([self.values[i], self._profile_end(i, self._quantile(probability))])
         return ends
 
     def _quantile(self, probability: float) -> float:
-        return float(norm.ppf(probability) if self.problem.noise else t.ppf(probability, max(1, self.freedom)))
+        return float(
+            norm.ppf(probability) if self.problem.noise else t.ppf(probability, max(1, self.degrees_of_freedom))
+        )
 
-    def _profile(self, i: int, quantile: float) -> float:
-        """Value of an unknown at which the least cost has risen by half the square of a quantile."""
+    def _profile_end(self, i: int, quantile: float) -> float:
+        """Return the value of an unknown at which the minimal cost has risen by half the square of a quantile."""
         best = self.minimum
         side = 1 if self.values[i] == self.objective.limits[0, i] else -1
         latest = [best]
@@ -161,16 +163,16 @@ class ParameterEstimate:
             return 2 * (latest[0].cost - best.cost) - quantile**2
 
         distance = quantile / float(np.linalg.norm(self.linearization[1][:, i]))
-        for _ in range(_DOUBLINGS):
+        for _ in range(_MAX_DOUBLINGS):
             if excess(distance) > 0:
                 return float(self.values[i] + side * brentq(excess, 0, distance, xtol=1e-6 * distance))
             distance *= 2
         return side * np.inf
 
     def refits(self, count: int, seed: int = 0) -> Floats:
-        """Unknowns from simulated measurements, shape (count, unknowns): those of the estimate with other noise.
+        """Return unknowns fitted to simulated measurements, shape (count, unknowns).
 
-        Noise is normal; of a robust loss, it is drawn from the residuals.
+        The noise is normal; for a robust loss it is drawn from the residuals.
         """
         return np.array([minimum.values for minimum in self._refits(count, np.random.default_rng(seed))])
 

@@ -1,4 +1,4 @@
-"""``identified``: what a TOML file asks for."""
+"""Fits that are described by TOML files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _EXAMPLES = {"subject": '"Pendulum"', "data": '"measured.csv"', "unknown": '["le
 
 
 def identified(path: Path | str) -> Fit:
-    """Identify what a file asks for.
+    """Run :func:`liaisons.identify` with the arguments of a TOML file.
 
     ::
 
@@ -26,8 +26,8 @@ def identified(path: Path | str) -> Fit:
         noise = { theta = 0.01 }
         start_values = { friction = 0.1 }
 
-    :param path: the file; measurements, and an SSP archive or component of one's own, are looked for beside it.
-    :raises IdentificationError: if it is no TOML, or has another key, or what :func:`liaisons.identify` raises.
+    :param path: the file; relative paths in it start from its folder.
+    :raises IdentificationError: for invalid TOML, an unknown key, and as :func:`liaisons.identify` does.
     """
     path = as_path("path", path, IdentificationError)
     keys = {*inspect.signature(identify).parameters} - {"keywords"}

@@ -1,4 +1,4 @@
-"""Parameters that were fitted to measurements."""
+"""Results of fits."""
 
 from __future__ import annotations
 
@@ -22,55 +22,55 @@ from liaisons.results import Result
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """What :func:`liaisons.identify` returns: values of unknowns, and how sure they are.
+    """Values of unknowns with their covariance, returned by :func:`liaisons.identify`.
 
-    Of several experiments, ``"theta_0 (2)"`` is the value of the second one.
+    ``"theta_0 (2)"`` is the value in the second experiment.
     """
 
     estimate: ParameterEstimate
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the unknowns, in the order of all arrays."""
+        """Names of the unknowns, in the order of all arrays."""
         return self.estimate.problem.names
 
     @property
     def units(self) -> dict[str, str]:
-        """Of the unknowns."""
+        """Units of the unknowns, by name."""
         return dict(zip(self.names, self.estimate.problem.units, strict=True))
 
     @property
     def values(self) -> dict[str, float]:
-        """Of the unknowns, in SI units."""
+        """Values of the unknowns in SI units, by name."""
         return dict(zip(self.names, self.estimate.values.tolist(), strict=True))
 
     @property
     def covariance(self) -> Floats:
-        """Shape (unknowns, unknowns); not-a-number for what is not determined, or is at a bound.
+        """Covariance matrix, shape (unknowns, unknowns); not-a-number if undetermined or at a bound.
 
-        So it is for all where no noise was given and there are as many unknowns as numbers.
+        All of it is not-a-number without the argument ``noise`` if there are as many unknowns as numbers.
         """
         return self.estimate.covariance
 
     @property
     def correlation(self) -> Floats:
-        """Shape (unknowns, unknowns)."""
+        """Correlation matrix, shape (unknowns, unknowns)."""
         errors = self.estimate.standard_errors
         return self.covariance / np.outer(errors, errors)
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Square roots of the variances."""
+        """Standard errors of the unknowns in SI units, by name."""
         return dict(zip(self.names, self.estimate.standard_errors.tolist(), strict=True))
 
     @property
     def cost(self) -> float:
-        """Half the sum of squared residuals, each over its standard deviation; of a robust loss, of their losses."""
+        """Half the sum of the losses of squared standardised residuals."""
         return self.estimate.minimum.cost
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What measurements do not determine, which unknowns are at a bound, and whether nothing tells the noise."""
+        """Warnings: undetermined unknowns, unknowns at a bound, and noise that cannot be estimated."""
         estimate = self.estimate
         bounds = (
             f"{self.names[i]} = {estimate.values[i]:g} is at its bound; its interval is one-sided"
@@ -79,12 +79,12 @@ class Fit:
         kept = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
         count = len(self.names) - len(estimate.fixed)
         unsure = f"{count} unknowns from as many numbers leave no residual that shows the noise; give noise="
-        return (*estimate.sentences, *kept, *bounds, *[unsure] * (not estimate.tells_noise))
+        return (*estimate.sentences, *kept, *bounds, *[unsure] * (not estimate.has_noise_estimate))
 
     def intervals(self, probability: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Confidence intervals, by Student's distribution where no noise was given.
+        """Return confidence intervals in SI units; without the argument ``noise`` by Student's distribution.
 
-        At a bound they are one-sided, by profile likelihood; of what is not determined, not-a-number.
+        At a bound they are one-sided, by profile likelihood; undetermined unknowns have not-a-number.
 
         :raises IdentificationError: unless 0 < probability < 1.
         """
@@ -95,7 +95,7 @@ class Fit:
 
     @property
     def measurements(self) -> tuple[Measurements, ...]:
-        """Those of each experiment."""
+        """Measurements of each experiment."""
         return self.estimate.problem.measurements
 
     @property
@@ -105,22 +105,22 @@ class Fit:
 
     @property
     def residuals(self) -> tuple[Floats, ...]:
-        """Measured less fitted signals of each experiment, shape (signals, times); not-a-number for missing values."""
+        """Measured minus fitted signals of each experiment, shape (signals, times); not-a-number for missing values."""
         return tuple(data.values - fitted for data, fitted in zip(self.measurements, self.signals, strict=True))
 
     @property
     def noise(self) -> tuple[Floats, ...]:
-        """Standard deviation of the signals of each experiment, shape (signals,): as given, or as residuals show it."""
+        """Standard deviations of each experiment, shape (signals,): the argument, or estimated from residuals."""
         return tuple(experiment.deviations for experiment in self.estimate.objective.experiments)
 
     def replay(self) -> tuple[Result, ...]:
-        """The fitted motion of each experiment as the FMUs perform it."""
+        """Simulate the FMUs of each experiment at the fitted values."""
         return replays(self.estimate)
 
     def verify(self) -> list[Verdict]:
-        """Replay through the FMUs, tests of residuals, variances against 200 fits, finer steps.
+        """Return verdicts: replay through the FMUs, tests of residuals, variances against 200 fits, finer steps.
 
-        :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
+        ``liaisons.check.table`` prints them; ``all(v.passed for v in ...)`` is their conjunction.
         """
         return list(verdicts(self.estimate, self.replay()))
 

@@ -1,4 +1,4 @@
-"""``identify``: from measurements to parameters, with their covariance."""
+"""``identify``: parameters from measurements, with their covariance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
 from liaisons.identification.minimising import LOSSES
-from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, measured_near
+from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, values_near
 from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target, component, flattening
@@ -49,7 +49,7 @@ def identify(
     start_values: Mapping[str, Any] | None = None,
     **keywords: Any,
 ) -> Fit:
-    """Find parameters and start values from measurements, and how sure they are.
+    """Estimate parameters and start values from measurements, with standard errors.
 
     ::
 
@@ -57,32 +57,32 @@ def identify(
         fit.values, fit.standard_errors, fit.intervals(), fit.correlation
         print(table(fit.verify()))
 
-    Columns of the data that are outputs were measured; those that are inputs or active coordinates drive.
+    Columns named like outputs are fitted; columns named like inputs or active coordinates drive the motion.
 
     :param subject: name, file or class of a component; a model; or a system, whose names are ``"swing.theta"``.
     :param data: path of a CSV file, :class:`liaisons.Result`, mapping of names to arrays; or a list of these, one an
         experiment.
     :param unknown: parameters, start values, inputs at rest, parameters of operators (``"length.amplitude"``), and
         ``"time_offset"`` [s], by which clocks of the measurements are slow; an array by its name or by elements.
-    :param noise: standard deviation of the measurements, one for all or by signal; None: as residuals show it.
+    :param noise: standard deviation of the measurements, one for all or by signal; None: estimated from residuals.
     :param each: unknowns that differ between the experiments.
-    :param bounds: (low, high) of unknowns, None for none; their domains hold without.
-    :param prior: (mean, standard deviation) of unknowns, as known without the measurements.
+    :param bounds: (low, high) of unknowns, None for no bound; domains of the variables hold anyway.
+    :param prior: (mean, standard deviation) of unknowns before the measurements.
     :param loss: ``"linear"``: least squares; the others are for outliers, see SciPy's ``least_squares``.
     :param operators: active coordinate -> operator that moves it.
     :param measured: outputs that are fitted; None: all that have a column.
     :param ignore: columns that are not read.
-    :param smoothing: distance [s] of knots of splines through what drives; None: through all values.
-    :param start_time: [s], when the motion starts, and its start values hold.
-    :param segments: of multiple shooting, for motions that are chaotic or start far away; None: if need be.
-    :param time_limit: [s]; then the search ends with an error that has what was reached.
+    :param smoothing: distance [s] between knots of the splines of driving columns; None: one knot a value.
+    :param start_time: time of the start values [s].
+    :param segments: of multiple shooting, for chaotic motions and poor start values; None: chosen if needed.
+    :param time_limit: duration of the search [s]; the error at its end carries the fit reached so far.
     :param tolerance: of the steps, relative.
-    :param start_values: values that are known, and where the search for unknowns begins, if not as declared or, of
-        start values of what is measured, as measured.
-    :param keywords: further ones; a keyword that is also a setting is the setting.
-    :returns: the fit; believe it after ``fit.verify()``.
-    :raises IdentificationError: for a bad argument or column; and if least squares do not converge, with what was
-        reached as its ``fit``.
+    :param start_values: known values, and values of unknowns at which the search begins; default: declared values,
+        and for start values of measured outputs the first measurements.
+    :param keywords: further start values; a name that is also a setting is the setting.
+    :returns: the fit; ``fit.verify()`` tests it.
+    :raises IdentificationError: for a bad argument or column, and if least squares do not converge; then the error
+        has the fit reached so far as ``fit``.
     :raises SimulationError: if the motion cannot start.
     """
     names = listed("unknown", unknown, IdentificationError)
@@ -112,12 +112,12 @@ def identify(
     levels = None if noise is None else tuple(noise_levels(noise, experiment) for experiment in experiments)
     limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
-    begun = {p.name: output for p in model.parameters if (output := _started(p.name)) in outputs}
+    started = {p.name: output for p in model.parameters if (output := _started_output(p.name)) in outputs}
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
     for experiment, columns in zip(experiments, unknowns.columns, strict=True):
         for name, column in columns.items():
-            if name in begun and name not in starts and experiment.times[0] == start_time:
-                near = measured_near(experiment, begun[name], [0], start[[column]])
+            if name in started and name not in starts and experiment.times[0] == start_time:
+                near = values_near(experiment, started[name], [0], start[[column]])
                 start[column] = np.clip(near, *limits[:, column])[0]
     problem = FittingProblem(
         subject=subject,
@@ -130,14 +130,14 @@ def identify(
         noise=levels,
         priors=tuple(unknowns.priors({} if prior is None else prior)),
         loss=loss,
-        starts=begun,
+        starts=started,
         start_time=start_time,
         start_values={name: value for name, value in starts.items() if name not in unknowns.names},
         operators=moving,
         tolerance=tolerance,
         deadline=deadline,
     )
-    _check(problem)
+    _check_solvable(problem)
     fit = Fit(estimated(problem, segments))
     if message := fit.estimate.minimum.message:
         words = "give other start values, or segments of multiple shooting"
@@ -146,10 +146,10 @@ def identify(
 
 
 class _Unknowns:
-    """Names of unknowns, element by element, and where they are in the vector of all.
+    """Names of unknowns, element by element, and their indices in the vector of unknowns.
 
-    :ivar labels: name in the fit, and name of the variable.
-    :ivar columns: of each experiment: name of the variable -> index.
+    :ivar labels: of each unknown, its name in the fit and the name of its variable.
+    :ivar columns: for each experiment, name of a variable -> index.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class _Unknowns:
         return elements
 
     def by_element(self, label: str, values: Mapping[str, Any]) -> dict[str, float]:
-        """Numbers by names of arrays or of elements."""
+        """Return numbers by element; keys are names of arrays or of elements."""
         numbers: dict[str, float] = {}
         for name, value in values.items():
             elements = self._elements(label, name)
@@ -196,8 +196,8 @@ class _Unknowns:
                 numbers[one] = number
         return numbers
 
-    def _unknown(self, label: str, values: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
-        """Indices and names of unknowns that have a value in a mapping, and this value."""
+    def _values_of_unknowns(self, label: str, values: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
+        """Yield index, name and value of each unknown that has a value in a mapping."""
         for name, value in named(label, values, IdentificationError).items():
             elements = self._elements(label, name)
             if missing := [element for element in elements if element not in self.names]:
@@ -209,13 +209,13 @@ class _Unknowns:
                     yield i, text, value
 
     def limits(self, bounds: Mapping[str, Range], delay: float) -> Floats:
-        """Lower and upper bounds, shape (2, unknowns): where none are given, the domains of the variables.
+        """Return lower and upper bounds, shape (2, unknowns); default: the domains of the variables.
 
-        :param delay: how long before the first measurement the motion starts [s].
+        :param delay: time between the start of the motion and the first measurement [s].
         """
         variables = [self.variables[name] for _, name in self.labels]
         ends = [(-delay if v.name == TIME_OFFSET else v.minimum, v.maximum) for v in variables]
-        for i, name, (low, high) in self._unknown("bounds", bounds):
+        for i, name, (low, high) in self._values_of_unknowns("bounds", bounds):
             for end in (low, high):
                 if end is not None:
                     finite(f"bounds: {name}", end, IdentificationError)
@@ -227,15 +227,15 @@ class _Unknowns:
         return np.where(np.isnan(limits), [[-np.inf], [np.inf]], limits)
 
     def priors(self, prior: Mapping[str, tuple[float, float]]) -> Iterator[Prior]:
-        """Priors of unknowns."""
-        for i, name, (mean, deviation) in self._unknown("prior", prior):
+        """Yield the priors of unknowns."""
+        for i, name, (mean, deviation) in self._values_of_unknowns("prior", prior):
             finite(f"prior: mean of {name}", mean, IdentificationError)
             positive(f"prior: standard deviation of {name}", deviation, IdentificationError)
             yield Prior(i, mean, deviation)
 
 
 def _model(subject: Target | Model | System) -> Model:
-    """Equations of what was measured, arrays element by element."""
+    """Return the equations of the subject, arrays element by element."""
     if isinstance(subject, System):
         subject = flattening.composed(subject)
     of = subject if isinstance(subject, Model) else component(subject)
@@ -244,14 +244,14 @@ def _model(subject: Target | Model | System) -> Model:
     return of.flat() if isinstance(of, Model) else flat_model(of)
 
 
-def _started(name: str) -> str:
-    """The output that a parameter would be the start value of: ``"theta[1]"`` for ``"theta_0[1]"``."""
+def _started_output(name: str) -> str:
+    """Return the name of the output that starts at a parameter: ``"theta[1]"`` for ``"theta_0[1]"``, else empty."""
     base, _ = split(name)
     return base.removesuffix("_0") + name[len(base) :] if base.endswith("_0") else ""
 
 
-def _check(problem: FittingProblem) -> None:
-    """Check that a problem can have a solution."""
+def _check_solvable(problem: FittingProblem) -> None:
+    """Raise unless there are unknowns, numbers enough to determine them, and start values within bounds."""
     count = len(problem.names)
     if not count:
         raise IdentificationError("unknown: nothing is unknown; name one value at least")

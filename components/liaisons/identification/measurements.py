@@ -1,4 +1,4 @@
-"""Measurements: columns of files, results and arrays, as signals that are fitted and inputs that drive, in SI units."""
+"""Measurements from files, results and arrays, in SI units: signals to fit, and inputs that drive the motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from liaisons.results import Result
 
 Floats = NDArray[np.float64]
 _Columns = list[tuple[str, str, Sequence[Any]]]
-"""Heading, unit and cells of each."""
+"""Heading, unit and cells of each column."""
 
 
 @final
@@ -35,9 +35,9 @@ class Measurements:
 
     :param times: [s], ascending, shape (n,).
     :param signals: names of the outputs that were measured, element by element.
-    :param values: of these, in SI units; not-a-number where one is missing; shape (signals, n).
+    :param values: of the signals, in SI units; not-a-number where one is missing; shape (signals, n).
     :param inputs: name of an input or active coordinate -> its values over time, of degree 5 at most.
-    :param title: of the file or result.
+    :param title: name of the file, or title of the result.
     """
 
     times: Floats
@@ -56,23 +56,23 @@ def measurements(
     ignore: str | Iterable[str] = (),
     smoothing: float | None = None,
 ) -> tuple[Measurements, ...]:
-    """Experiments in files, results, or mappings of arrays.
+    """Read experiments from files, results, or mappings of arrays.
 
-    A column is a signal if it has the name of an output.  It drives if it has that of an input or active coordinate: by
-    the quintic spline through its values, or through its rates and accelerations, too, where these have columns.
+    A column named like an output is a signal.  A column named like an input or an active coordinate drives the motion:
+    a quintic spline interpolates its values, and its rates and accelerations if these have columns.
 
     A CSV file has names in its first line and units behind them, ``theta [deg]``, or in the next line after ``#``;
-    what has no unit is SI.  An empty cell is a missing value.
+    a column without a unit is in SI units.  An empty cell is a missing value.
 
     :param data: a path, a :class:`liaisons.Result`, a mapping of names to arrays, ``time`` [s] among them; or a list of
         these, one an experiment.
-    :param model: what was measured.
+    :param model: equations of the measured mechanism.
     :param measured: outputs that are fitted, arrays as a whole or by elements; None: all that have a column.
-    :param unknown: what is to be identified: a column of it must be constant, and is left out.
+    :param unknown: names to be identified; a column of such a name must be constant, and is left out.
     :param ignore: columns that are not read.
-    :param smoothing: distance [s] of the knots of quintic splines that fit the drives; None: they pass through all
-        values.
-    :raises IdentificationError: for a column or cell that cannot be used; names it and its row.
+    :param smoothing: distance [s] between the knots of quintic splines that fit the drives; None: the splines
+        interpolate all values.
+    :raises IdentificationError: for an unusable column or cell; the message names it and its row.
     """
     if smoothing is not None:
         positive("smoothing", smoothing, IdentificationError)
@@ -87,14 +87,14 @@ def measurements(
     experiments = []
     for one in data if isinstance(data, (list, tuple)) else [data]:
         title, columns, rows = _table(one)
-        with _within(title):
+        with _prefixed_errors(title):
             values = _by_name(columns, flat, ignored, rows)
             times = values.pop("time", np.empty(0))
-            with _within("column time"):
+            with _prefixed_errors("column time"):
                 if times.size < 2:
                     raise ValueError(f"{times.size} rows; give two at least")
-                _refuse(np.isnan(times), rows, "a value is missing")
-                _refuse(np.diff(times, prepend=-np.inf) <= 0, rows, "it must be greater than the one before")
+                _refuse_rows(np.isnan(times), rows, "a value is missing")
+                _refuse_rows(np.diff(times, prepend=-np.inf) <= 0, rows, "it must be greater than the one before")
             signals = tuple(name for name in outputs if name in values and _is_among(name, chosen))
             if not signals:
                 raise ValueError(
@@ -109,7 +109,7 @@ def measurements(
 
 
 def noise_levels(noise: object, experiment: Measurements) -> Floats:
-    """Standard deviation of each signal, shape (signals,).
+    """Return the standard deviation of each signal, shape (signals,).
 
     :param noise: a number for all signals, or a mapping by names of signals or of whole arrays.
     :raises IdentificationError: for a number that is not > 0, a name that is no signal, or a signal without noise.
@@ -127,16 +127,16 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
 
 
 @contextmanager
-def _within(label: str) -> Iterator[None]:
-    """Put a label before the messages of errors."""
+def _prefixed_errors(label: str) -> Iterator[None]:
+    """Raise errors of the block with a label before their messages."""
     try:
         yield
     except ValueError as error:
         raise IdentificationError(f"{label}: {error}") from None
 
 
-def _refuse(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
-    """Raise an error that names the first row with something wrong."""
+def _refuse_rows(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
+    """Raise an error that names the first wrong row."""
     if wrong.any():
         raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
 
@@ -149,12 +149,12 @@ def _number(cell: object, row: str) -> float:
 
 
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
-    """Whether an element is chosen, itself or with its array."""
+    """Whether the element or its array is among the names."""
     return not {name, split(name)[0]}.isdisjoint(chosen)
 
 
 def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
-    """Columns in SI units by the names of variables, and ``time``."""
+    """Return ``time`` and the columns of variables by name, in SI units."""
     units = {"time": "s"} | {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
     values: dict[str, Floats] = {}
     for heading, below, cells in columns:
@@ -163,12 +163,12 @@ def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequ
         if _is_among(name, [*ignored, "coupling_error"]) or name.startswith("error of "):  # of results in files
             continue
         name = "time" if name == "t" else name
-        with _within(f"column {name}"):
+        with _prefixed_errors(f"column {name}"):
             if name in values or name not in units:
                 words = "is there twice" if name in values else f"is no variable{suggestion(name, units)}"
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
             numbers = np.array([_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
-            _refuse(np.isinf(numbers), rows, "finite numbers only")
+            _refuse_rows(np.isinf(numbers), rows, "finite numbers only")
             values[name] = numbers * (in_si(unit, units[name]) if unit and units[name] else 1.0)
     return values
 
@@ -181,12 +181,12 @@ def _inputs(  # noqa: PLR0917
     smoothing: float | None,
     rows: Sequence[str],
 ) -> Iterator[tuple[str, PPoly]]:
-    """What drives, over time; not what keeps its declared value, as results record it."""
+    """Yield each input that moves, or differs from its declared value, as a polynomial over time."""
     rates = {triple.value: (triple.rate, triple.acceleration) for triple in model.active}
     owners = {rate: name for name, pair in rates.items() for rate in pair}
     for name, start in ((v.name, v.starts[0]) for v in model.inputs if v.name in values):
-        with _within(f"column {name}"):
-            _refuse(np.isnan(values[name]), rows, "a value is missing")
+        with _prefixed_errors(f"column {name}"):
+            _refuse_rows(np.isnan(values[name]), rows, "a value is missing")
             if owners.get(name, name) not in values:
                 raise ValueError(f"{owners[name]} has no column; add it")
             triple = [values.get(part) for part in (name, *rates.get(name, ()))]
@@ -194,24 +194,24 @@ def _inputs(  # noqa: PLR0917
             if moves and name in unknown:
                 raise ValueError("it moves, and is unknown; ignore it, or give it")
             if name not in owners and (moves or (name not in unknown and values[name][0] != start)):
-                table = _fitted(times, values[name], smoothing) if smoothing else knots(times, *triple)  # type: ignore[arg-type]
+                table = _spline_knots(times, values[name], smoothing) if smoothing else knots(times, *triple)  # type: ignore[arg-type]
                 yield name, curve(table)
 
 
-def _fitted(times: Floats, values: Floats, width: float) -> Floats:
-    """Knots of the quintic spline that fits values best, shape (4, knots)."""
+def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
+    """Return the knots of the quintic spline that fits values best, shape (4, knots)."""
     at = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / width)))
-    few = np.histogram(times, at)[0] < 2 + 4 * (at.size == 2)
-    if few.any():
+    too_few = np.histogram(times, at)[0] < 2 + 4 * (at.size == 2)
+    if too_few.any():
         raise ValueError(
-            f"smoothing = {width:g} s leaves less than two values after t = {at[few.argmax()]:g} s; widen it"
+            f"smoothing = {width:g} s leaves less than two values after t = {at[too_few.argmax()]:g} s; widen it"
         )
     spline = make_lsq_spline(times, values, np.pad(at, 5, mode="edge"), 5)
     return np.array([at, *(spline(at, order) for order in range(3))])
 
 
 def _table(data: object) -> tuple[str, _Columns, list[str]]:
-    """Title, columns, and the label of each row."""
+    """Return title, columns and row labels of a table."""
     if isinstance(data, (str, PathLike)):
         headings, below, lines = csv_cells(Path(data), IdentificationError)
         if not headings:

@@ -13,9 +13,9 @@ from scipy.optimize import least_squares
 from liaisons.errors import LiaisonsError
 from liaisons.identification.problems import Floats, Objective
 
-_EVALUATIONS = 200
-_INVISIBLE = 1e-14
-"""Relative change of a cost that its rounding hides: least squares would try shorter and shorter steps."""
+_MAX_EVALUATIONS = 200
+_COST_ROUNDING = 1e-14
+"""Relative rounding error of the cost; a predicted decrease below it ends the search."""
 
 
 def _huber(z: Floats) -> Floats:
@@ -31,7 +31,7 @@ LOSSES: Mapping[str, Callable[[Floats], Floats]] = {
     "huber": _huber,
     "cauchy": lambda z: np.array([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2]),
 }
-"""Squared residuals -> loss, its first and its second derivative."""
+"""Name -> function of squared residuals that returns the loss, its first and its second derivative."""
 
 
 @final
@@ -49,15 +49,16 @@ class Minimum:
 
 
 @final
-class _Ended(Exception):  # noqa: N818 - an answer
-    """Raised where no step can be seen to lower the cost, without a message, and where time is over, with one."""
+class _SearchEnd(Exception):  # noqa: N818 - not an error
+    """Ends the search: without a message at the minimum, with one at the deadline."""
 
 
 def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
-    """The least cost near a start, where some unknowns are held.
+    """Return the minimum of the cost near a start.
 
     The search ends, with a message, at the deadline of the objective.
 
+    :param held: indices of unknowns that keep their values.
     :param accuracy: relative, of cost and unknowns.
     :raises LiaisonsError: if residuals have no value at the start.
     """
@@ -77,8 +78,8 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
 
     first = at(start[free])[0]
 
-    def shortened(unknowns: Floats) -> Floats:
-        """Residuals; not-a-number, so that a shorter step is tried, where the motion leaves its domain."""
+    def residuals_or_nan(unknowns: Floats) -> Floats:
+        """Return residuals; outside of the domain not-a-number, after which SciPy tries a shorter step."""
         try:
             return at(unknowns)[0].copy()
         except LiaisonsError:
@@ -89,7 +90,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         gradient, curvature = influence(objective.loss, residuals)
         weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
         lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
-        _end(float(lowered @ lowered) / 2, cost(residuals), objective.deadline)
+        _end_at_minimum_or_deadline(float(lowered @ lowered) / 2, cost(residuals), objective.deadline)
         return derivatives[:, free]
 
     values = start.copy()
@@ -97,7 +98,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         return Minimum(values, cost(first), "")
     try:
         solution: Any = least_squares(
-            shortened,
+            residuals_or_nan,
             start[free],
             slopes,  # type: ignore[arg-type]  # SciPy takes functions, too
             bounds=objective.limits[:, free],
@@ -106,25 +107,25 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             ftol=accuracy,
             xtol=accuracy,
             gtol=None,  # type: ignore[arg-type]  # as SciPy documents
-            max_nfev=_EVALUATIONS,
+            max_nfev=_MAX_EVALUATIONS,
         )
-    except _Ended as end:
+    except _SearchEnd as end:
         values[free], (residuals, _) = latest
         return Minimum(values, cost(residuals), str(end))
     values[free] = solution.x
     return Minimum(values, float(solution.cost), "" if solution.status > 0 else solution.message)
 
 
-def _end(gain: float, cost: float, deadline: float) -> None:
-    """Raise where no step can be seen to lower the cost, or time is over."""
-    if gain <= _INVISIBLE * cost:
-        raise _Ended
+def _end_at_minimum_or_deadline(gain: float, cost: float, deadline: float) -> None:
+    """Raise if the predicted decrease of the cost is rounding, or the deadline has passed."""
+    if gain <= _COST_ROUNDING * cost:
+        raise _SearchEnd
     if time.monotonic() > deadline:
-        raise _Ended("time_limit has passed;")
+        raise _SearchEnd("time_limit has passed;")
 
 
 def influence(loss: str, residuals: Floats) -> tuple[Floats, Floats]:
-    """First and second derivative of half the loss by the residual."""
+    """Return the first and second derivative of half the loss by the residual."""
     squares = residuals**2
     _, slope, curvature = LOSSES[loss](squares)
     return slope * residuals, slope + 2 * squares * curvature

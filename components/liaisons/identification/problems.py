@@ -1,4 +1,4 @@
-"""What is fitted: residuals of one or more experiments, with their derivatives by the unknowns."""
+"""Residuals of one or more experiments, and their derivatives by the unknowns."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from liaisons.library import Target
 Floats = NDArray[np.float64]
 
 TIME_OFFSET = "time_offset"
-_NOTHING = 1e-6
-_NEARBY = 7
-"""Measurements that a start value of a segment is taken from."""
+_NEGLIGIBLE = 1e-6
+"""An unknown is rounded to 0 below this fraction of its start value."""
+_PARABOLA_POINTS = 7
+"""Number of measurements that the parabola for a start value of a segment is fitted to."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion:
-    """Measurements, and the motion that they are of.
+    """Measurements of one experiment and the simulated motion that they are compared with.
 
-    :param motion: at the times of the measurements, with their signals first.
-    :param columns: index of each of its values among the unknowns.
+    :param motion: evaluated at the times of the measurements; their signals come first.
+    :param columns: for each value of the motion, its index among the unknowns.
     :param offset: index of the time offset among the unknowns; None: 0 s.
     :param deviations: standard deviation of each signal, shape (signals,).
     """
@@ -58,7 +59,7 @@ class MeasuredMotion:
 @final
 @dataclass(frozen=True, eq=False)
 class Link:
-    """Continuity: some signals at the end of an experiment are unknowns, the start of the next one."""
+    """Continuity of multiple shooting: signals at the end of one segment equal the start values of the next one."""
 
     experiment: int
     signals: tuple[int, ...]
@@ -69,7 +70,7 @@ class Link:
 @final
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of an unknown without the measurements."""
+    """Mean and standard deviation of an unknown before the measurements."""
 
     column: int
     mean: float
@@ -79,12 +80,12 @@ class Prior:
 @final
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Residuals of measurements, links and priors, each divided by its standard deviation, and what limits unknowns.
+    """Residuals of measurements, links and priors, each divided by its standard deviation; limits of the unknowns.
 
     :param limits: least and largest values, infinite where there are none, shape (2, unknowns).
     :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
-    :param start: unknowns at which the search begins; what is far smaller than that is 0.
-    :param shift: is added to all residuals.
+    :param start: unknowns at which the search begins.
+    :param shift: added to all residuals.
     :param deadline: of a search, on the clock of ``time.monotonic`` [s].
     """
 
@@ -103,11 +104,11 @@ class Objective:
         key = unknowns.tobytes()
         if key not in self._latest:
             self._latest.clear()
-            self._latest[key] = self._evaluated(unknowns)
+            self._latest[key] = self._evaluate(unknowns)
         residuals, derivatives = self._latest[key]
         return residuals.copy(), derivatives.copy()
 
-    def _evaluated(self, unknowns: Floats) -> tuple[Floats, Floats]:
+    def _evaluate(self, unknowns: Floats) -> tuple[Floats, Floats]:
         unit, parts, motions = np.eye(len(unknowns)), [], []
         for experiment in self.experiments:
             signals, rates = experiment.forward(unknowns)
@@ -127,37 +128,37 @@ class Objective:
         return residuals + self.shift, derivatives
 
     def rounded(self, unknowns: Floats) -> Floats:
-        """Unknowns with 0 for those that are as good as 0."""
+        """Return the unknowns; those that are negligible beside their start values become 0."""
         typical = np.where(self.start == 0, 1.0, np.abs(self.start))
-        return np.where(np.abs(unknowns) < _NOTHING * typical, 0.0, unknowns)
+        return np.where(np.abs(unknowns) < _NEGLIGIBLE * typical, 0.0, unknowns)
 
     def null_space(self, unknowns: Floats) -> NullSpace:
-        """What no residual determines."""
+        """Return the changes of unknowns that change no residual."""
         return NullSpace.of(self(unknowns)[1], self.rounded(unknowns), self.size)
 
     @property
     def size(self) -> float:
-        """Norm of what was measured, each over its standard deviation."""
+        """Norm of all measured values, each divided by its standard deviation."""
         parts = [np.nan_to_num(e.measurements.values / e.deviations[:, None]).ravel() for e in self.experiments]
         return float(np.linalg.norm(np.concatenate(parts)))
 
-    def linked(self, factor: float) -> Objective:
-        """The same with links of so many times their standard deviations."""
+    def with_link_deviations(self, factor: float) -> Objective:
+        """Return this objective with the standard deviations of its links multiplied by a factor."""
         return replace(self, links=tuple(replace(link, deviations=factor * link.deviations) for link in self.links))
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class FittingProblem:
-    """A subject, its measurements, and what is unknown.
+    """A subject, its measurements and its unknowns.
 
-    :param names: of the unknowns, element by element; in several experiments ``"theta_0 (2)"`` is that of the second.
-    :param units: of these.
+    :param names: of the unknowns, element by element; ``"theta_0 (2)"`` belongs to the second experiment.
+    :param units: of the unknowns.
     :param columns: of each experiment: name -> index among the unknowns.
     :param start: values of the unknowns at which the search begins.
     :param limits: least and largest values of the unknowns, shape (2, unknowns).
     :param noise: standard deviations of the signals of each experiment; None: unknown.
-    :param starts: start value -> the output that it is the start of.
+    :param starts: name of a start value -> output that has this value at the start.
     :param operators: active coordinate -> operator.
     :param tolerance: of steps.
     :param deadline: of a search, on the clock of ``time.monotonic`` [s].
@@ -182,18 +183,18 @@ class FittingProblem:
 
     @property
     def count(self) -> int:
-        """Of measured values."""
+        """Number of measured values."""
         return sum(int(np.isfinite(data.values).sum()) for data in self.measurements)
 
     def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
-        """Residuals of motions whose steps are chosen for these values."""
+        """Return the residuals of motions; their step sizes are chosen for these unknowns."""
         experiments = (
-            self._experiment(data, columns, unknowns, level, tolerance=tolerance)
+            self._measured_motion(data, columns, unknowns, level, tolerance=tolerance)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
         )
         return Objective(tuple(experiments), self.priors, self.limits, self.loss, self.start, deadline=self.deadline)
 
-    def _experiment(
+    def _measured_motion(
         self,
         data: Measurements,
         columns: Mapping[str, int],
@@ -204,9 +205,9 @@ class FittingProblem:
         record: Sequence[str] | None = None,
         tolerance: float | None = None,
     ) -> MeasuredMotion:
-        """One, with steps for these values.
+        """Return one experiment with its motion; step sizes are chosen for these unknowns.
 
-        :param record: signals, those of the measurements first; None: these.
+        :param record: signals, those of the measurements first; None: those of the measurements.
         """
         own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
         offset = columns.get(TIME_OFFSET)
@@ -224,10 +225,10 @@ class FittingProblem:
         return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
 
     def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
-        """Residuals of shorter motions, each with start values of its own, and links between them.
+        """Return the objective of multiple shooting: each segment has its own start values, links join the segments.
 
-        :returns: residuals, and their unknowns: the start values of all but the first behind the others.  A time offset
-            keeps its value.
+        :returns: objective, and its unknowns: start values of all segments but the first are appended.  A time offset
+            is constant.
         """
         experiments: list[MeasuredMotion] = []
         links: list[Link] = []
@@ -238,9 +239,9 @@ class FittingProblem:
             own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
             record = list(dict.fromkeys([*data.signals, *self.starts.values()]))
             rows = tuple(record.index(output) for output in self.starts.values())
-            whole = self._experiment(data, own, unknowns, level, record=record).forward(unknowns)[0]
+            whole = self._measured_motion(data, own, unknowns, level, record=record).forward(unknowns)[0]
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
-            states = np.array([measured_near(data, record[row], edges, whole[row, edges]) for row in rows])
+            states = np.array([values_near(data, record[row], edges, whole[row, edges]) for row in rows])
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):
                 if start in own and data.times[0] == self.start_time:
@@ -248,15 +249,15 @@ class FittingProblem:
             for i, (first, last) in enumerate(pairwise(edges)):
                 if i:
                     own |= {name: len(values) + k for k, name in enumerate(self.starts)}
-                    begun = tuple(own[name] for name in self.starts)
-                    links.append(Link(len(experiments) - 1, rows, begun, np.where(size > 0, size, 1.0)))
+                    start_columns = tuple(own[name] for name in self.starts)
+                    links.append(Link(len(experiments) - 1, rows, start_columns, np.where(size > 0, size, 1.0)))
                     values = np.append(values, states[:, i])
-                seen = data.values[:, first : last + 1].copy()
+                segment_values = data.values[:, first : last + 1].copy()
                 if last < edges[-1]:
-                    seen[:, -1] = np.nan  # the next segment has it
-                segment = replace(data, times=data.times[first : last + 1], values=seen)
+                    segment_values[:, -1] = np.nan  # the next segment begins with it
+                segment = replace(data, times=data.times[first : last + 1], values=segment_values)
                 begin = float(segment.times[0]) if i else None
-                experiments.append(self._experiment(segment, own, values, level, start_time=begin, record=record))
+                experiments.append(self._measured_motion(segment, own, values, level, start_time=begin, record=record))
         free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
         limits = np.hstack([self.limits, free])
         values = np.clip(values, *limits)
@@ -266,8 +267,12 @@ class FittingProblem:
         return objective, values
 
 
-def measured_near(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
-    """An output or its rate at some of the times: by parabolas through what was measured nearby, if it was."""
+def values_near(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
+    """Return an output or its rate at some times, from parabolas fitted to measurements nearby.
+
+    :param edges: indices of the times.
+    :param otherwise: values to return if neither the output nor its integral was measured.
+    """
     name, _ = split(output)
     base = name.removesuffix("_dot") + output[len(name) :]
     signal = output if output in data.signals else base
@@ -277,7 +282,7 @@ def measured_near(data: Measurements, output: str, edges: Sequence[int], otherwi
     times, values = data.times[np.isfinite(values)], values[np.isfinite(values)]
     near = np.empty(len(edges))
     for i, time in enumerate(data.times[edges]):
-        closest = np.argsort(np.abs(times - time))[:_NEARBY]
+        closest = np.argsort(np.abs(times - time))[:_PARABOLA_POINTS]
         parabola = np.polynomial.Polynomial.fit(times[closest], values[closest], min(2, len(closest) - 1))
         near[i] = (parabola if signal == output else parabola.deriv())(time)
     return near

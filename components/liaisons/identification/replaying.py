@@ -1,4 +1,4 @@
-"""A fitted motion as FMUs perform it."""
+"""Simulation of FMUs at the values of a fit."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from liaisons.mechanics import Model
 from liaisons.results import Result
 
 _TOLERANCE = 1e-12
-_STEPS = 1000
-"""Communication steps, at least: what operators do in one is interpolated."""
+_MIN_STEPS = 1000
+"""Least number of communication steps; motions of operators are interpolated within a step."""
 
 
-@lru_cache(maxsize=1)  # a film and verdicts are of the same runs
+@lru_cache(maxsize=1)  # film and verdicts share the runs
 def replays(estimate: ParameterEstimate) -> tuple[Result, ...]:
-    """The motion of each experiment; its times are among the communication points."""
+    """Return the result of each experiment; the times of its measurements are communication points."""
     problem, values = estimate.problem, estimate.values.tolist()
     return tuple(
         _replay(problem, experiment, {name: values[i] for name, i in columns.items() if name != TIME_OFFSET})
@@ -37,7 +37,7 @@ def _replay(problem: FittingProblem, experiment: MeasuredMotion, values: Mapping
     starts = {**problem.start_values, **values}
     data, subject = experiment.measurements, problem.subject
     ends = np.unique([problem.start_time, *experiment.motion.times])
-    most = np.ptp(ends) / _STEPS
+    most = np.ptp(ends) / _MIN_STEPS
     inner = [np.linspace(a, b, int(np.ceil((b - a) / most)), endpoint=False) for a, b in pairwise(ends)]
     times = np.append(np.concatenate(inner), ends[-1])
     if isinstance(subject, cosim.System):
