@@ -48,13 +48,15 @@ def _warnings_at_the_end() -> Iterator[None]:
 
 def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
     """Exit status and line of error of a command; empty where it succeeded."""
-    # Imported here, where an interrupt is caught; the commands in the order of the help.
-    # isort: off
+    # Imported here, where an interrupt is caught.
     from typer import TyperException
 
-    from liaisons.cli import components, equations, simulate, pictures, plan, identify, sweep, compare, run, check  # noqa: F401
+    from liaisons.cli import check, compare, components, equations, identify, pictures, plan, run, simulate, sweep
     from liaisons.cli._command import application
-    # isort: on
+
+    in_order = (components, equations, simulate, pictures, plan, identify, sweep, compare, run, check)
+    order = [module.__name__ for module in in_order]
+    application.registered_commands.sort(key=lambda command: order.index(getattr(command.callback, "__module__", "")))
 
     try:
         status: int = application(arguments, prog_name="liaisons", obj=debug, standalone_mode=False)
