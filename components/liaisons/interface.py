@@ -41,7 +41,7 @@ T = TypeVar("T")
 def _by_name(
     function: Callable[Concatenate[Path | str | T, P], R], *types: type[T]
 ) -> Callable[Concatenate[Target | T, P], R]:
-    """The same function, whose first argument may be a component, or an instance of further types."""
+    """Return the function with components, and instances of further types, allowed as first argument."""
 
     @wraps(function)
     def call(subject: Target | T, /, *arguments: P.args, **options: P.kwargs) -> R:

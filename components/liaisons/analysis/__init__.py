@@ -1,4 +1,4 @@
-"""What is computed on the Lagrangian itself, without simulating: plain functions of a mechanism.
+"""Functions that analyse the Lagrangian of a mechanism without simulation.
 
 Each takes a :class:`Mechanism` class (or its :class:`Equations`) and returns numbers, or a :class:`Quantity` that is
 evaluated by the names of its symbols::

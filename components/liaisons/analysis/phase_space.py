@@ -112,7 +112,7 @@ def divergence(source: Source) -> Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Where a state is carried in some time, and its neighbours with it."""
+    """State after a duration, and its derivative by the initial state."""
 
     state: dict[str, float]  # q, p_q and internal states at the end
     jacobian: NDArray  # J = ∂X(t)/∂X(0) of K eq. 98, (n, n), in the order of ``state``

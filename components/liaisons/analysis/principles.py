@@ -230,7 +230,7 @@ def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) 
 
 
 def _pieces(function: ca.Function, z: NDArray, h: NDArray) -> Iterator[tuple[slice, float, NDArray, NDArray, NDArray]]:
-    """Of each interval its place in the order (node, rate, coordinate), S, gradient, Hessian and norm."""
+    """Yield for each interval its indices in the order (node, rate, coordinate), S, gradient, Hessian and norm."""
     node, column = 2 * z.shape[0], z.ravel(order="F")
     for i, width in enumerate(h):
         piece = slice(i * node, (i + 2) * node)

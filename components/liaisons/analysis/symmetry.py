@@ -1,4 +1,4 @@
-"""What is known without solving the equations of motion: conservation laws, similarity, virial (K 2.4, 2.5, 2.7)."""
+"""Results without solving the equations of motion: conservation laws, similarity, virial (K 2.4, 2.5, 2.7)."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class NormalModes:
 
 
 def equilibrium(source: Source, **values: float) -> dict[str, float]:
-    """Where the forces vanish at rest, ∂V/∂q = drives - loads, by Newton's method (K eq. 132).
+    """Return the configuration at which forces vanish at rest, ∂V/∂q = drives - loads, by Newton's method (K eq. 132).
 
     Along a zero mode it stays where it is.
 

@@ -1,1 +1,1 @@
-"""What every layer uses: arguments, files, folders, processes, compilers, units, names of elements and of ports."""
+"""Shared by all layers: arguments, files, folders, processes, compilers, units, names of elements and of ports."""

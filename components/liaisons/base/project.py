@@ -47,7 +47,7 @@ def scenario_themes() -> dict[str, tuple[str, list[str]]]:
 
 
 def scenario_claim(path: Path) -> str:
-    """What a scenario claims: the first paragraph of the file's docstring; the file is not run.
+    """Return the claim of a scenario: the first paragraph of its docstring; the file is not run.
 
     :raises ProjectError: if it is no Python file.
     """

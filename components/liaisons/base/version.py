@@ -2,4 +2,4 @@
 
 __version__ = "0.1.0"
 __date__ = "2026-11-22"
-"""Of this version; it stands in the FMUs of the catalogue, which are the same whenever they are built."""
+"""Date of this version, written into FMUs of the catalogue so that rebuilt files are identical."""

@@ -47,7 +47,7 @@ class Difference:
         return 0.0 if self.maximum == 0 else float("inf")
 
     def row(self) -> dict[str, str]:
-        """As a row of :func:`liaisons.check.table`."""
+        """Return a row of :func:`liaisons.check.table`."""
         return {
             "signal": self.name,
             "unit": self.unit or "-",

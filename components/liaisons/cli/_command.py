@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from liaisons.check import Verdict
 
 _WIDTH = 100
-"""Of what is no terminal."""
+"""Width of output that does not go to a terminal."""
 
 
 def _examples(lines: str) -> str:

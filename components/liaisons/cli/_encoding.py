@@ -9,7 +9,7 @@ import unicodedata
 
 _HANDLER = "liaisons.ascii"
 _USUAL = {"strict", "surrogateescape", "backslashreplace"}
-"""What Python does unless the user has asked for something else, as in ``PYTHONIOENCODING=cp1252:replace``."""
+"""Python's default; users choose others as in ``PYTHONIOENCODING=cp1252:replace``."""
 
 _SIGNS = {
     sign: words
@@ -20,7 +20,7 @@ _SIGNS = {
     )
     for sign, words in (pair.split() for pair in line.split(" | "))
 } | {"°": " deg"}
-"""What Unicode has no such name for; it says lamda, for example."""
+"""Replacements where Unicode's names do not serve, such as lamda for λ."""
 
 
 def tolerate_encodings() -> None:

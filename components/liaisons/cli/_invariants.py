@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from liaisons.results import Result
 
 _ROUNDING = 1e-12
-"""Of a signal, relative to the largest of all: what rounding leaves of a sum that is 0."""
+"""Rounding error of a sum that is 0, relative to the largest signal."""
 _MOST_VALIDATED = 2**23
 """Bytes of a model description; its validator takes some fifty times as many."""
 

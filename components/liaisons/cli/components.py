@@ -160,7 +160,7 @@ def _build_one(
 
 
 def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
-    """What the function makes of each task, in their order; what it raises is raised when its turn comes."""
+    """Yield the function's result for each task in order; errors are raised at the same place."""
     count = min(os.cpu_count() or 1, len(tasks) // 2)  # a process takes as long to begin as an FMU to be built
     if count < 2:
         yield from map(function, tasks)

@@ -238,7 +238,7 @@ def _interrupted(journal: Path | None) -> Iterator[None]:
 def _subject(
     word: str, starts: dict[str, Any], start: float | None, stop: float | None, step: float | None
 ) -> dict[str, Any]:
-    """What is simulated, and from when to when: arguments of ``sweep()``."""
+    """Arguments of ``sweep()`` that name the subject and its times."""
     from liaisons.cli._subject import resolved
     from liaisons.cosim import System
 

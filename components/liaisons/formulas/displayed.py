@@ -59,7 +59,7 @@ class DisplayedEquations:
         return [(equation, formula(equation.right, self.notation)) for equation in self.equations]
 
     def _sections(self, printer: Printer, inline: str) -> Iterator[tuple[Law, str, list[tuple[str, Formula]], str]]:
-        """Of each part its law, that in its general form, its equations, and why some are missing."""
+        """Yield for each part its law, the general form, the equations, and reasons for missing ones."""
         for part in self.parts:
             law, own = LAWS[part], [(e.left, right) for e, right in self._formulas if e.section == part]
             dropped = ", ".join(inline.format(printer.name(left)) for left, right in own if right is None)

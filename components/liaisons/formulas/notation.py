@@ -70,7 +70,7 @@ class Notation:
 
     @classmethod
     def from_model(cls, model: Model) -> Notation:
-        """That of a model's variables."""
+        """Return the notation of a model's variables."""
         symbols = {v.name: v.symbol for v in model.variables if v.symbol}
         upheld = {*(active.value for active in model.active), *contact_names(model)}
         return cls([v.name for v in model.variables], upheld, symbols)

@@ -1,4 +1,4 @@
-"""What all printers of formulas share: the walk through a term, and where brackets are needed."""
+"""Base of all printers of formulas: walks through terms and sets brackets."""
 
 from __future__ import annotations
 

@@ -201,11 +201,11 @@ def _inputs(  # noqa: PLR0917
 def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
     """Return the knots of the quintic spline that fits values best, shape (4, knots)."""
     at = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / width)))
-    too_few = np.histogram(times, at)[0] < 2 + 4 * (at.size == 2)
+    required = 6 if at.size == 2 else 2  # a single quintic has six coefficients
+    too_few = np.histogram(times, at)[0] < required
     if too_few.any():
-        raise ValueError(
-            f"smoothing = {width:g} s leaves less than two values after t = {at[too_few.argmax()]:g} s; widen it"
-        )
+        begin = at[too_few.argmax()]
+        raise ValueError(f"smoothing = {width:g} s leaves less than {required} values after t = {begin:g} s; widen it")
     spline = make_lsq_spline(times, values, np.pad(at, 5, mode="edge"), 5)
     return np.array([at, *(spline(at, order) for order in range(3))])
 

@@ -40,7 +40,7 @@ class Layout:
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """All of them: parameters, inputs, outputs."""
+        """All variables: parameters, inputs, outputs."""
         return self.parameters + self.inputs + self.outputs
 
     def flat(self) -> Layout:

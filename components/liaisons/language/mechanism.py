@@ -130,7 +130,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     @classmethod
     def of_size(cls, n: object) -> type[Mechanism]:
-        """The same mechanism with n elements.
+        """Return this mechanism with n elements.
 
         :raises ComponentError: if it has no Size n, or n is no whole number, or too small.
         """
@@ -351,7 +351,7 @@ def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: 
 
 
 def _singular(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
-    """What is wrong with a rate whose row of the mass matrix is zero, and what to do."""
+    """Return the message for a rate whose row of the mass matrix is zero."""
     if ca.depends_on(gradient(lagrangian, rate), m.active.s_dot):
         return (
             f"{rate} is multiplied by rates of active coordinates alone, so that Lagrange's equation is a condition on "

@@ -129,7 +129,7 @@ class Operator(Component, abstract=True):
         return {}
 
     def samples(self) -> Mapping[str, ca.SX]:
-        """What internal states jump to, by name, where inputs are set; of inputs, too.  The others stay."""
+        """Return, by name, the values that internal states or inputs jump to when inputs are set; default: none."""
         return {}
 
     @classmethod
@@ -138,7 +138,7 @@ class Operator(Component, abstract=True):
         return cls.samples is not Operator.samples
 
     def conditions(self) -> Mapping[str, ca.SX]:
-        """What must stay > 0, by the words that say so where it does not."""
+        """Return expressions that must stay > 0, by the message of their error."""
         return {}
 
     def events(self) -> Sequence[ca.SX]:

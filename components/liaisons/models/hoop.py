@@ -1,4 +1,4 @@
-"""What all hoops have in common: a bead on a closed plane curve that an operator turns about a point O inside it."""
+"""Base class of hoops: a bead on a closed plane curve that an operator turns about a point O inside it."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Regulator(KnottedMotion):
         return {text: due + 2 * NEAR * self.period - self.elapsed}
 
     def _held_rows(self) -> tuple[list[ca.SX], list[ca.SX]]:
-        """What holds from the last sample on."""
+        """Values latched at the last sample."""
         limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
         return self.interval(self.time_of_round(self.sample), "instant", *limits, rests=True)
 

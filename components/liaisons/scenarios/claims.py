@@ -18,7 +18,7 @@ from liaisons.results import Result
 @final
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """What is allowed, in which unit, and why; see :func:`within`."""
+    """Tolerance of a claim with its unit and reason; see :func:`within`."""
 
     tolerance: float
     unit: str
@@ -41,7 +41,7 @@ def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
 
 @final
 class Claims:
-    """What a scenario calls with each of its claims; ``verdicts`` are those so far.
+    """Collector that a scenario calls with each claim; ``verdicts`` are those so far.
 
     All raise :class:`ValidityError` for numbers that are none or cannot be compared, and for a bound that is none.
     """

@@ -14,7 +14,7 @@ from liaisons.base.files import replacing
 from liaisons.errors import ValidityError
 
 _WIDTH, _HEIGHT = 5.2, 4.0
-"""Of a panel [in]."""
+"""Size of a panel [in]."""
 
 
 def panels(

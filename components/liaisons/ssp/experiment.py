@@ -20,7 +20,7 @@ def chosen(
     stop_time: float | None = None,
     step_size: float | None = None,
 ) -> DefaultExperiment:
-    """What is given; what is not is that of the last run, else the longest time and the shortest step of the FMUs.
+    """Return times and step size: arguments first, then the last run, then the longest and shortest of the FMUs.
 
     :raises SimulationError: for what is no finite number.
     """
@@ -71,7 +71,7 @@ def add_experiment(root: Element, experiment: DefaultExperiment) -> None:
 
 
 def read_experiment(root: Element) -> DefaultExperiment:
-    """What a structure says of its experiment.
+    """Return the default experiment of a structure.
 
     :raises ValueError: for a number that is none.
     """

@@ -105,7 +105,7 @@ def bend_for(turn: float, at: Values) -> float:
     "the direction of a + b in the frame of half A, which without twist and momentum stays where it is in space"
 )
 def bisector(bend: ArrayLike, azimuth: ArrayLike) -> NDArray:
-    """Of κ and χ [rad], any shape; (..., 3)."""
+    """Return the vector for angles ``bend`` and ``azimuth`` [rad] of any shape; shape (..., 3)."""
     half, chi = np.asarray(bend) / 2, np.asarray(azimuth)
     return np.stack(np.broadcast_arrays(np.sin(half) * np.sin(chi), -np.sin(half) * np.cos(chi), np.cos(half)), axis=-1)
 

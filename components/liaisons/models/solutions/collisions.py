@@ -20,7 +20,7 @@ def moreau(at: Values) -> NDArray:
 
 @closed_form("velocities [m/s] after all impacts of ball 1 with 2 and of 2 with 3, one after the other from the left")
 def sequence(at: Values) -> NDArray:
-    """What a gap between balls 2 and 3 gives, however small; (impacts + 1, 3): at the start, after each impact."""
+    """Return the velocities if a gap separates balls 2 and 3: at the start, after each impact; (impacts + 1, 3)."""
     m, v = at.mass, [at.x_dot_0]
     require(len(m) == 3, f"BallRow.sequence: {len(m)} balls: of more than three the order depends on the gaps")
     while np.any(np.diff(v[-1]) < -1e-12 * np.max(np.abs(v[0]))):

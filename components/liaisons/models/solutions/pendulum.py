@@ -1,4 +1,4 @@
-"""What is known of the pendulum beyond its motion: time, action, small swings, and what an operator's motion does."""
+"""Closed forms of the pendulum: period, action, small swings, and its response to the operator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a slow full turn of a hoop does to its bead: a shift by -4π area/length (Hannay, Berry), and a remainder.
+"""Shift of a bead by a slow full turn of its hoop: -4π area/length (Hannay, Berry), and a remainder.
 
 The curve is a sum of waves, OP = Σ c_k e^(iku), in the hoop's plane as complex numbers.  With the arc length ξ, ℓ in
 all, <> the mean over it, a = r²θ' and r² = |OP|², a bead that runs at the speed v is shifted in the time T
@@ -78,7 +78,7 @@ class SlowTurn:
         return u
 
     def smooth_remainder(self, duration: float, u: ArrayLike, speed: float = 1.0) -> NDArray:
-        """What :attr:`shift` lacks after a SmoothStep, to order 1/T³, for beads that start at u with a speed [m/s]."""
+        """Error of :attr:`shift` after a SmoothStep, to order 1/T³, for beads that start at u with a speed [m/s]."""
         a, r_squared = self.a(_GRID), self.r_squared(_GRID)
         G = self._primitive(a)
         variance, square, mean = self._mean(r_squared**2) - self._mean(r_squared) ** 2, self._mean(G**2), self._mean(a)
@@ -98,7 +98,7 @@ class SlowTurn:
         return float(_TURN**2 * np.max(np.abs(r_squared - self._mean(r_squared))) / (2 * speed * duration))
 
     def abrupt_mean_remainder(self, duration: float, speed: float = 1.0) -> float:
-        """What :attr:`shift` lacks on the average over all starts of an abrupt turn, to order 1/T²."""
+        """Mean error of :attr:`shift` over all starts of an abrupt turn, to order 1/T²."""
         a, r_squared = self.a(_GRID), self.r_squared(_GRID)
         arc = _integrated(self.speed(_GRID))
         xi = self.length / _TURN * _GRID + _at(arc, _GRID) - _at(arc, 0.0)

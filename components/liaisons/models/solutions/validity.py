@@ -1,4 +1,4 @@
-"""What a closed form demands of its arguments, said in one line when it does not get it."""
+"""Conditions on the arguments of closed forms, and their errors."""
 
 from __future__ import annotations
 
