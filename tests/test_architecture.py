@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 import liaisons
-from liaisons import scenarios
 from liaisons.fmu.code import source_files
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
@@ -38,14 +37,10 @@ def test_import_alone_is_light() -> None:
     assert python("import sys, liaisons; print({'numpy', 'casadi', 'fmpy'} & set(sys.modules))") == "set()\n"
 
 
-@pytest.mark.filterwarnings("ignore:.* is called:DeprecationWarning")
 def test_every_public_name_is_there() -> None:
     assert {name for name in dir(liaisons) if getattr(liaisons, name, None) is None} == set()
     with pytest.raises(AttributeError, match="no_such_name"):
         _ = liaisons.no_such_name  # type: ignore[attr-defined]
-    for name in ("Claims", "dots", "panels", "scenario", "slope", "table", "within"):
-        with pytest.warns(DeprecationWarning, match=rf"^liaisons\.{name} is now liaisons\.scenarios\.{name}$"):
-            assert getattr(liaisons, name) is getattr(scenarios, name)
 
 
 def test_layers() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons import LiaisonsError, System, ensemble, hold, operator, plan, show, simulate, sweep
+from liaisons import LiaisonsError, System, hold, operator, plan, show, simulate
 from liaisons.models import Pendulum, Ramp
 
 SPAN: dict[str, Any] = {"stop_time": 0.2, "step_size": 0.1}
@@ -58,17 +58,6 @@ def test_a_setting_is_the_setting_and_the_variable_of_its_name_is_a_start_value(
     words = r"start_time = 'a': must be a finite number; start_time is a variable, too: give it in start_values$"
     with pytest.raises(LiaisonsError, match=words):
         simulate(path, start_time="a", **SPAN)  # pyright: ignore[reportArgumentType]
-
-
-def test_former_names_are_taken_with_a_warning(fmu: Callable[..., Any]) -> None:
-    former: dict[str, Any] = {"starts": {"theta_0": 0.0}}
-    with pytest.warns(DeprecationWarning, match="sweep: starts is now called start_values"):
-        table = sweep(fmu(Pendulum, "python"), {"mass": [1.0]}, "theta", workers=1, **former, **SPAN)
-    assert table["theta"] == [0.0]
-    former = {"values": {"theta_0": [0.0]}}
-    with pytest.warns(DeprecationWarning, match="ensemble: values is now called start_values"):
-        run = ensemble(Pendulum, backend="numpy", **former, **SPAN)
-    assert run["theta"][-1] == [0.0]
 
 
 def test_one_fmu_takes_the_settings_of_a_system(fmu: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:

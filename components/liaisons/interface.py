@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons import cosim, live, ssp, sweeps
 from liaisons.base import cache
-from liaisons.base.arguments import merged, renamed
+from liaisons.base.arguments import merged
 from liaisons.base.folders import process_folder
 from liaisons.base.project import ProjectError
 from liaisons.cosim.structure.components import Solver
@@ -102,7 +102,7 @@ def _together(subjects: list[Path | cosim.System]) -> cosim.System:
     return beside
 
 
-sweep = renamed(starts="start_values")(_by_name(sweeps.sweep, cosim.System))
+sweep = _by_name(sweeps.sweep, cosim.System)
 
 
 def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:

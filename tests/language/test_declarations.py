@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import liaisons
-from liaisons import language
 from liaisons.base.project import ProjectError, load_module
 from liaisons.errors import ComponentError
 from liaisons.language import (
@@ -38,13 +37,6 @@ class _Bead(Mechanism, abstract=True):
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.x) ** 2
-
-
-@pytest.mark.parametrize("module", [liaisons, language])
-@pytest.mark.parametrize(("old", "new"), [("condition", "assertion"), ("submersion", "rheonomic_constraint")])
-def test_old_names_are_the_new_declarations_with_a_warning(module: ModuleType, old: str, new: str) -> None:
-    with pytest.warns(DeprecationWarning, match=rf"\.{old} is now liaisons\.(language\.)?{new}$"):
-        assert getattr(module, old) is getattr(module, new)
 
 
 def test_class_gives_declarations_and_instance_gives_symbols() -> None:

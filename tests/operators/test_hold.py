@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-import liaisons
-from liaisons import Controller, Plan, hold, plan
+from liaisons import Plan, hold, plan
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
 from liaisons.holding.controllers import ReferenceTrajectory
@@ -88,15 +87,6 @@ def test_what_cannot_be_moved_is_made_up_for() -> None:
     V, U = np.eye(2)[:, :1], np.eye(2)[:, 1:]
     target, missed = steady(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
     assert (target.item(), missed.item()) == pytest.approx((-2, 0))
-
-
-def test_old_names_are_deprecated() -> None:
-    with pytest.deprecated_call(match=r"liaisons\.Held is now liaisons\.operators\.Controller"):
-        held = liaisons.Held  # type: ignore[attr-defined]
-    assert held is Controller
-    regulator = hold("Pendulum", **HELD["Pendulum"])
-    with pytest.deprecated_call(match="multipliers is called floquet_multipliers"):
-        np.testing.assert_array_equal(regulator.multipliers, regulator.floquet_multipliers)
 
 
 @pytest.mark.parametrize("name", HELD)

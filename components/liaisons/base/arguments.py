@@ -8,10 +8,8 @@ from __future__ import annotations
 import math
 import os
 import re
-import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import wraps
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -71,23 +69,6 @@ def settings_beside(variables: Collection[str]) -> Iterator[None]:
         if setting is None or setting[1] not in variables:
             raise
         raise type(error)(f"{error}; {setting[1]} is a variable, too: give it in start_values") from None
-
-
-def renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Take keywords by their former names, too, with a DeprecationWarning: former=present."""
-
-    def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        @wraps(function)
-        def call(*arguments: P.args, **keywords: P.kwargs) -> T:
-            for former in names.keys() & keywords.keys():
-                text = f"{function.__name__}: {former} is now called {names[former]}"
-                warnings.warn(text, DeprecationWarning, stacklevel=2)
-                keywords[names[former]] = keywords.pop(former)
-            return function(*arguments, **keywords)
-
-        return call
-
-    return decorate
 
 
 def as_path(label: str, path: object, error: Error = InvalidValueError) -> Path:

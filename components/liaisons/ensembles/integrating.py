@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import chosen, listed, named, numbers, renamed, time_span, whole
+from liaisons.base.arguments import chosen, listed, named, numbers, time_span, whole
 from liaisons.base.compiler import system_compiler, zig_compiler
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
@@ -38,7 +38,6 @@ _ROUNDINGS = 1e-12
 """Differences that are less, of the largest value, are roundings of thousands of steps, and do not shrink."""
 
 
-@renamed(values="start_values")
 def ensemble(
     component: Target,
     start_values: Mapping[str, ArrayLike],

@@ -3,9 +3,6 @@
 :mod:`liaisons.mechanics` derives equations from them, :mod:`liaisons.fmu` builds FMUs.
 """
 
-import warnings
-from typing import TYPE_CHECKING
-
 from liaisons.language.chain import Chain
 from liaisons.language.closed_forms import Values, closed_form
 from liaisons.language.component import Component
@@ -97,14 +94,3 @@ __all__ = [
     "unchecked",
     "unilateral",
 ]
-
-if not TYPE_CHECKING:
-    _RENAMED = {"condition": assertion, "submersion": rheonomic_constraint}
-
-    def __getattr__(name: str) -> type:
-        """Declaration of an old name, for one version."""
-        if name not in _RENAMED:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        new = _RENAMED[name]
-        warnings.warn(f"{__name__}.{name} is now {__name__}.{new.__name__}", DeprecationWarning, stacklevel=2)
-        return new
