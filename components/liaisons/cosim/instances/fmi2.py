@@ -5,9 +5,8 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Sequence
 from contextlib import suppress
-from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
+from ctypes import Array, addressof, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
 from itertools import count
-from pathlib import Path
 from typing import Any, ClassVar, final
 
 import fmpy
@@ -16,27 +15,23 @@ from fmpy.fmi2 import (
     fmi2CallbackFreeMemoryTYPE,
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
+    fmi2LastSuccessfulTime,
+    fmi2Terminated,
 )
 from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.buffer_layouts import value_references
+from liaisons.cosim.instances.loading import FMU2CoSimulation
 from liaisons.cosim.instances.protocol import DISCARD, Loaded, Numbers, Scalars
 from liaisons.errors import SimulationError
 
-_YES, _NO = c_int(1), c_int(0)
-_LAST_SUCCESSFUL_TIME, _TERMINATED = c_int(2), c_int(3)  # what can be asked about a step that was discarded
 _handles = count(1)
 _instances: dict[int, Instance2] = {}
 
 
 class Instance2(Loaded, ABC):
-    """An FMI 2.0 instance.
-
-    :cvar kind: that of ``fmi2Type``.
-    """
-
-    kind: ClassVar[int]
+    """An FMI 2.0 instance."""
 
     prefix = "fmi2"
     functions: ClassVar = {
@@ -54,14 +49,10 @@ class Instance2(Loaded, ABC):
     sized = False
     transfer = TRANSFER_2
 
-    def _instantiated(self, library: CDLL, resources: Path) -> int | None:
+    def _instantiate(self) -> None:
         self._handle = next(_handles)
         _instances[self._handle] = self
-        self._callbacks = _callbacks(self._handle)
-        instantiate = library["fmi2Instantiate"]
-        instantiate.restype = c_void_p
-        words = self.name.encode(), self.kind, self._fmu.guid.encode(), resources.as_uri().encode()
-        return instantiate(*words, byref(self._callbacks), _NO, _YES)
+        self.fmpy_instance.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         call = self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
@@ -70,23 +61,23 @@ class Instance2(Loaded, ABC):
         record = {"source": rows, "count": row_count.value, "values": values, "size": column_count.value, "more": more}
         return call.recorded(DERIVE_2, self._pointer.value, **record)
 
-    def _forget(self, library: CDLL) -> None:
+    def _forget(self) -> None:
         _instances.pop(self._handle, None)
         with suppress(AttributeError):
             # pythonfmu 0.7 stays loaded, and at the end of the process frees its interpreter twice, unless it has let
             # go of it before; it takes hold of it again when it is needed
-            library.finalizePythonInterpreter()
+            self.fmpy_instance.dll.finalizePythonInterpreter()
 
 
 @final
 class CoSimulation2(Instance2):
     """An FMI 2.0 co-simulation instance."""
 
-    kind = 1
+    fmpy_class = FMU2CoSimulation
 
     def stepper(self, time: c_double, size: c_double) -> Call:
         self._span = time, size
-        call = self._prepared("step", time, size, _YES)
+        call = self._prepared("step", time, size, c_int(1))
         return call.recorded(STEP_2, self._pointer.value)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
@@ -106,9 +97,9 @@ class CoSimulation2(Instance2):
             return None  # it refuses, and says why: pythonfmu's wrapper discards no step without asking for the end
         said, ended, reached = self._said.copy(), c_int(), c_double()
         with suppress(SimulationError):  # these functions are missing from many an FMU
-            self._call("fmi2GetBooleanStatus", _TERMINATED, byref(ended))
+            self._call("fmi2GetBooleanStatus", fmi2Terminated, byref(ended))
             if ended.value:
-                self._call("fmi2GetRealStatus", _LAST_SUCCESSFUL_TIME, byref(reached))
+                self._call("fmi2GetRealStatus", fmi2LastSuccessfulTime, byref(reached))
                 return reached.value
         self._said = said
         return None

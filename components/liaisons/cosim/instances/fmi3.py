@@ -12,7 +12,7 @@ from abc import ABC
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,11 @@ from numpy.typing import NDArray
 from liaisons.cosim.compiled.calls import STEP_3, TRANSFER_3, Action, Call
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.buffer_layouts import Transfer, buffered, counted, layout, layouts
+from liaisons.cosim.instances.loading import FMU3CoSimulation
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
 from liaisons.cosim.instances.trial import NUMBERS
 from liaisons.cosim.messages import DISCARD
 from liaisons.errors import SimulationError
-
-_LOG = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
-_UPDATE = c.CFUNCTYPE(None, c.c_void_p, c.c_double, *[c.c_bool] * 4, c.POINTER(c.c_bool), c.POINTER(c.c_double))
 
 
 @final
@@ -55,21 +53,11 @@ class Instance3(Loaded, ABC):
     sized = True
     transfer = TRANSFER_3
 
-    def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
-        self._log = _LOG(lambda _, status, __, message: self._note(status, message))
-        super().__init__(name, fmu, directory)
-
-    def _instantiated(self, library: c.CDLL, resources: Path) -> int | None:
-        own, last = self._particulars()
-        instantiate = library[f"fmi3Instantiate{'ModelExchange' if self._fmu.is_model_exchange else 'CoSimulation'}"]
-        instantiate.restype = c.c_void_p
-        words = self.name.encode(), self._fmu.guid.encode(), f"{resources}/".encode()
-        visible, logging = c.c_bool(False), c.c_bool(True)
-        return instantiate(*words, visible, logging, *own, None, self._log, *last)
-
-    def _particulars(self) -> tuple[Sequence[object], Sequence[object]]:
-        """Arguments of its kind alone: after whether it logs, and at the end; none in Model Exchange."""
-        return (), ()
+    def _instantiate(self, **particulars: Any) -> None:
+        """Instantiate it by FMPy, with arguments that its kind alone has."""
+        self.fmpy_instance.instantiate(
+            loggingOn=True, logMessage=lambda _, status, __, message: self._note(status, message), **particulars
+        )
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         rows, columns = (layout(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
@@ -86,8 +74,9 @@ class CoSimulation3(Instance3):
     :param asks: it is to ask for inputs inside communication steps; see :meth:`intermediate_update`.
     """
 
+    fmpy_class = FMU3CoSimulation
+
     def __init__(self, name: str, fmu: Fmu, directory: Path, *, requests_intermediate_update: bool = False) -> None:
-        self._update = _UPDATE(lambda *_: self._answer())
         inputs = (entry.like for entry in fmu.variables.entries.values() if entry.like.causality == "input")
         self._asked = [like.reference for like in inputs if like.type == "Real" and requests_intermediate_update]
         self._answers: list[list[Transfer]] = []
@@ -97,9 +86,11 @@ class CoSimulation3(Instance3):
         self._final = c.c_bool(True)  # no state from before the step will be set after it
         super().__init__(name, fmu, directory)
 
-    def _particulars(self) -> tuple[Sequence[object], Sequence[object]]:
-        event_mode, early_return, asked = c.c_bool(False), c.c_bool(False), counted(self._asked)
-        return (event_mode, early_return, *asked), (self._update if self._asked else None,)
+    def _instantiate(self, **particulars: Any) -> None:
+        if self._asked:
+            particulars["requiredIntermediateVariables"] = self._asked
+            particulars["intermediateUpdate"] = lambda *_: self._answer()
+        super()._instantiate(**particulars)
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
         """As :meth:`Instance.stepper`; it returns Discard, too, where the FMU wants to end the simulation."""

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from ctypes import CDLL, Structure, byref, c_bool, c_double, c_int, c_size_t, c_void_p
+from ctypes import byref, c_bool, c_double, c_size_t, c_void_p
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
+from fmpy.fmi2 import fmi2EventInfo
 from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import Call
@@ -23,6 +24,7 @@ from liaisons.cosim.instances import dop853
 from liaisons.cosim.instances.dop853 import Dop853
 from liaisons.cosim.instances.fmi2 import Instance2
 from liaisons.cosim.instances.fmi3 import Instance3
+from liaisons.cosim.instances.loading import FMU2ModelExchange, FMU3ModelExchange
 from liaisons.cosim.instances.motion import InputMotion
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
 from liaisons.cosim.messages import DISCARD, OK, WARNING, logger
@@ -190,7 +192,7 @@ class ModelExchange(Loaded, ABC):
             rates = np.zeros_like(solver.states)
             self._begin_motion()
             if rates.size:
-                self._call(self.derivatives, c_void_p(rates.ctypes.data), self._count, about=self._when())
+                self._fill(rates, self.derivatives, self._when())
             apart = min(_NEAR * self._size, (self._next_event - begin) / len(_FORWARD))
             total = -sum(_FORWARD) * take()
             for k, factor in enumerate(_FORWARD, 1):
@@ -276,7 +278,7 @@ class ModelExchange(Loaded, ABC):
         for later in (0.0, _STUCK * self._size, 4 * float(np.spacing(abs(begin)))):
             trial = states + later * rates
             self._require(self._place(begin + later, c_void_p(trial.ctypes.data)))
-            self._call(self.derivatives, c_void_p(rates.ctypes.data), self._count, about=self._when())
+            self._fill(rates, self.derivatives, self._when())
             if not np.isfinite(rates).all():
                 k = int(np.argmin(np.isfinite(rates)))
                 words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._when()}, where that is"
@@ -299,9 +301,8 @@ class ModelExchange(Loaded, ABC):
         assert solver is not None
         if self._stale:
             if self._count.value:
-                self._call(f"{self.prefix}GetContinuousStates", self._states_address, self._count)
-                nominals = c_void_p(self._nominals.ctypes.data)
-                self._call(f"{self.prefix}GetNominalsOfContinuousStates", nominals, self._count)
+                self._fill(solver.states, f"{self.prefix}GetContinuousStates")
+                self._fill(self._nominals, f"{self.prefix}GetNominalsOfContinuousStates")
             solver.restart(self._clock.value, self._sizes_of_states())
             self._stale = False
         return solver
@@ -330,7 +331,8 @@ class ModelExchange(Loaded, ABC):
         if not self._fmu.completes:
             return False
         event, ends = self.flag(), self.flag()
-        self._call(f"{self.prefix}CompletedIntegratorStep", self._final, byref(event), byref(ends), about=self._when())
+        name = f"{self.prefix}CompletedIntegratorStep"
+        self._check(name, self._function(name)(self._pointer, self._final, byref(event), byref(ends)), self._when())
         if ends.value:
             raise self._ending()
         return bool(event.value)
@@ -428,11 +430,15 @@ class ModelExchange(Loaded, ABC):
         if not self._indicators.size:
             return False
         before = self._indicators > 0
-        address, size = c_void_p(self._indicators.ctypes.data), c_size_t(self._indicators.size)
-        self._call(f"{self.prefix}GetEventIndicators", address, size)
+        self._fill(self._indicators, f"{self.prefix}GetEventIndicators")
         if np.isnan(self._indicators).any():
             self._warn("an event indicator is nan%s, so that events may be missed", self._when())
         return not np.array_equal(before, self._indicators > 0)
+
+    def _fill(self, numbers: NDArray[np.float64], function: str, about: str = "") -> None:
+        """Have a function of FMI write numbers of the equations."""
+        status = self._function(function)(self._pointer, c_void_p(numbers.ctypes.data), c_size_t(numbers.size))
+        self._check(function, status, about)
 
     def _ending(self) -> EndedError:
         return EndedError(f"{self.name} ends the simulation{self._when()}", self._clock.value)
@@ -472,41 +478,34 @@ class ModelExchange(Loaded, ABC):
 
         return Call(take).with_failure("save", self.failure), Call(go_back).with_failure("restore", self.failure)
 
-    def _forget(self, library: CDLL) -> None:
+    def _forget(self) -> None:
         if self._solver is not None:
             self._solver.close()
-        super()._forget(library)
-
-
-@final
-class _EventInfo(Structure):
-    """``fmi2EventInfo``."""
-
-    _fields_ = [(name, c_int) for name in ("again", "ends", "nominals", "states", "defined")] + [
-        ("next_event", c_double)
-    ]
+        super()._forget()
 
 
 @final
 class ModelExchange2(ModelExchange, Instance2):
     """An FMI 2.0 instance of Model Exchange."""
 
-    kind = 0
+    fmpy_class = FMU2ModelExchange
     derivatives = "fmi2GetDerivatives"
 
     def _sizes(self) -> tuple[int, int]:
         return self._fmu.states, self._fmu.indicators
 
     def _updated(self) -> tuple[bool, bool, float]:
-        info = _EventInfo()
+        info = fmi2EventInfo()
         self._call("fmi2NewDiscreteStates", byref(info), about=self._when())
-        return bool(info.again), bool(info.ends), info.next_event if info.defined else math.inf
+        next_event = info.nextEventTime if info.nextEventTimeDefined else math.inf
+        return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), next_event
 
 
 @final
 class ModelExchange3(ModelExchange, Instance3):
     """An FMI 3.0 instance of Model Exchange."""
 
+    fmpy_class = FMU3ModelExchange
     derivatives = "fmi3GetContinuousStateDerivatives"
 
     def _sizes(self) -> tuple[int, int]:

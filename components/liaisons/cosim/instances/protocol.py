@@ -7,25 +7,13 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from ctypes import (
-    CDLL,
-    CFUNCTYPE,
-    Array,
-    byref,
-    c_char_p,
-    c_double,
-    c_int,
-    c_size_t,
-    c_uint32,
-    c_void_p,
-    cast,
-)
+from ctypes import CFUNCTYPE, Array, byref, c_double, c_int, c_uint32, c_void_p, cast
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-import fmpy
 import numpy as np
+from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call, Failure
@@ -33,7 +21,8 @@ from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, layouts, value_references
-from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
+from liaisons.cosim.instances.loading import FmpyInstance, load
+from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, OK, STATUSES, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
 INTERMEDIATE_INSTANTS = 5
@@ -139,18 +128,19 @@ class Instance(ABC):
 class Loaded(Instance):
     """One whose library this process has loaded.
 
-    Its functions are called by ctypes and not by the classes of FMPy: those declare argument types, which makes every
-    call convert its arguments, and look a function up at each call; a prepared call costs little more than the
-    function.  Of FMPy stays what ctypes has not: the formatting of FMI 2.0's variadic messages, and the release of a
-    library.
+    FMPy loads, instantiates, initializes, terminates and frees it.  The prepared calls of the loop take the addresses
+    of the same functions, without argument types: FMPy converts the arguments of every call and looks its function up,
+    and a prepared call costs little more than the function.
 
     :param name: name of the part, used as instance name and in messages.
     :param fmu: what was read from its file.
     :param directory: where that file was extracted.
+    :ivar fmpy_instance: the FMU as an object of FMPy.
     :raises SimulationError: if the library cannot be loaded or refuses to make an instance.
     """
 
     prefix: ClassVar[str]
+    fmpy_class: ClassVar[type[FmpyInstance]]
     types: ClassVar[Mapping[str, Any]]
     flag: ClassVar[Any]
     sized: ClassVar[bool]  # whether values are handed over with their number
@@ -161,39 +151,38 @@ class Loaded(Instance):
         self._fmu = fmu
         self._worst = self._warnings = 0
         self._said: deque[tuple[int, str]] = deque(maxlen=_REMEMBERED)
-        self._initialized = False
+        self._initialized = self._closed = False
         self._span: tuple[c_double, c_double] | None = None  # begin and size of the step under way [s]
         self._states: list[c_void_p] = []
         self._functions: dict[str, Callable[..., int]] = {}
-        self._pointer = c_void_p()
         try:
-            self._library: CDLL | None = CDLL(str(directory / fmu.binary))
+            self.fmpy_instance: Any = load(self.fmpy_class, name, fmu, directory)
         except OSError as error:
             raise SimulationError(f"{name}: the library of {fmu.path.name} cannot be loaded: {error}") from error
+        # logging asks for everything; only what comes with a status is of use
+        categories = [category for category in COMPLAINTS if category in fmu.log_categories]
         try:
-            self._pointer = c_void_p(self._instantiated(self._library, directory.resolve() / "resources"))
+            self._instantiate()
+            if categories:
+                with suppress(FMICallException):
+                    self.fmpy_instance.setDebugLogging(True, categories)
         except AttributeError as error:
             self.close()
             words = f"{name}: the library of {fmu.path.name} is none of FMI {fmu.version}.0: {error}"
             raise SimulationError(words) from error
-        if not self._pointer:
+        except Exception as error:  # FMPy raises nothing more specific
             self.close()
-            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._words()}")
-        # logging asks for everything; only what comes with a status is of use
-        categories = [category.encode() for category in COMPLAINTS if category in fmu.log_categories]
-        if categories:
-            words = (c_char_p * len(categories))(*categories)
-            self._function(f"{self.prefix}SetDebugLogging")(self._pointer, self.flag(1), c_size_t(len(words)), words)
+            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._words()}") from error
+        self._pointer = c_void_p(self.fmpy_instance.component)
 
     @abstractmethod
-    def _instantiated(self, library: CDLL, resources: Path) -> int | None:
-        """Address of the instance; none if it is refused."""
+    def _instantiate(self) -> None:
+        """Instantiate it by FMPy."""
 
     def initialize(
         self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
     ) -> None:
-        span = c_double(start_time), self.flag(1), c_double(stop_time)
-        experiment = self.flag(tolerance is not None), c_double(tolerance or 0.0), *span
+        experiment = tolerance is not None, tolerance or 0.0, start_time, True, stop_time
         if self._fmu.version == 2:
             self._call("fmi2SetupExperiment", *experiment)
             experiment = ()
@@ -214,8 +203,8 @@ class Loaded(Instance):
         values = value if isinstance(value, tuple) else (value,)
         about = f" of {name} = {value}" if len(values) == 1 else f" of {name} ({len(values)} values)"
         texts = tuple(text.encode() for text in values) if base == "String" else values
-        counted = (c_uint32 * len(references))(*references), c_size_t(len(references))
-        sizes = [c_size_t(len(values))] if self.sized else []
+        counted = (c_uint32 * len(references))(*references), len(references)
+        sizes = [len(values)] if self.sized else []
         self._call(f"{self.prefix}Set{base}", *counted, (self.types[base] * len(values))(*texts), *sizes, about=about)
 
     def exit_initialization(self) -> None:
@@ -287,30 +276,33 @@ class Loaded(Instance):
         """To where it has come in the last step [s] if it asks to end the simulation; else None."""
 
     def close(self) -> None:
-        library, self._library = self._library, None
-        if library is None:
+        if self._closed:
             return
-        self._forget(library)
+        self._closed = True
+        self._forget()
         if self._worst == FATAL:  # then FMI forbids every call, the release included
             return
-        if self._pointer:
-            try:
-                self._release(library)
-            except AttributeError as error:
-                logger.warning("%s: it cannot be released: %s", self.name, error)
-        with suppress(OSError):
-            fmpy.freeLibrary(library._handle)  # noqa: SLF001 - ctypes has no other way
+        try:
+            if self.fmpy_instance.component:
+                self._release()
+                return
+        except AttributeError as error:
+            logger.warning("%s: it cannot be released: %s", self.name, error)
+        self.fmpy_instance.freeLibrary()
 
-    def _release(self, library: CDLL) -> None:
+    def _release(self) -> None:
+        """Terminate it, and free its states, itself and its library."""
         if self._initialized and self._worst < ERROR:
-            status = library[f"{self.prefix}Terminate"](self._pointer)
-            if status > WARNING:
-                logger.warning("%s: %sTerminate failed%s", self.name, self.prefix, self._words())
+            try:
+                self.fmpy_instance.terminate()
+            except FMICallException as error:
+                logger.warning("%s: %s failed%s", self.name, error.function, self._words())
         for state in filter(None, self._states):
-            library[self.functions["save"].replace("Get", "Free")](self._pointer, byref(state))
-        library[f"{self.prefix}FreeInstance"](self._pointer)
+            with suppress(FMICallException):
+                self.fmpy_instance.freeFMUState(state)
+        self.fmpy_instance.freeInstance()
 
-    def _forget(self, library: CDLL) -> None:
+    def _forget(self) -> None:
         """What else there is to do when the instance goes."""
 
     def _note(self, status: int, message: bytes | None) -> None:
@@ -340,9 +332,25 @@ class Loaded(Instance):
         return (RefusedError if status in {DISCARD, ERROR} else SimulationError)(words)
 
     def _call(self, function: str, *arguments: object, about: str = "") -> None:
-        status = self._function(function)(self._pointer, *arguments)
-        if status not in {0, WARNING}:
+        """Call a function of FMI by FMPy, which converts the arguments.
+
+        :raises SimulationError: for a status that is none of OK and Warning, and if the library lacks the function.
+        """
+        try:
+            status = getattr(self.fmpy_instance, function)(self.fmpy_instance.component, *arguments)
+        except FMICallException as error:
+            status = error.status
+        except AttributeError:
+            raise self._lacking(function) from None
+        self._check(function, status, about)
+
+    def _check(self, function: str, status: int, about: str = "") -> None:
+        if status not in {OK, WARNING}:  # to FMPy, a negative one is a success
             raise self._failure(function, status, about)
+
+    def _lacking(self, function: str) -> SimulationError:
+        words = f"the library of {self._fmu.path.name} has no function {function}; export it again"
+        return SimulationError(f"{self.name}: {words}")
 
     def _prepared(self, action: Action, *arguments: object) -> Call:
         return Call(self._function(self.functions[action]), self._pointer, *arguments).with_failure(
@@ -351,13 +359,10 @@ class Loaded(Instance):
 
     def _function(self, name: str) -> Callable[..., int]:
         if name not in self._functions:
-            assert self._library is not None
             try:
-                self._functions[name] = _shared(cast(self._library[name], c_void_p).value or 0)
+                self._functions[name] = _shared(cast(self.fmpy_instance.dll[name], c_void_p).value or 0)
             except AttributeError:
-                raise SimulationError(
-                    f"{self.name}: the library of {self._fmu.path.name} has no function {name}; export it again"
-                ) from None
+                raise self._lacking(name) from None
         return self._functions[name]
 
 

@@ -1,0 +1,121 @@
+"""FMPy's classes as they are instantiated here.
+
+FMPy looks up every function of FMI for each instance, which takes a millisecond and 50 kB, and refuses a library that
+lacks one.  Here the instances of a library share the functions, and a missing one raises its error when it is called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import chdir
+from ctypes import CDLL
+from pathlib import Path
+from threading import RLock
+from typing import Any, TypeVar, final
+
+from fmpy.fmi2 import FMU2Model, FMU2Slave
+from fmpy.fmi3 import FMU3Model, FMU3Slave
+
+from liaisons.cosim.description.fmu import Fmu
+
+_lock = RLock()
+
+
+@final
+class _Library(CDLL):
+    """A library in which every function can be looked up.
+
+    :ivar functions: those of FMI, by name, as FMPy calls them.
+    :ivar users: number of instances.
+    """
+
+    def __init__(self, library: CDLL) -> None:
+        super().__init__(library._name, handle=library._handle)  # noqa: SLF001 - ctypes has no other way
+        self.functions: dict[str, Any] = {}
+        self.users = 0
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return super().__getattr__(name)
+        except AttributeError as error:
+            return _missing(str(error))
+
+
+def _missing(message: str) -> Callable[..., Any]:
+    def call(*_: object) -> None:
+        raise AttributeError(message)
+
+    return call
+
+
+_libraries: dict[tuple[type, int | None], _Library] = {}
+
+
+class _Sharing:
+    """Shares the functions of a library with its other instances."""
+
+    dll: CDLL
+    _functions: dict[str, Any]
+
+    def _loadFunctions(self) -> None:  # noqa: N802 - FMPy's name
+        key = type(self), self.dll._handle  # noqa: SLF001 - likewise
+        library = _libraries.get(key) or _Library(self.dll)
+        self.dll, self._functions = library, library.functions
+        if key not in _libraries:
+            super()._loadFunctions()  # type: ignore[misc] - of the FMPy class beside this one
+            _libraries[key] = library
+        library.users += 1
+
+    def freeLibrary(self) -> None:  # noqa: N802 - likewise
+        """Unload the library."""
+        assert isinstance(self.dll, _Library)
+        with _lock:
+            self.dll.users -= 1
+            if not self.dll.users:
+                del _libraries[type(self), self.dll._handle]  # noqa: SLF001 - likewise
+            super().freeLibrary()  # type: ignore[misc] - likewise
+
+
+# the first four characters of a name tell FMPy the version
+
+
+@final
+class FMU2CoSimulation(_Sharing, FMU2Slave):
+    """A Co-Simulation FMU of FMI 2.0."""
+
+
+@final
+class FMU2ModelExchange(_Sharing, FMU2Model):
+    """A Model Exchange FMU of FMI 2.0."""
+
+
+@final
+class FMU3CoSimulation(_Sharing, FMU3Slave):
+    """A Co-Simulation FMU of FMI 3.0."""
+
+
+@final
+class FMU3ModelExchange(_Sharing, FMU3Model):
+    """A Model Exchange FMU of FMI 3.0."""
+
+
+FmpyInstance = FMU2CoSimulation | FMU2ModelExchange | FMU3CoSimulation | FMU3ModelExchange
+"""What FMPy makes of an FMU."""
+
+Kind = TypeVar("Kind", bound=FmpyInstance)
+
+
+def load(kind: type[Kind], name: str, fmu: Fmu, directory: Path) -> Kind:
+    """The FMU as an FMPy object, its library loaded, not yet instantiated.
+
+    :param name: instance name.
+    :param directory: where its file was extracted.
+    :raises OSError: if the library cannot be loaded.
+    """
+    folder = directory.resolve()
+    paths = {"unzipDirectory": str(folder), "libraryPath": str(folder / fmu.binary)}
+    with _lock, chdir("."):  # FMPy loads in the folder of the library, and stays there if that fails
+        try:
+            return kind(guid=fmu.guid, modelIdentifier=fmu.identifier, instanceName=name, **paths)
+        except Exception as error:  # FMPy raises nothing more specific
+            raise OSError(error.__context__ or error) from error
