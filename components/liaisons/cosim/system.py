@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self, final
+from typing import Any, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import as_path, merged, named, settings_beside, shown
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.start_values import start_values as checked_starts
-from liaisons.cosim.running.run import performed
+from liaisons.cosim.running.run import Run, performed, started
 from liaisons.cosim.structure.components import Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
 from liaisons.cosim.structure.diagram import Diagram, diagram
@@ -221,6 +221,22 @@ class System:
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
         return performed(simulation, progress=progress, verify=verify)
+
+    def start(self, **settings: Any) -> Run:
+        """Initialize the FMUs for a run, which hands out the FMUs as objects of FMPy.
+
+        Example::
+
+            with system.start(stop_time=10.0, step_size=0.01) as run:
+                length = run.fmu("swing").getReal([3])
+                run.finish()
+                result = run.result()
+
+        :param settings: those of :meth:`simulate`, but for ``verify`` and ``progress``.
+        :returns: the run, a context manager that releases the FMUs.
+        :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
+        """
+        return started(checked(self.name, self.filled(), self.connections, SimulationSettings(**settings)))
 
     @property
     def parts(self) -> Mapping[str, SystemComponent]:

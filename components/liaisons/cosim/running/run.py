@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
 from liaisons.cosim.coupling.signals import Indices, Vector, watched
 from liaisons.cosim.instances import Instance, extracted, make
+from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import keeping_warnings, logger, warn_of_what_is_not_finite
 from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
@@ -47,7 +48,7 @@ from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
-from liaisons.errors import EndedError, SimulationError
+from liaisons.errors import EndedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
 
 _PORTION = 0.02  # [s] between two calls of on_progress, about
@@ -121,6 +122,23 @@ class Run:
     def close(self) -> None:
         """Release the FMUs."""
         self._stack.close()
+
+    def fmu(self, name: str) -> Any:
+        """The object of FMPy that is an FMU: ``FMU2Slave``, ``FMU2Model``, ``FMU3Slave`` or ``FMU3Model``.
+
+        All that FMPy can do with it may be done, but for what the run does: to step, reset, terminate and free it.
+
+        :param name: name of the component.
+        :raises SimulationError: for an unknown component, and one that runs in a process of its own.
+        """
+        instance = self._instances.get(name)
+        if instance is None:
+            words = f"has no component {name!r}{suggestion(name, self._instances)}"
+        elif not isinstance(instance, Loaded):
+            words = f"{name} runs in a process of its own, where FMPy's object is; leave out isolated"
+        else:
+            return instance.fmpy_instance
+        raise SimulationError(f"{self._simulation.title}: {words}")
 
     def start(self, parts: Mapping[str, SystemComponent] | None = None) -> None:
         """Initialize all FMUs at the start time.
@@ -342,6 +360,18 @@ def _made_to_stay() -> Iterator[None]:
     finally:
         if looks:
             gc.enable()
+
+
+def started(simulation: Simulation) -> Run:
+    """A run at its start time, to be closed.
+
+    :raises SimulationError: if an FMU cannot be initialized.
+    """
+    with ExitStack() as stack:
+        run = stack.enter_context(Run(simulation))
+        run.start()
+        stack.pop_all()
+    return run
 
 
 @keeping_warnings
