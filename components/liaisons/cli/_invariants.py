@@ -7,7 +7,6 @@ from ctypes import c_double
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import fmpy
 import numpy as np
 from fmpy.validation import validate_fmu
 
@@ -16,7 +15,7 @@ from liaisons.check import Verdict, verdict
 from liaisons.cli._subject import mismatches
 from liaisons.cosim import simulate
 from liaisons.cosim.description.archive import Archive
-from liaisons.cosim.description.fmu import DESCRIPTION, read
+from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
 
@@ -50,9 +49,9 @@ def invariants(path: Path) -> Iterator[Verdict | str]:
 
 def _experiment_problems(path: Path) -> Iterator[str]:
     """Problems of a default experiment that the schema of FMI allows."""
-    experiment = fmpy.read_model_description(str(path), validate=False).defaultExperiment
-    texts = {name: getattr(experiment, name, None) for name in ("startTime", "stopTime", "stepSize", "tolerance")}
-    values = {name: float(text) for name, text in texts.items() if text is not None}
+    experiment = read_description(path).experiment
+    names = "startTime", "stopTime", "stepSize", "tolerance"
+    values = {name: float(experiment[name]) for name in names if name in experiment}
     start = values.pop("startTime", 0.0)
     for name, value in values.items():
         least = start if name == "stopTime" else 0.0

@@ -9,12 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
-from xml.etree import ElementTree
-from zipfile import BadZipFile, ZipFile
 
 from liaisons.base.arguments import as_path, shown, whole
 from liaisons.base.project import ProjectError, fmus_directory, load_module
-from liaisons.errors import BuildError, suggestion
+from liaisons.errors import BuildError, SimulationError, suggestion
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -63,13 +61,13 @@ def variables(target: str) -> list[tuple[str, str, str]]:
 
         every = (scalar for v in getattr(models, target)().layout().variables for scalar in v.elements())
         return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
+    from liaisons.cosim.description.fmu import read_description
+
     try:
-        with ZipFile(target) as archive:
-            described = ElementTree.fromstring(archive.read("modelDescription.xml")).find("ModelVariables")
-    except (OSError, KeyError, BadZipFile, ElementTree.ParseError):
+        described = read_description(Path(target)).attributes
+    except SimulationError:
         return []
-    entries = [v.attrib | {"start": v.get("start", v[0].get("start", "") if len(v) else "")} for v in described or ()]
-    return [(v["name"], v.get("causality", "local"), v["start"]) for v in entries]
+    return [(name, v["causality"], v.get("start", "")) for name, v in described.items()]
 
 
 def components(target: Target) -> list[type[Component]]:

@@ -12,13 +12,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import fmpy
-from fmpy.model_description import ModelDescription, ScalarVariable
-
 from liaisons.base.array_names import split
 from liaisons.base.compiler import compile_wasm, zig_compiler
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.description.fmu import read_description
+from liaisons.cosim.description.model_description import Attributes
 from liaisons.cosim.structure.components import Port
 from liaisons.cosim.structure.scenes import connected_groups, picture_of
 from liaisons.cosim.structure.schedule import order
@@ -49,8 +48,8 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         title, text, connections = subject.name, "", subject.connections
     else:
         part = SystemComponent.of(subject.stem, subject, starts or {})
-        description = fmpy.read_model_description(subject, validate=False)
-        parts, connections, title, text = {"": part}, (), description.modelName, description.description or ""
+        root = read_description(subject).root
+        parts, connections, title, text = {"": part}, (), root["modelName"], root.get("description", "")
     feeds = {connection.target.place: connection.source.place for connection in connections}
     ordered = list(order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
@@ -124,18 +123,20 @@ def _component(
 
     :param before: names of the components that are stepped before it.
     """
-    description: ModelDescription = fmpy.read_model_description(part.fmu.path, validate=False)
-    variables = {v.name: v for v in description.modelVariables if v.type == "Real" or v.causality == "output"}
+    described = read_description(part.fmu.path).attributes
+    variables = {name: v for name, v in described.items() if v["tag"] == "Real" or v["causality"] == "output"}
     fed = {variable for name, variable in feeds if name == part.name}
     free = [
         [port.name for port in triple]
         for name, v in variables.items()
-        if v.causality == "input" and name not in fed and (triple := Port(part, name).triple())
+        if v["causality"] == "input" and name not in fed and (triple := Port(part, name).triple())
     ]
     hidden = fed | {member for triple in free for member in triple[1:]}
     picture = picture_of(part)
-    outputs = [name for name, v in variables.items() if v.causality in {"output", "input"} and split(name)[1] is None]
-    elements = [name for name, v in variables.items() if v.causality == "output" and split(name)[1] is not None]
+    outputs = [
+        name for name, v in variables.items() if v["causality"] in {"output", "input"} and split(name)[1] is None
+    ]
+    elements = [name for name, v in variables.items() if v["causality"] == "output" and split(name)[1] is not None]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
     later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in before}
     chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
@@ -153,39 +154,40 @@ def _component(
         "settings": {} if mode is None else {str(reference): mode},
         "reconstruction": _INTERPOLATE if mode is None else mode,  # others are given the newest
         "picture": picture.document,
-        "units": {s: [variables[force].unit or "", "W"] for s, *_ in free if (force := Port(part, s).force)},
+        "units": {s: [variables[force].get("unit", ""), "W"] for s, *_ in free if (force := Port(part, s).force)},
     }
 
 
 def _variable(
-    v: ScalarVariable, part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
+    v: Attributes, part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
 ) -> dict[str, Any]:
-    base, index = split(v.name)
-    start_value = starts.get(v.name, v.start)
-    start = float(str(start_value)) if v.causality in {"parameter", "input"} and start_value is not None else None
+    name, causality = v["name"], v["causality"]
+    base, index = split(name)
+    start_value = starts.get(name, v.get("start"))
+    start = float(str(start_value)) if causality in {"parameter", "input"} and start_value is not None else None
     few = index is None or index[-1] <= _MOST_SLIDERS
-    settable = start is not None and few and not hidden and Port(part, v.name).force != v.name
+    settable = start is not None and few and not hidden and Port(part, name).force != name
     entry = {
-        "name": v.name,
-        "reference": v.valueReference,
-        "type": None if v.type == "Real" else v.type,
-        "unit": v.unit,
+        "name": name,
+        "reference": int(v["valueReference"]),
+        "type": None if v["tag"] == "Real" else v["tag"],
+        "unit": v.get("unit"),
         "start": start,
         "read": read,
-        "drawn": read and v.causality == "local",
+        "drawn": read and causality == "local",
         "set": settable,
         **(_of_slider(v, base) if settable else {}),
     }
     return {name: value for name, value in entry.items() if value is not None and value is not False}
 
 
-def _of_slider(v: ScalarVariable, base: str) -> dict[str, Any]:
+def _of_slider(v: Attributes, base: str) -> dict[str, Any]:
     return {
-        "description": v.description,
-        "minimum": None if v.min is None else float(v.min),
-        "maximum": None if v.max is None else float(v.max),
-        "initial": v.causality == "parameter" and base.endswith("_0"),
-        "tunable": v.causality == "input" or v.variability == "tunable",
+        "description": v.get("description"),
+        "minimum": float(v["min"]) if "min" in v else None,
+        "maximum": float(v["max"]) if "max" in v else None,
+        "initial": v["causality"] == "parameter" and base.endswith("_0"),
+        "tunable": v["causality"] == "input" or v.get("variability") == "tunable",
     }
 
 

@@ -7,11 +7,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from liaisons.cosim.description.archive import Archive
-from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.fmu import Fmu, read_description
 from liaisons.cosim.description.model_description import SAME, UnitDefinition
 from liaisons.cosim.description.variables import Array
-from liaisons.cosim.description.xml_documents import tree
 from liaisons.errors import SimulationError
 from liaisons.ssp.xml import path, tag, units
 
@@ -93,13 +91,8 @@ def _item(label: str, value: Number, items: Mapping[str, int]) -> Number:
 
 def _items(fmu: Fmu, variable: str) -> dict[str, int]:
     """Values of the items of a variable's enumeration type, by name."""
-    with Archive(fmu.path) as archive, archive.open("modelDescription.xml") as file:
-        root = tree(file)
-    typed = [*root.iterfind("ModelVariables/Enumeration"), *root.iterfind("ModelVariables/ScalarVariable")]
-    kind = next((v if fmu.version == 3 else v[0]).get("declaredType") for v in typed if v.get("name") == variable)
-    types = [*root.iterfind("TypeDefinitions/EnumerationType"), *root.iterfind("TypeDefinitions/SimpleType")]
-    items = (item for defined in types if defined.get("name") == kind for item in defined.iter("Item"))
-    return {item.get("name", ""): int(item.get("value", 0)) for item in items}
+    description = read_description(fmu.path)
+    return description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})
 
 
 def _transformed(name: str, value: Number, entry: Element) -> Number:

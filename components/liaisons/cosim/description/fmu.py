@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, final
+from typing import IO, Literal, TypeVar, final
 
 import fmpy
 
@@ -23,6 +23,8 @@ LONGEST = 1000
 
 DESCRIPTION = "modelDescription.xml"
 """The file that every FMU has."""
+
+_T = TypeVar("_T")
 
 
 @final
@@ -171,14 +173,28 @@ def read(
 @lru_cache(maxsize=64)
 def _read(path: Path, sizes: tuple[tuple[str, int], ...], prefers: str, *_identity: int) -> Fmu:
     with Archive(path) as archive:
-        if DESCRIPTION not in archive.names:
-            raise SimulationError(f"{path}: has no {DESCRIPTION} inside, so it is no FMU")
-        with archive.open(DESCRIPTION) as file:
-            try:
-                return _fmu(path, archive, parse(file, dict(sizes)), prefers)
-            except ValueError as error:
-                reason = " ".join(str(error).split())
-                raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: {reason}") from error
+        return _reading(archive, lambda file: _fmu(path, archive, parse(file, dict(sizes)), prefers))
+
+
+def read_description(path: Path) -> Description:
+    """Read the model description alone, with all attributes of its variables.
+
+    :raises SimulationError: as :func:`read`, but for what beside the model description is not looked at.
+    """
+    with Archive(path) as archive:
+        return _reading(archive, lambda file: parse(file, {}, keeps_attributes=True))
+
+
+def _reading(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
+    """What a function reads from the model description in an archive."""
+    if DESCRIPTION not in archive.names:
+        raise SimulationError(f"{archive.path}: has no {DESCRIPTION} inside, so it is no FMU")
+    with archive.open(DESCRIPTION) as file:
+        try:
+            return read(file)
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise SimulationError(f"{archive.path}: its {DESCRIPTION} cannot be read: {reason}") from error
 
 
 def _fmu(path: Path, archive: Archive, description: Description, prefers: str) -> Fmu:

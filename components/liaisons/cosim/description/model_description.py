@@ -88,14 +88,15 @@ Table = dict[int, frozenset[int] | None]
 """Index of an unknown -> indices of the inputs that it depends on directly; None: unspecified, so possibly all."""
 
 
-def parse(file: IO[bytes], sizes: Mapping[str, int]) -> Description:
+def parse(file: IO[bytes], sizes: Mapping[str, int], *, keeps_attributes: bool = False) -> Description:
     """Read a model description.
 
     :param sizes: new values of structural parameters.
+    :param keeps_attributes: :attr:`Description.attributes` are wanted, too.
     :raises ValueError: for XML that is not well-formed, missing attributes, invalid numbers and references, and more
         content than fits into memory.
     """
-    description = Description(sizes)
+    description = Description(sizes, keeps_attributes=keeps_attributes)
     documents.parse(file, description.start)
     return description.finished()
 
@@ -149,10 +150,12 @@ class Description:
     :ivar continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
     :ivar exact: outputs with ``initial="exact"``.
     :ivar fixed_inputs: inputs that cannot be set in intermediate update mode.
+    :ivar attributes: those of each variable in the file and of its type's element, by name; ``tag`` is the type.
+    :ivar items: values of the items of enumeration types, by their names and those of the types.
     """
 
-    def __init__(self, sizes: Mapping[str, int]) -> None:
-        self._sizes = sizes
+    def __init__(self, sizes: Mapping[str, int], *, keeps_attributes: bool = False) -> None:
+        self._sizes, self._keeps_attributes = sizes, keeps_attributes
         self.root: Attributes = {}
         self.kinds: dict[str, Attributes] = {}
         self.states = 0
@@ -165,6 +168,8 @@ class Description:
         self.initial_unknowns: Table = {}
         self.exact: set[int] = set()
         self.fixed_inputs: set[int] = set()
+        self.attributes: dict[str, Attributes] = {}
+        self.items: dict[str, dict[str, int]] = {}
         self._unit: Attributes = {}
         self._type: Attributes = {}
         self._type_units: dict[str, str] = {}
@@ -183,6 +188,7 @@ class Description:
             "fmiModelDescription": self._root,
             **{kind: partial(self.kinds.__setitem__, kind) for kind in KINDS},
             "Category": lambda a: self.log_categories.append(a["name"]),
+            "Item": self._item,
             "DefaultExperiment": partial(setattr, self, "experiment"),
             "Unit": partial(setattr, self, "_unit"),
             "BaseUnit": self._base_unit,
@@ -223,6 +229,7 @@ class Description:
             self._handlers |= {"SimpleType": partial(setattr, self, "_type"), "Real": self._real_type}
         elif version.startswith("3."):
             self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._real_type)
+            self._handlers["EnumerationType"] = partial(setattr, self, "_type")
         else:  # its elements mean something else
             self._handlers = {}
 
@@ -230,9 +237,14 @@ class Description:
         name = self._unit["name"]
         self.units[name] = UnitDefinition.of(name, attributes)
 
+    def _item(self, attributes: Attributes) -> None:
+        """Of an enumeration type, which :attr:`_type` names."""
+        if self._keeps_attributes and "name" in self._type:
+            self.items.setdefault(self._type["name"], {})[attributes.get("name", "")] = int(attributes.get("value", 0))
+
     def _real_type(self, attributes: Attributes) -> None:
         """In FMI 2.0 the parent element has the name."""
-        self._type_units[(self._type or attributes)["name"]] = attributes.get("unit", "")
+        self._type_units[attributes.get("name") or self._type["name"]] = attributes.get("unit", "")
 
     # ---- variables
 
@@ -249,7 +261,7 @@ class Description:
 
         def handle(attributes: Attributes) -> None:
             if self._scalar is not None:  # else a tag of the same name elsewhere
-                self._add(self._variable(kind, base, self._scalar, attributes))
+                self._add(self._variable(kind, tag, base, self._scalar, attributes))
                 self._scalar = None
 
         return handle
@@ -258,7 +270,7 @@ class Description:
         base = "Int64" if tag == "Enumeration" else tag
 
         def handle(attributes: Attributes) -> None:
-            variable = self._variable(kind, base, attributes, attributes)
+            variable = self._variable(kind, tag, base, attributes, attributes)
             self._index[variable.reference] = variable.index
             self._pending = (variable, [], [])
             self._entries[variable.name] = self._pending
@@ -266,12 +278,15 @@ class Description:
 
         return handle
 
-    def _variable(self, kind: VariableType, base: str, attributes: Attributes, typed: Attributes) -> Scalar:
+    def _variable(self, kind: VariableType, tag: str, base: str, attributes: Attributes, typed: Attributes) -> Scalar:
         index = self._count
         self._count += 1
         reference = int(attributes["valueReference"])
         if not 0 <= reference <= _MOST_REFERENCE:
             raise ValueError(f"{attributes['name']!r} has the value reference {reference}, which has no 32 bits")
+        if self._keeps_attributes:
+            self.attributes[attributes["name"]] = {"causality": "local", **typed, **attributes, "tag": tag}
+            self._take(_BYTES_OF_VARIABLE)
         causality = attributes.get("causality", "local")
         initial, start = attributes.get("initial"), typed.get("start")
         if "derivative" in typed:
