@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes as c
 from collections.abc import Callable
-from functools import cache
+from sys import byteorder
 from typing import Any, final
 
 import numpy as np
@@ -17,6 +17,7 @@ from fmpy.sundials.cvode import CV_ROOT_RETURN, CVode, CVodeFree, CVodeReInit, C
 from fmpy.sundials.libraries import sundials_core, sundials_cvode
 from fmpy.sundials.nvector_serial import NV_DATA_S, N_VDestroy_Serial
 from fmpy.sundials.sundials_context import SUNContext_PushErrHandler
+from fmpy.sundials.sundials_nvector import N_Vector
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import RefusedError
@@ -43,6 +44,15 @@ _set_stop_time = _declared(sundials_cvode, "CVodeSetStopTime", c.c_void_p, c.c_d
 
 
 @final
+class _Data(dict[bytes, int]):
+    """Addresses of the numbers in vectors of SUNDIALS, by the addresses of these; both stay."""
+
+    def __missing__(self, vector: bytes) -> int:
+        self[vector] = address = c.addressof(NV_DATA_S(N_Vector.from_buffer_copy(vector)).contents)
+        return address
+
+
+@final
 class Cvode(CVodeSolver):
     """A solver by backward differentiation formulas of variable order.
 
@@ -56,8 +66,9 @@ class Cvode(CVodeSolver):
     def __init__(self, size: int, count: int, rates: Function, indicators: Function, tolerance: float) -> None:
         self._said, self._time = "", c.c_double()
         self._rates, self._indicators = rates, indicators
-        self._signs = cache(lambda address: _numbers(address, count))
-        self._addresses: dict[int, int] = {}
+        self._count = count
+        self._data = _Data()
+        self._signs: dict[bytes, NDArray[np.float64]] = {}  # by their address
 
         def ones(numbers: Any, count: int) -> None:
             np.ctypeslib.as_array(numbers, (count,))[:] = 1.0
@@ -79,13 +90,15 @@ class Cvode(CVodeSolver):
         if self.discrete:  # one that stays as it is
             NV_DATA_S(ydot)[0] = 0.0
             return 0
-        return self._rates(t, self._address(y), self._address(ydot))
+        return self._rates(t, self._data[bytes(y)], self._data[bytes(ydot)])
 
     def g(self, t: float, y: Any, gout: Any, user_data: object) -> Any:  # noqa: ARG002 - likewise
         """The indicators."""
-        address = c.addressof(gout.contents)
-        status = self._indicators(t, self._address(y), address)
-        values = self._signs(address)
+        key = bytes(gout)
+        if key not in self._signs:
+            self._signs[key] = np.ctypeslib.as_array(gout, (self._count,))
+        status = self._indicators(t, self._data[bytes(y)], int.from_bytes(key, byteorder))
+        values = self._signs[key]
         values[values == 0.0] = _NEGATIVE
         return status
 
@@ -123,14 +136,3 @@ class Cvode(CVodeSolver):
     def _check(self, status: int) -> None:
         if status < 0:
             raise RefusedError(f"CVODE: {self._said or status}")
-
-    def _address(self, vector: Any) -> int:
-        """The address of the numbers in a vector of SUNDIALS, which keeps it."""
-        key = c.addressof(vector.contents)
-        if key not in self._addresses:
-            self._addresses[key] = c.addressof(NV_DATA_S(vector).contents)
-        return self._addresses[key]
-
-
-def _numbers(address: int, count: int) -> NDArray[np.float64]:
-    return np.ctypeslib.as_array((c.c_double * count).from_address(address))
