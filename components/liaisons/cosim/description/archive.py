@@ -1,4 +1,4 @@
-"""FMU and SSP archives, checked before anything is unpacked."""
+"""FMU and SSP archives, checked before they are unpacked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ UNPACKED_LIMIT = 2**30
 """Largest unpacked size of an archive in bytes, FMUs inside included, unless :data:`LIMIT_VARIABLE` is set."""
 
 LIMIT_VARIABLE = "LIAISONS_UNPACKED_LIMIT"
-"""Environment variable with another limit; child processes inherit it."""
+"""Environment variable that replaces the limit; child processes inherit it."""
 
 _MOST_MEMBERS = 50_000
 _LONGEST_DIRECTORY = 2**24  # bytes; Python reads it as a whole
@@ -170,7 +170,7 @@ class _Portions(io.FileIO):
 
 
 def _objection(member: ZipInfo) -> str:
-    """Why a member is refused; empty if it is not."""
+    """The reason to refuse a member; empty if there is none."""
     name = member.orig_filename
     if not name or "\0" in name:
         return "is no name of a file"

@@ -30,7 +30,7 @@ _T = TypeVar("_T")
 @final
 @dataclass(frozen=True, slots=True)
 class DefaultExperiment:
-    """Default experiment of an FMU or an SSP archive [s, s, s, 1]; None for what is not specified."""
+    """Default experiment of an FMU or an SSP archive [s, s, s, 1]; None for a value that is not specified."""
 
     start_time: float | None = None
     stop_time: float | None = None
@@ -41,10 +41,10 @@ class DefaultExperiment:
 @final
 @dataclass(frozen=True, eq=False)
 class Fmu:
-    """An FMI 2.0 or 3.0 FMU, read but not run; made by :func:`read`.
+    """The description of an FMI 2.0 or 3.0 FMU; made by :func:`read`.
 
     :param version: 2 or 3.
-    :param is_model_exchange: whether it has no Co-Simulation, so that its equations are solved here.
+    :param is_model_exchange: whether it is used for Model Exchange, with a solver of ours.
     :param states: number of continuous states, and ``indicators`` of event indicators (FMI 2.0).
     :param continuous_states: indices of the derivative of each continuous state, or array of them, and of the state.
     :param completes: whether it needs completedIntegratorStep in Model Exchange.
@@ -161,7 +161,7 @@ def read(
     """Read the description of an FMU; cached until the file changes.
 
     :param sizes: new values of structural parameters, which change the shapes of arrays.
-    :param prefers: what it is to be used for, where it is made for both.
+    :param prefers: the interface type to use, where it has both.
     :raises SimulationError: if the file is missing, truncated, too big, no FMU, of another FMI version or kind, has
         no binary for this platform, or a model description that contradicts itself.
     """

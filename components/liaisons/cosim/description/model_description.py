@@ -107,7 +107,7 @@ _Pending = tuple[Scalar, list[tuple[str | None, str | None]], list[str]]
 
 @dataclass(slots=True)
 class _Elements:
-    """FMI 2.0 scalars ``name[1]``, ``name[2]``, ..., which are an array if all are there."""
+    """FMI 2.0 scalars ``name[1]``, ``name[2]``, ..., which form an array if none is missing."""
 
     like: Scalar
     references: array[int] = field(default_factory=lambda: array("L"))
@@ -177,12 +177,12 @@ class Description:
         self._derivatives: Table = {}
         self._differentiated: dict[int, int] = {}  # index -> number of the variable whose derivative it is
         self._entries: dict[str, Scalar | _Elements | _Pending] = {}
-        self._scalar: Attributes | None = None  # FMI 2.0: waits for the child with its type
-        self._pending: _Pending | None = None  # FMI 3.0: waits for its dimensions
+        self._scalar: Attributes | None = None  # FMI 2.0: a variable before the child with its type
+        self._pending: _Pending | None = None  # FMI 3.0: a variable before its dimensions
         self._count = 0
         self._inputs: set[int] = set()
         self._index: dict[int, int] = {}  # FMI 3.0: value reference -> index
-        self._known: dict[str, frozenset[int]] = {}  # the same words again and again
+        self._known: dict[str, frozenset[int]] = {}  # by the text of the attribute, which many unknowns share
         self._memory = 0
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "fmiModelDescription": self._root,
@@ -197,20 +197,23 @@ class Description:
         }
 
     def start(self, tag: str, attributes: Attributes) -> None:
-        """Called by the parser."""
+        """Handle a start tag."""
         handler = self._handlers.get(tag)
         if handler is not None:
             handler(attributes)
             self._take(_BYTES_OF_TAG)
 
     def _take(self, size: int) -> None:
-        """Count approximate memory in bytes."""
+        """Add to the estimate of memory in bytes.
+
+        :raises ValueError: above the limit.
+        """
         self._memory += size
         if self._memory > _MOST_MEMORY:
             raise ValueError(f"what it says takes more than {_MOST_MEMORY} bytes of memory; put variables into arrays")
 
     def finished(self) -> Description:
-        """Finish after the last tag."""
+        """Complete the description after the last tag; returns it."""
         self._close_variables({})
         self.states = len(self._derivatives)
         index_of = self._index.get if self._index else lambda number: number - 1
@@ -243,7 +246,7 @@ class Description:
             self.items.setdefault(self._type["name"], {})[attributes.get("name", "")] = int(attributes.get("value", 0))
 
     def _real_type(self, attributes: Attributes) -> None:
-        """In FMI 2.0 the parent element has the name."""
+        """Keep the unit of a real type, whose name stands in its parent in FMI 2.0."""
         self._type_units[attributes.get("name") or self._type["name"]] = attributes.get("unit", "")
 
     # ---- variables
@@ -344,7 +347,7 @@ class Description:
     # ---- structure
 
     def _close_variables(self, _: Attributes) -> None:
-        """Put together what belongs together; from here on, tags have to do with dependencies."""
+        """Make the variables of their parts; the tags that follow are those of the model structure."""
         if "Unknown" in self._handlers or not self.root:
             return
         pending = [entry for entry in self._entries.values() if isinstance(entry, tuple)]
@@ -395,7 +398,7 @@ class Description:
 
 
 def _entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
-    """The variable or array, once the sizes of dimensions are known; start values have the sizes of the file."""
+    """A variable or array, with the sizes of its dimensions; start values have the sizes in the file."""
     variable, dimensions, given = pending
     starts = given or ([] if variable.start is None else variable.start.split())
     if not dimensions:

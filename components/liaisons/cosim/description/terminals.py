@@ -58,7 +58,7 @@ class TerminalDescription:
     :param rule: ``matchingRule``: ``plug``, ``bus``, ``sequence``, ...
     :param members: variables by member name.
     :param nested: terminals inside this one, by name: of a point, its components.
-    :param point: name of the terminal around this one, if there is one, and of this one within it.
+    :param point: name of the enclosing terminal and of this one in it; None at the top.
     """
 
     name: str
@@ -152,7 +152,7 @@ def _looked_up(terminals: Mapping[str, TerminalDescription], name: str) -> Termi
 
 
 def _conventional(names: PortNames, variables: Variables) -> TerminalDescription:
-    """What the names of variables say, where no terminal does."""
+    """A terminal of variables with conventional names, where the FMU declares none."""
     entry = variables.entries[names.value].like
     force, flow = (names.force, "inflow") if entry.causality == "input" else (names.load, "outflow")
     motion = names.value, names.rate, names.acceleration
@@ -163,7 +163,7 @@ def _conventional(names: PortNames, variables: Variables) -> TerminalDescription
 
 
 def read_terminals(archive: Archive, variables: Variables) -> Terminals:
-    """The terminals of an FMU; if its file of them is unusable, a warning, and what the names of variables say."""
+    """The terminals of an FMU; if their file is unusable, it warns, and derives them from the names of variables."""
     if TERMINALS not in archive.names:
         return Terminals(variables)
     try:

@@ -1,4 +1,4 @@
-"""Running FMUs of every version that can be simulated."""
+"""Instances of FMUs of FMI 2.0 and 3.0, for Co-Simulation and Model Exchange."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from liaisons.cosim.messages import logger
 
 
 def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
-    """Extract what a run of FMUs needs, each file once.
+    """Extract the binaries and resources of FMUs, each file once.
 
     :returns: path of the FMU -> its own folder.
     :raises SimulationError: if a file is damaged or too big; see :class:`liaisons.cosim.description.archive.Archive`.
@@ -39,9 +39,9 @@ def make(
 ) -> Instance:
     """An instance of an FMU; see :class:`Instance`.
 
-    :param requests_intermediate_update: it is to take inputs inside communication steps (FMI 3.0).
+    :param requests_intermediate_update: whether inputs are set inside communication steps (FMI 3.0).
     :param isolated: time limit [s] of a call, in a process of its own; 0: in this process.
-    :param stiff: the equations of a Model Exchange FMU are known to be stiff.
+    :param stiff: whether the equations of a Model Exchange FMU are stiff.
     """
 
     def make_in_process() -> Instance:

@@ -1,7 +1,7 @@
-"""Layouts of the buffers of a call: its scalars, by type, as elements of whole variables.
+"""Layouts of the buffers of calls: scalars, by type, as elements of whole variables.
 
-The run of a system knows doubles only: integers stand for themselves there (exactly up to 2^53), a Boolean is 0 or 1,
-and a string has its number in :mod:`liaisons.cosim.instances.texts`.
+A run handles doubles only: integers are doubles (exact up to 2^53), a Boolean is 0 or 1, and a string is its number in
+:mod:`liaisons.cosim.instances.texts`.
 """
 
 from __future__ import annotations
@@ -110,15 +110,15 @@ def layout(
 
 @lru_cache(maxsize=1024)
 def value_references(references: tuple[int, ...]) -> c.Array[c.c_uint32]:
-    """Shared by all instances, as functions are: what a thousand of them have in common stays in the cache."""
+    """Value references as a C array, shared by all instances, so that it stays in the processor's cache."""
     return (c.c_uint32 * len(references))(*references)
 
 
 def counted(references: Sequence[int]) -> tuple[object, object]:
-    """Value references and their number, as arguments of a foreign call that are converted only once."""
+    """Value references and their number, as arguments of a foreign call, converted once."""
     return buffered(value_references(tuple(references)))
 
 
 def buffered(values: c.Array[Any]) -> tuple[object, object]:
-    """Values and their number, likewise."""
+    """A buffer and its length, as arguments of a foreign call, converted once."""
     return c.byref(values), c.c_size_t.from_param(len(values))

@@ -1,6 +1,6 @@
 """DOP853 for FMUs of Model Exchange: explicit, of order 8, for equations that are not stiff.
 
-All that it remembers is its own, so that steps can be taken back and repeated to the same bits.
+Its whole state can be saved, so that steps are rolled back and repeated to the same bits.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from liaisons.cosim.instances.motion import InputMotion
 from liaisons.errors import RefusedError
 
 Memory = tuple[float, float, NDArray[np.float64], NDArray[np.float64]]
-"""Time and size of the next step [s], states, and what these cannot hold."""
+"""Time and size of the next step [s], states, and their compensation of rounding."""
 
 _HERE = Path(__file__).parent
 _RUNTIME = _HERE.parents[1] / "fmu" / "runtime"
 _SOURCES = (
     _HERE / "dop853.c",
     _HERE.parent / "compiled" / "calls.h",
-    *(_RUNTIME / name for name in ("solver.c", "solver.h")),  # the solver that our FMUs of Co-Simulation have inside
+    *(_RUNTIME / name for name in ("solver.c", "solver.h")),  # the solver inside our Co-Simulation FMUs
 )
 _EVENT, _STIFF, _HARD, _REFUSED = range(1, 5)  # as dop853.c has them
 
@@ -63,10 +63,10 @@ class Dop853:
     :param code: see :func:`library`.
     :param instance: of the FMU; ``functions`` of FMI that set the time and the states, and get their derivatives and
         the event indicators.
-    :param signs: the event indicators when they were looked at last; changed by the caller, shape (indicators,).
+    :param signs: event indicators as the caller last read them, shape (indicators,).
     :param tolerance: relative, of states and of their nominal values.
     :ivar states: shape (size,).
-    :ivar stiff: whether the last step was so short because of stability.
+    :ivar stiff: whether stability has limited the last step.
     :ivar refusal: which of time, inputs, states, derivatives and indicators the FMU has refused last, counted from 1,
         and the status.
     """
@@ -97,7 +97,7 @@ class Dop853:
 
     @property
     def asked(self) -> float:
-        """The time at which the FMU was asked last [s]."""
+        """The last time that the FMU was set to [s]."""
         return self._equations.at
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
@@ -144,4 +144,4 @@ class Dop853:
         e.met = e.missed = 0
 
     def close(self) -> None:
-        """Do nothing: there is nothing to release."""
+        """Do nothing, as there is no memory to release."""

@@ -1,4 +1,4 @@
-"""Running FMUs of FMI 2.0."""
+"""Instances of FMUs of FMI 2.0."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ class Instance2(Loaded, ABC):
         self.fmpy_instance.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        call = self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
+        call = self._prepare("derive", *_references(unknowns), *_references(knowns), seed, values)
         (rows, row_count), (columns, column_count) = _references(unknowns), _references(knowns)
         call.buffers = more = (c_void_p * 2)(addressof(columns), addressof(seed))
         record = {"source": rows, "count": row_count.value, "values": values, "size": column_count.value, "more": more}
         return call.recorded(DERIVE_2, self._pointer.value, **record)
 
-    def _forget(self) -> None:
+    def _close_own(self) -> None:
         _instances.pop(self._handle, None)
         with suppress(AttributeError):
             # pythonfmu 0.7 stays loaded, and at the end of the process frees its interpreter twice, unless it has let
@@ -77,7 +77,7 @@ class CoSimulation2(Instance2):
 
     def stepper(self, time: c_double, size: c_double) -> Call:
         self._span = time, size
-        call = self._prepared("step", time, size, c_int(1))
+        call = self._prepare("step", time, size, c_int(1))
         return call.recorded(STEP_2, self._pointer.value)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
@@ -88,20 +88,20 @@ class CoSimulation2(Instance2):
 
     def _of_orders(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         (references, count), numbers = _references(variables), (c_int * len(orders))(*orders)
-        call = self._prepared(action, references, count, numbers, values)
+        call = self._prepare(action, references, count, numbers, values)
         record = {"source": references, "count": count.value, "values": values, "more": numbers}
         return call.recorded(ORDERS_2, self._pointer.value, **record)
 
-    def _end(self) -> float | None:
-        if any(status >= DISCARD for status, _ in self._said):
+    def _requested_end(self) -> float | None:
+        if any(status >= DISCARD for status, _ in self._messages):
             return None  # it refuses, and says why: pythonfmu's wrapper discards no step without asking for the end
-        said, ended, reached = self._said.copy(), c_int(), c_double()
+        said, ended, reached = self._messages.copy(), c_int(), c_double()
         with suppress(SimulationError):  # these functions are missing from many an FMU
             self._call("fmi2GetBooleanStatus", fmi2Terminated, byref(ended))
             if ended.value:
                 self._call("fmi2GetRealStatus", fmi2LastSuccessfulTime, byref(reached))
                 return reached.value
-        self._said = said
+        self._messages = said
         return None
 
 
@@ -116,7 +116,7 @@ def _log(environment: int | None, name: bytes | None, status: int, _category: by
     if instance is None:  # an FMU that does not hand the environment back
         instance = next((i for i in _instances.values() if i.name.encode() == name), None)
     if instance is not None:
-        instance._note(status, message)  # noqa: SLF001 - C cannot call a method
+        instance._log_message(status, message)  # noqa: SLF001 - C cannot call a method
 
 
 _allocate = fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)

@@ -1,8 +1,8 @@
-"""Running FMUs of FMI 3.0.
+"""Instances of FMUs of FMI 3.0.
 
-FMI 3.0 reads and sets arrays as a whole, while the run of a system knows scalars only.  Where the scalars of a call are
-whole arrays in their order, which is the rule, the buffer is handed over as it is; else elements are picked, and set
-within what the FMU holds.
+FMI 3.0 reads and sets whole arrays, while a run handles scalars.  If the scalars of a call are whole arrays in their
+order, as a rule, FMI gets the buffer itself.  Otherwise elements are copied out of an array, or into the array that was
+read from the FMU before.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from liaisons.errors import SimulationError
 
 
 @final
-class _Ended(c.Structure):
-    """How a step ended; as ``loop.c`` has it."""
+class _StepEnd(c.Structure):
+    """How a step ended; as in ``loop.c``."""
 
     _fields_ = [("terminate", c.c_bool), ("early", c.c_bool), ("last_time", c.c_double)]
 
@@ -56,13 +56,13 @@ class Instance3(Loaded, ABC):
     def _instantiate(self, **particulars: Any) -> None:
         """Instantiate it by FMPy, with arguments that its kind alone has."""
         self.fmpy_instance.instantiate(
-            loggingOn=True, logMessage=lambda _, status, __, message: self._note(status, message), **particulars
+            loggingOn=True, logMessage=lambda _, status, __, message: self._log_message(status, message), **particulars
         )
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         rows, columns = (layout(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
         references = *counted(rows.references), *counted(columns.references)
-        multiply = self._prepared("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
+        multiply = self._prepare("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
         read = partial(rows.read_into, multiply, np.ctypeslib.as_array(values))
         return Call(columns.write_from, read, np.ctypeslib.as_array(seed)).with_failure("derive", self.failure)
 
@@ -71,59 +71,61 @@ class Instance3(Loaded, ABC):
 class CoSimulation3(Instance3):
     """An FMI 3.0 co-simulation instance.
 
-    :param asks: it is to ask for inputs inside communication steps; see :meth:`intermediate_update`.
+    :param requests_intermediate_update: whether inputs are set inside steps; see :meth:`intermediate_update`.
     """
 
     fmpy_class = FMU3CoSimulation
 
     def __init__(self, name: str, fmu: Fmu, directory: Path, *, requests_intermediate_update: bool = False) -> None:
         inputs = (entry.like for entry in fmu.variables.entries.values() if entry.like.causality == "input")
-        self._asked = [like.reference for like in inputs if like.type == "Real" and requests_intermediate_update]
-        self._answers: list[list[Transfer]] = []
-        self._count = 0  # of answers in the present step
-        self._worst_answer = 0
-        self._ended = _Ended()
-        self._final = c.c_bool(True)  # no state from before the step will be set after it
+        self._intermediate_references = [
+            like.reference for like in inputs if like.type == "Real" and requests_intermediate_update
+        ]
+        self._intermediate_writes: list[list[Transfer]] = []
+        self._count = 0  # of updates in the present step
+        self._worst_update = 0
+        self._step_end = _StepEnd()
+        self._final = c.c_bool(True)  # whether no earlier state is restored after the step
         super().__init__(name, fmu, directory)
 
     def _instantiate(self, **particulars: Any) -> None:
-        if self._asked:
-            particulars["requiredIntermediateVariables"] = self._asked
-            particulars["intermediateUpdate"] = lambda *_: self._answer()
+        if self._intermediate_references:
+            particulars["requiredIntermediateVariables"] = self._intermediate_references
+            particulars["intermediateUpdate"] = lambda *_: self._set_intermediate_inputs()
         super()._instantiate(**particulars)
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
-        """As :meth:`Instance.stepper`; it returns Discard, too, where the FMU wants to end the simulation."""
-        ended, asked, self._span = self._ended, bool(self._asked), (time, size)
+        """As :meth:`Instance.stepper`; returns Discard, too, if the FMU requests the end of the simulation."""
+        ended, asked, self._span = self._step_end, bool(self._intermediate_references), (time, size)
         self._event = c.c_bool()
-        step = self._prepared(
+        step = self._prepare(
             "step",
             time,
             size,
             self._final,
             c.byref(self._event),  # events are handled inside: no event mode was asked for
-            *(c.byref(ended, getattr(_Ended, field).offset) for field in ("terminate", "early", "last_time")),
+            *(c.byref(ended, getattr(_StepEnd, field).offset) for field in ("terminate", "early", "last_time")),
         )
 
         def advance() -> int:
             status = step()
             if asked:
-                status = max(status, self._worst_answer)
-                self._count = self._worst_answer = 0
+                status = max(status, self._worst_update)
+                self._count = self._worst_update = 0
             return max(status, DISCARD) if ended.terminate or ended.early else status
 
         call = Call(advance).with_failure("step", self.failure)
-        if asked:  # the compiled loop would not look at the answers
+        if asked:  # the compiled loop does not check the statuses of updates
             return call
         call.record = step.recorded(STEP_3, self._pointer.value, source=self._final, values=ended).record
         return call
 
     def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
         inputs = layouts(self._fmu, variables, self.types)
-        writes = [(part, self._whole("set", part)) for part in inputs]
-        reads = [self._whole("get", part) for part in inputs if not part.whole]
-        self._answers = [[partial(part.write_from, write, row) for part, write in writes] for row in values]
-        return self._all("set", reads, self.functions["get"])
+        writes = [(part, self._transfer_whole("set", part)) for part in inputs]
+        reads = [self._transfer_whole("get", part) for part in inputs if not part.whole]
+        self._intermediate_writes = [[partial(part.write_from, write, row) for part, write in writes] for row in values]
+        return self._combine("set", reads, self.functions["get"])
 
     def states(self) -> tuple[Call, Call]:
         self._final.value = False
@@ -134,19 +136,21 @@ class CoSimulation3(Instance3):
         for order in sorted(set(orders)):
             outputs = layout(self._fmu, variables, [k for k, other in enumerate(orders) if other == order])
             numbers = (c.c_int32 * len(outputs.references))(*[order] * len(outputs.references))
-            read = self._prepared("slope", *counted(outputs.references), c.byref(numbers), *buffered(outputs.buffer))
+            read = self._prepare("slope", *counted(outputs.references), c.byref(numbers), *buffered(outputs.buffer))
             reads.append(partial(outputs.read_into, read, np.ctypeslib.as_array(values)))
-        return self._all("slope", reads, self.functions["slope"])
+        return self._combine("slope", reads, self.functions["slope"])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
-        if action == "step" and self._ended.early and not self._ended.terminate:
-            self._note(DISCARD, b"it returned early, which it was not allowed to")
+        if action == "step" and self._step_end.early and not self._step_end.terminate:
+            self._log_message(DISCARD, b"it returned early, which it was not allowed to")
         return super().failure(action, status, when)
 
-    def _end(self) -> float | None:
-        return self._ended.last_time if self._ended.terminate else None
+    def _requested_end(self) -> float | None:
+        return self._step_end.last_time if self._step_end.terminate else None
 
-    def _answer(self) -> None:
-        if self._count < len(self._answers):
-            self._worst_answer = max(self._worst_answer, *(answer() for answer in self._answers[self._count]))
+    def _set_intermediate_inputs(self) -> None:
+        if self._count < len(self._intermediate_writes):
+            self._worst_update = max(
+                self._worst_update, *(answer() for answer in self._intermediate_writes[self._count])
+            )
         self._count += 1

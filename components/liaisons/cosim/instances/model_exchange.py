@@ -1,7 +1,7 @@
-"""Running FMUs of Model Exchange, whose states are integrated here from event to event.
+"""Instances of Model Exchange FMUs, with a solver that integrates their states from event to event.
 
-DOP853, whose steps can be repeated, integrates them; CVODE, if they are stiff or there is no C compiler.  Inputs follow
-their derivatives within a step, if these are set, else they are held.
+The solver is DOP853, whose steps can be repeated, or CVODE if the equations are stiff or there is no C compiler.
+Within a step, inputs follow the derivatives that were set, else they are held.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ if TYPE_CHECKING:
     from liaisons.cosim.instances.cvode import Cvode, Function
 
 TOLERANCE = 1e-8
-"""Relative, where neither the user nor the FMU says more."""
+"""Relative tolerance, where neither the user nor the FMU has one."""
 _ROUNDING = 1e-9
-"""Relative difference of inputs, and part of a step behind its end, that is none."""
-_STUCK, _MOST = 1e-12, 1000
-"""So many events within this part of a step have no end."""
+"""Relative difference of inputs, and part of a step beyond its end, that count as zero."""
+_CHATTER_SPAN, _MOST_EVENTS = 1e-12, 1000
+"""This part of a step; more than so many events within it count as chattering."""
 _MOST_STEPS = 100_000
-"""Steps of the solver, and events, in a step; as many as FMUs of ours take."""
-_MOST_NUMBERS = 10_000_000
-"""States, or event indicators; more would not fit into memory."""
-_NEAR = 1e-3
-"""Part of a step between the instants at which outputs are taken for their rates: truncation and rounding are 1e-12."""
-_FORWARD = (4.0, -3.0, 4 / 3, -1 / 4)
-"""Of the outputs at these four instants, for the rate at the first one; with -25/12 of those now, of order 4."""
+"""Limit of solver steps and events in a communication step, as in our own FMUs."""
+_MOST_STATES = 10_000_000
+"""Limit of states and of event indicators; more would not fit into memory."""
+_DIFFERENCE_SPAN = 1e-3
+"""Part of a step between the points of the difference formula of outputs; truncation and rounding are 1e-12."""
+_FORWARD_DIFFERENCE = (4.0, -3.0, 4 / 3, -1 / 4)
+"""Weights of outputs at the next four points for the rate now, beside -25/12 now: forward difference of order 4."""
 
 
 class ModelExchange(Loaded, ABC):
-    """An instance of Model Exchange: between steps in continuous-time mode, where its outputs are those of the time.
+    """An instance for Model Exchange, between steps in continuous-time mode.
 
     :param stiff: CVODE integrates from the start on.
-    :cvar derivatives: the function that calculates them.
+    :cvar derivatives: name of the FMI function that evaluates the derivatives of states.
     """
 
     derivatives: ClassVar[str]
@@ -63,9 +63,9 @@ class ModelExchange(Loaded, ABC):
         self._solver: Cvode | Dop853 | None = None
         self._warned: set[str] = set()
         self._clock = c_double()
-        self._final = self.flag(True)  # no state from before a step will be set after it
-        self._places: dict[str, int] = {}  # of inputs in:
-        self._held = np.empty(0)
+        self._final = self.flag(True)  # whether no earlier state is restored after a step
+        self._input_indices: dict[str, int] = {}  # of inputs in:
+        self._held_inputs = np.empty(0)
         self._motion: InputMotion | None = None
         super().__init__(name, fmu, directory)
 
@@ -76,8 +76,8 @@ class ModelExchange(Loaded, ABC):
     ) -> None:
         self._tolerance = tolerance or self._fmu.experiment.tolerance or TOLERANCE
         self._clock.value, self._next_event, self._end_time = start_time, math.inf, math.inf
-        self._jumped, self._motion, self._held[:] = False, None, np.nan
-        self._size = self._fmu.experiment.step_size or (stop_time - start_time) * _NEAR
+        self._jumped, self._motion, self._held_inputs[:] = False, None, np.nan
+        self._size = self._fmu.experiment.step_size or (stop_time - start_time) * _DIFFERENCE_SPAN
         super().initialize(starts, tolerance, start_time, stop_time)
 
     def exit_initialization(self) -> None:
@@ -85,24 +85,24 @@ class ModelExchange(Loaded, ABC):
         if self._solver is None:
             states, indicators = self._sizes()
             for noun, number in (("states", states), ("event indicators", indicators)):
-                if number not in range(_MOST_NUMBERS):
+                if number not in range(_MOST_STATES):
                     raise SimulationError(f"{self.name}: says that it has {number} {noun}; ask its maker")
             self._nominals, self._indicators = np.ones(states), np.zeros(indicators)
-            self._set_time, self._set_states, *_ = map(self._function, self._asked)
+            self._set_time, self._set_states, *_ = map(self._function, self._solver_functions)
             self._count = c_size_t(states)
             self._explicit = None if self._stiff else self._dop853()
         if self._solver is None or self._solver is not self._explicit:
-            self._use(self._explicit or self._cvode())
-        self._iterate()
+            self._set_solver(self._explicit or self._cvode())
+        self._iterate_events()
 
     @property
-    def _asked(self) -> tuple[str, str, str, str]:
-        """The functions of FMI that a solver needs."""
+    def _solver_functions(self) -> tuple[str, str, str, str]:
+        """Names of the FMI functions that a solver calls."""
         prefix = self.prefix
         return f"{prefix}SetTime", f"{prefix}SetContinuousStates", self.derivatives, f"{prefix}GetEventIndicators"
 
     def _dop853(self) -> Dop853 | None:
-        code, functions = dop853.library(), [self._function(name) for name in self._asked]
+        code, functions = dop853.library(), [self._function(name) for name in self._solver_functions]
         size, signs = self._count.value, self._indicators
         return code and Dop853(code, self._pointer, functions, size, signs, self._tolerance)
 
@@ -115,11 +115,11 @@ class ModelExchange(Loaded, ABC):
                 f"({error}); export the FMU for co-simulation"
             ) from error
         sizes = self._count.value, self._indicators.size
-        rates, signs = map(self._answering, self._asked[2:], sizes)
+        rates, signs = map(self._callback, self._solver_functions[2:], sizes)
         return Cvode(*sizes, rates, signs, self._tolerance)
 
-    def _use(self, solver: Cvode | Dop853) -> None:
-        """Integrate by this solver from now on."""
+    def _set_solver(self, solver: Cvode | Dop853) -> None:
+        """Replace the solver."""
         if self._solver is not None:
             self._solver.close()
         self._solver, self._stale = solver, True
@@ -132,14 +132,14 @@ class ModelExchange(Loaded, ABC):
     # ---- inputs
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        """As :meth:`Instance.setter`; what moves in jumps only is set in event mode, with what is set beside it."""
+        """As :meth:`Instance.setter`; discrete variables, and those set with them, are set in event mode."""
         write, numbers = super().setter(variables, values), np.ctypeslib.as_array(values)
-        places, continuous = self._placed(variables), all(variable.continuous for variable in variables)
+        places, continuous = self._index_inputs(variables), all(variable.continuous for variable in variables)
 
         def put() -> int | None:
             if not self._initialized:
                 return write()
-            held = self._held[places]
+            held = self._held_inputs[places]
             same = bool((np.abs(numbers - held) <= _ROUNDING * np.maximum(np.abs(numbers), np.abs(held))).all())
             if continuous:
                 self._jumped |= not same
@@ -147,31 +147,31 @@ class ModelExchange(Loaded, ABC):
                 return 0
             else:
                 self._call(f"{self.prefix}EnterEventMode")
-            self._held[places] = numbers
+            self._held_inputs[places] = numbers
             status = write()
             if not continuous:
-                self._iterate()
+                self._iterate_events()
             return status
 
         return Call(put).with_failure("set", write.failure or self.failure)
 
-    def _placed(self, variables: Scalars) -> NDArray[np.intp]:
-        """Indices of inputs among those that are held."""
-        places = [self._places.setdefault(variable.name, len(self._places)) for variable in variables]
-        self._held = np.full(len(self._places), np.nan)
+    def _index_inputs(self, variables: Scalars) -> NDArray[np.intp]:
+        """Give inputs indices among the held ones; returns these."""
+        places = [self._input_indices.setdefault(variable.name, len(self._input_indices)) for variable in variables]
+        self._held_inputs = np.full(len(self._input_indices), np.nan)
         return np.array(places, dtype=np.intp)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        inputs = [variable for variable in dict.fromkeys(variables) if variable.continuous]  # others do not move
+        inputs = [variable for variable in dict.fromkeys(variables) if variable.continuous]  # discrete ones do not move
         moving = [k for k, variable in enumerate(variables) if variable.continuous]
         rows = [inputs.index(variables[k]) for k in moving]
-        motion = InputMotion([orders[k] for k in moving], rows, (values, moving), self._placed(inputs))
+        motion = InputMotion([orders[k] for k in moving], rows, (values, moving), self._index_inputs(inputs))
         motion.read, motion.write = self.getter(inputs, motion.buffer), super().setter(inputs, motion.buffer)
         return Call(setattr, self, "_motion", motion).with_failure("shape", self.failure)
 
     def _begin_motion(self) -> None:
         if self._motion is not None:
-            self._require(self._fine(self.functions["get"], self._motion.read()))
+            self._require(self._accept(self.functions["get"], self._motion.read()))
             self._motion.begin(self._clock.value)
 
     def output_derivatives(
@@ -180,26 +180,26 @@ class ModelExchange(Loaded, ABC):
         orders: Sequence[int],  # noqa: ARG002 - all 1
         values: Numbers,
     ) -> Call:
-        """As :meth:`Instance.output_derivatives`, of order 1; inputs move as was told since the last step."""
+        """As :meth:`Instance.output_derivatives`, of order 1; inputs follow the derivatives set since the last step."""
         read, result = self.getter(variables, values), np.ctypeslib.as_array(values)
 
         def take() -> NDArray[np.float64]:
-            self._require(self._fine(self.functions["get"], read()))
+            self._require(self._accept(self.functions["get"], read()))
             return result
 
         def differentiate() -> int:
-            begin, solver = self._clock.value, self._begun()
+            begin, solver = self._clock.value, self._restart_if_stale()
             rates = np.zeros_like(solver.states)
             self._begin_motion()
             if rates.size:
-                self._fill(rates, self.derivatives, self._when())
-            apart = min(_NEAR * self._size, (self._next_event - begin) / len(_FORWARD))
-            total = -sum(_FORWARD) * take()
-            for k, factor in enumerate(_FORWARD, 1):
+                self._fill(rates, self.derivatives, self._at())
+            apart = min(_DIFFERENCE_SPAN * self._size, (self._next_event - begin) / len(_FORWARD_DIFFERENCE))
+            total = -sum(_FORWARD_DIFFERENCE) * take()
+            for k, factor in enumerate(_FORWARD_DIFFERENCE, 1):
                 states = solver.states + k * apart * rates
-                self._require(self._place(begin + k * apart, c_void_p(states.ctypes.data)))
+                self._require(self._set_time_and_states(begin + k * apart, c_void_p(states.ctypes.data)))
                 total += factor * take()
-            self._require(self._place(begin, self._states_address))
+            self._require(self._set_time_and_states(begin, self._states_address))
             self._motion = None
             result[:] = total / apart
             return 0
@@ -213,48 +213,48 @@ class ModelExchange(Loaded, ABC):
 
     def _advance(self, time: c_double, size: c_double) -> int:
         try:
-            self._go(time.value + size.value, size.value)
+            self._step_to(time.value + size.value, size.value)
         except EndedError as ended:
             self._end_time = ended.time
             return DISCARD
         return 0
 
-    def _end(self) -> float | None:
+    def _requested_end(self) -> float | None:
         return None if math.isinf(self._end_time) else self._end_time
 
-    def _go(self, end: float, size: float) -> None:
-        """Integrate to the end of a step [s], through all events."""
+    def _step_to(self, end: float, size: float) -> None:
+        """Integrate to the end of a communication step [s], through all events."""
         self._size = size
         self._begin_motion()
         if self._jumped:
             self._jumped, self._stale = False, True
-            if self._crossed():
-                self._event()
+            if self._update_indicators():
+                self._handle_event()
         stuck = steps = 0
         while self._clock.value < end:
             begin, steps = self._clock.value, steps + 1
             if steps > _MOST_STEPS:
-                words = f"more than {_MOST_STEPS} steps and events from t = {end - size:.10g} s{self._when(' to')}"
+                words = f"more than {_MOST_STEPS} steps and events from t = {end - size:.10g} s{self._at(' to')}"
                 raise RefusedError(f"{self.name}: {words}; choose a smaller step_size, or look what is not smooth")
             soon = self._next_event <= end + _ROUNDING * size
             happened = self._integrate(self._next_event if soon else end)
             if happened or self._clock.value >= self._next_event:
-                self._event()
-            stuck = 0 if self._clock.value > begin + _STUCK * size else stuck + 1
-            if stuck > _MOST:
-                raise RefusedError(f"{self.name}: more than {_MOST} events or steps{self._when()}; it may chatter")
+                self._handle_event()
+            stuck = 0 if self._clock.value > begin + _CHATTER_SPAN * size else stuck + 1
+            if stuck > _MOST_EVENTS:
+                raise RefusedError(f"{self.name}: more than {_MOST_EVENTS} events or steps{self._at()}; it may chatter")
         if self._motion is not None:
-            self._held[self._motion.places] = self._motion.values
+            self._held_inputs[self._motion.places] = self._motion.values
             self._motion = None
-        if self._places:
-            self._crossed()
+        if self._input_indices:
+            self._update_indicators()
 
     def _integrate(self, stop: float) -> bool:
-        """Take a step of the solver, not beyond a time [s]; whether there is an event then."""
+        """Make a step of the solver, at most to a time [s]; returns whether an event follows."""
         begin, time, event = self._clock.value, stop, False
         self._refusal: tuple[str, int] | None = None
         if (self._count.value or self._indicators.size) and stop - begin > 4 * np.spacing(max(abs(begin), abs(stop))):
-            solver = self._begun()
+            solver = self._restart_if_stale()
             if isinstance(solver, Dop853):
                 solver.follow(self._motion)
             try:
@@ -263,52 +263,52 @@ class ModelExchange(Loaded, ABC):
                 self._require(self._refusal is None)
                 if not isinstance(solver, Dop853):
                     raise RefusedError(f"{self.name}: cannot be integrated from t = {begin:.10g} s: {error}") from None
-                self._require(self._accepted(solver))
+                self._require(self._accept_last_call(solver))
                 self._check_rates(solver.states)
                 self._change_solver()
                 return False
-        self._require(self._place(time, self._states_address))
+        self._require(self._set_time_and_states(time, self._states_address))
         if isinstance(self._solver, Dop853) and self._solver.stiff:
             self._change_solver()
-        return self._completed() or event
+        return self._complete_step() or event
 
     def _check_rates(self, states: NDArray[np.float64]) -> None:
-        """Whether the derivatives are finite where no step is small enough, and right after it."""
+        """Raise the error of derivatives that are not finite, where no step is small enough and right after it."""
         begin, rates = self._clock.value, np.zeros_like(states)
-        for later in (0.0, _STUCK * self._size, 4 * float(np.spacing(abs(begin)))):
+        for later in (0.0, _CHATTER_SPAN * self._size, 4 * float(np.spacing(abs(begin)))):
             trial = states + later * rates
-            self._require(self._place(begin + later, c_void_p(trial.ctypes.data)))
-            self._fill(rates, self.derivatives, self._when())
+            self._require(self._set_time_and_states(begin + later, c_void_p(trial.ctypes.data)))
+            self._fill(rates, self.derivatives, self._at())
             if not np.isfinite(rates).all():
                 k = int(np.argmin(np.isfinite(rates)))
-                words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._when()}, where that is"
+                words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._at()}, where that is"
                 raise RefusedError(f"{self.name}: {words} {trial[k]:.10g}; choose other start values, or ask its maker")
-        self._require(self._place(begin, self._states_address))
+        self._require(self._set_time_and_states(begin, self._states_address))
 
-    def _accepted(self, solver: Dop853) -> bool:
-        """Whether the FMU has refused nothing that it was asked in the last step."""
+    def _accept_last_call(self, solver: Dop853) -> bool:
+        """Keep the refusal of a DOP853 step; returns whether there was none."""
         which, status = solver.refusal
         if not which:
             return True
-        time, *others = self._asked
+        time, *others = self._solver_functions
         self._refusal = (time, self.functions["set"], *others)[which - 1], status
         self._clock.value = solver.asked
         return False
 
-    def _begun(self) -> Cvode | Dop853:
-        """The solver, restarted if the states may have changed."""
+    def _restart_if_stale(self) -> Cvode | Dop853:
+        """Restart the solver if the states may have changed; returns it."""
         solver = self._solver
         assert solver is not None
         if self._stale:
             if self._count.value:
                 self._fill(solver.states, f"{self.prefix}GetContinuousStates")
                 self._fill(self._nominals, f"{self.prefix}GetNominalsOfContinuousStates")
-            solver.restart(self._clock.value, self._sizes_of_states())
+            solver.restart(self._clock.value, self._nominal_values())
             self._stale = False
         return solver
 
-    def _sizes_of_states(self) -> NDArray[np.float64]:
-        """The nominal values; 1 for one that is none."""
+    def _nominal_values(self) -> NDArray[np.float64]:
+        """Nominal values of states; 1 instead of one that is not positive and finite."""
         fine = (self._nominals > 0) & np.isfinite(self._nominals)
         if not fine.all():
             words = "nominal values of continuous states are not above 0, such as %.10g; they are taken for 1"
@@ -322,27 +322,27 @@ class ModelExchange(Loaded, ABC):
             logger.warning("%s: %s", self.name, words % about)
 
     def _change_solver(self) -> None:
-        """Have CVODE integrate from here on: the equations are stiff."""
-        self._use(self._cvode())
-        logger.info("%s: its equations are stiff%s: CVODE integrates them", self.name, self._when())
+        """Replace DOP853 by CVODE, since the equations are stiff."""
+        self._set_solver(self._cvode())
+        logger.info("%s: its equations are stiff%s: CVODE integrates them", self.name, self._at())
 
-    def _completed(self) -> bool:
-        """Tell that a step of the solver is complete; whether the FMU wants an event."""
+    def _complete_step(self) -> bool:
+        """Call completedIntegratorStep, if needed; returns whether the FMU requests an event."""
         if not self._fmu.completes:
             return False
         event, ends = self.flag(), self.flag()
         name = f"{self.prefix}CompletedIntegratorStep"
-        self._check(name, self._function(name)(self._pointer, self._final, byref(event), byref(ends)), self._when())
+        self._check(name, self._function(name)(self._pointer, self._final, byref(event), byref(ends)), self._at())
         if ends.value:
-            raise self._ending()
+            raise self._end_error()
         return bool(event.value)
 
     # ---- its equations
 
     @property
     def continuous_states(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The continuous states, and the sizes by which their errors are scaled."""
-        return self._begun().states.copy(), self._sizes_of_states()
+        """The continuous states, and the nominal values that scale their errors."""
+        return self._restart_if_stale().states.copy(), self._nominal_values()
 
     @property
     def has_events(self) -> bool:
@@ -350,89 +350,91 @@ class ModelExchange(Loaded, ABC):
         return bool(self._indicators.size) or math.isfinite(self._next_event)
 
     def go_to(self, time: float, states: NDArray[np.float64]) -> None:
-        """Go to a time [s] and continuous states, without an event.
+        """Set a time [s] and continuous states, without an event.
 
         :raises RefusedError: if the FMU discards them.
         """
         states = np.ascontiguousarray(states)
-        self._require(self._place(time, c_void_p(states.ctypes.data)))
+        self._require(self._set_time_and_states(time, c_void_p(states.ctypes.data)))
 
-    # ---- what the solver asks for
+    # ---- functions for the solver
 
-    def _answering(self, name: str, size: int) -> Function:
-        """For CVODE: what a function of FMI calculates."""
+    def _callback(self, name: str, size: int) -> Function:
+        """An FMI function as CVODE calls it."""
         function, count = self._function(name), c_size_t(size)
 
         def answer(time: float, states: int, result: int) -> int:
-            fine = self._place(time, c_void_p(states)) and self._fine(
+            fine = self._set_time_and_states(time, c_void_p(states)) and self._accept(
                 name, function(self._pointer, c_void_p(result), count)
             )  # a shorter step may do where the FMU discards this one
             return 0 if fine else 1 if self._refusal and self._refusal[1] == DISCARD else -1
 
         return answer
 
-    def _place(self, time: float, states: c_void_p) -> bool:
-        """Go to a time [s] with states at an address; whether the FMU does."""
+    def _set_time_and_states(self, time: float, states: c_void_p) -> bool:
+        """Set a time [s] and the states at an address; returns whether the FMU accepts them."""
         self._clock.value = time
-        fine = self._fine(f"{self.prefix}SetTime", self._set_time(self._pointer, self._clock))
+        fine = self._accept(f"{self.prefix}SetTime", self._set_time(self._pointer, self._clock))
         if fine and self._motion is not None:
             self._motion.evaluate(time)
-            fine = self._fine(self.functions["set"], self._motion.write())
+            fine = self._accept(self.functions["set"], self._motion.write())
         if fine and self._count.value:
             status = self._set_states(self._pointer, states, self._count)
-            return self._fine(f"{self.prefix}SetContinuousStates", status)
+            return self._accept(f"{self.prefix}SetContinuousStates", status)
         return fine
 
-    def _fine(self, function: str, status: int | None) -> bool:
+    def _accept(self, function: str, status: int | None) -> bool:
+        """Keep a refusal; returns whether the status is a success."""
         if status is None or status in {OK, WARNING}:
             return True
         self._refusal = function, status
         return False
 
-    def _require(self, fine: bool) -> None:
-        if not fine:
+    def _require(self, accepted: bool) -> None:
+        """Raise the error of the refusal that was kept, unless the call was accepted."""
+        if not accepted:
             function, status = self._refusal or ("", DISCARD)
-            raise self._failure(function, status, self._when())
+            raise self._error(function, status, self._at())
 
     # ---- events
 
-    def _event(self) -> None:
-        self._call(f"{self.prefix}EnterEventMode", about=self._when())
-        self._iterate()
+    def _handle_event(self) -> None:
+        self._call(f"{self.prefix}EnterEventMode", about=self._at())
+        self._iterate_events()
 
-    def _iterate(self) -> None:
-        """From event mode to continuous-time mode."""
-        for _ in range(_MOST):
-            again, ends, self._next_event = self._updated()
+    def _iterate_events(self) -> None:
+        """Iterate in event mode, then enter continuous-time mode."""
+        for _ in range(_MOST_EVENTS):
+            again, ends, self._next_event = self._update_discrete_states()
             if ends:
-                raise self._ending()
+                raise self._end_error()
             if not again:
                 break
         else:
-            raise RefusedError(f"{self.name}: its event iteration{self._when()} has no end")
+            raise RefusedError(f"{self.name}: its event iteration{self._at()} has no end")
         now = self._clock.value  # time does not go back: a next event that is earlier by rounding only is now
         if not self._next_event >= now - _ROUNDING * max(self._size, abs(now)):
             raise SimulationError(
-                f"{self.name}: its next event{self._when()} is to be at {self._next_event:.10g} s, which is not later; "
+                f"{self.name}: its next event{self._at()} is to be at {self._next_event:.10g} s, which is not later; "
                 "ask its maker"
             )
         self._next_event = max(self._next_event, now)
         self._call(f"{self.prefix}EnterContinuousTimeMode")
         self._stale = True
-        self._crossed()
+        self._update_indicators()
 
     @abstractmethod
-    def _updated(self) -> tuple[bool, bool, float]:
-        """One round: whether another one is needed, whether to end the simulation, time of the next event [s]."""
+    def _update_discrete_states(self) -> tuple[bool, bool, float]:
+        """Update discrete states once; returns whether to repeat, whether to end, and the next event time [s]."""
 
-    def _crossed(self) -> bool:
-        """Whether an event indicator has another sign than when this was asked last."""
+    def _update_indicators(self) -> bool:
+        """Read the event indicators; returns whether one has changed its sign since they were last read."""
         if not self._indicators.size:
             return False
         before = self._indicators > 0
         self._fill(self._indicators, f"{self.prefix}GetEventIndicators")
         if np.isnan(self._indicators).any():
-            self._warn("an event indicator is nan%s, so that events may be missed", self._when())
+            self._warn("an event indicator is nan%s, so that events may be missed", self._at())
         return not np.array_equal(before, self._indicators > 0)
 
     def _fill(self, numbers: NDArray[np.float64], function: str, about: str = "") -> None:
@@ -440,10 +442,12 @@ class ModelExchange(Loaded, ABC):
         status = self._function(function)(self._pointer, c_void_p(numbers.ctypes.data), c_size_t(numbers.size))
         self._check(function, status, about)
 
-    def _ending(self) -> EndedError:
-        return EndedError(f"{self.name} ends the simulation{self._when()}", self._clock.value)
+    def _end_error(self) -> EndedError:
+        """The error that ends the simulation at the present time."""
+        return EndedError(f"{self.name} ends the simulation{self._at()}", self._clock.value)
 
-    def _when(self, word: str = " at") -> str:
+    def _at(self, word: str = " at") -> str:
+        """The present time, for a message."""
         return f"{word} t = {self._clock.value:.10g} s"
 
     # ---- back
@@ -457,7 +461,13 @@ class ModelExchange(Loaded, ABC):
 
         def take() -> int:
             if self._initialized:
-                saved[:] = self._clock.value, self._next_event, self._jumped, self._held.copy(), self._indicators.copy()
+                saved[:] = (
+                    self._clock.value,
+                    self._next_event,
+                    self._jumped,
+                    self._held_inputs.copy(),
+                    self._indicators.copy(),
+                )
                 solver = self._solver
                 memory[:] = [] if self._stale or not isinstance(solver, Dop853) else [solver, solver.memory()]
                 self._stale = not memory
@@ -465,7 +475,7 @@ class ModelExchange(Loaded, ABC):
 
         def go_back() -> int:
             if self._initialized and saved:
-                self._clock.value, self._next_event, self._jumped, self._held[:], self._indicators[:] = saved
+                self._clock.value, self._next_event, self._jumped, self._held_inputs[:], self._indicators[:] = saved
                 self._end_time, self._motion = math.inf, None
                 self._stale = not memory or self._solver is not memory[0]
                 if not self._stale:
@@ -473,15 +483,15 @@ class ModelExchange(Loaded, ABC):
                 elif not isinstance(self._solver, Dop853):
                     words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first from"
                     more = "%s, restart and are less accurate; smaller ones and a smaller tolerance may be needed"
-                    self._warn(words + more, self._when(""))
+                    self._warn(words + more, self._at(""))
             return restore()
 
         return Call(take).with_failure("save", self.failure), Call(go_back).with_failure("restore", self.failure)
 
-    def _forget(self) -> None:
+    def _close_own(self) -> None:
         if self._solver is not None:
             self._solver.close()
-        super()._forget()
+        super()._close_own()
 
 
 @final
@@ -494,9 +504,9 @@ class ModelExchange2(ModelExchange, Instance2):
     def _sizes(self) -> tuple[int, int]:
         return self._fmu.states, self._fmu.indicators
 
-    def _updated(self) -> tuple[bool, bool, float]:
+    def _update_discrete_states(self) -> tuple[bool, bool, float]:
         info = fmi2EventInfo()
-        self._call("fmi2NewDiscreteStates", byref(info), about=self._when())
+        self._call("fmi2NewDiscreteStates", byref(info), about=self._at())
         next_event = info.nextEventTime if info.nextEventTimeDefined else math.inf
         return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), next_event
 
@@ -514,8 +524,8 @@ class ModelExchange3(ModelExchange, Instance3):
         self._call("fmi3GetNumberOfEventIndicators", byref(indicators))
         return states.value, indicators.value
 
-    def _updated(self) -> tuple[bool, bool, float]:
+    def _update_discrete_states(self) -> tuple[bool, bool, float]:
         flags, next_event = [c_bool() for _ in range(5)], c_double()
-        self._call("fmi3UpdateDiscreteStates", *map(byref, (*flags, next_event)), about=self._when())
+        self._call("fmi3UpdateDiscreteStates", *map(byref, (*flags, next_event)), about=self._at())
         again, ends, _nominals, _states, defined = (flag.value for flag in flags)
         return again, ends, next_event.value if defined else math.inf

@@ -1,4 +1,4 @@
-"""How the inputs of an FMU of Model Exchange move within a step."""
+"""Inputs of a Model Exchange FMU within a step, as polynomials of time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class InputMotion:
 
     :param orders: of the derivatives, each of the input with the number in ``rows``.
     :param derivatives: a buffer, and the indices of the derivatives in it.
-    :param places: indices of the inputs among all that are held.
+    :param places: indices of the inputs among the held ones.
     :ivar values: of the inputs, shape (inputs,); ``buffer`` is the same.
     :ivar first: these at ``start`` [s].
     :ivar slopes: the factors of the powers of time, shape (orders,).

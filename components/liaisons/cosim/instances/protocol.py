@@ -1,4 +1,4 @@
-"""Running FMUs of every version of FMI, from instantiation to release."""
+"""Instances of FMUs: their protocol, and what FMI 2.0 and 3.0 have in common."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ INTERMEDIATE_INSTANTS = 5
 Scalars = Sequence[Scalar]
 Numbers = Array[c_double]
 
-_REMEMBERED, _LONGEST = 20, 10_000  # messages, and bytes that are read of each
+_MESSAGES_KEPT, _LONGEST_MESSAGE = 20, 10_000  # messages, and bytes that are read of each
 _MOST_WARNINGS = 100  # that are shown
-_ROUNDING = 1e-6  # of a communication step
+_ROUNDING = 1e-6  # relative to a communication step
 
 
 class Instance(ABC):
-    """A running FMU; a context manager that ends it.
+    """An instance of an FMU; a context manager that terminates and frees it.
 
-    It is asked only for what its :class:`Fmu` says it can.
+    Callers use only the capabilities that its :class:`Fmu` declares.
 
     :ivar name: name of the part, used as instance name and in messages.
     :ivar functions: what FMI calls the functions of prepared calls.
@@ -66,34 +66,34 @@ class Instance(ABC):
 
     @abstractmethod
     def exit_initialization(self) -> None:
-        """From here on it can be stepped."""
+        """Exit initialization; steps follow."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Prepare for a state from before initialization, which is set next."""
+        """Prepare for the state from before initialization, which the caller restores next."""
 
     @abstractmethod
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that reads these numbers into a buffer of as many values."""
+        """A call that reads variables into a buffer of as many values."""
 
     @abstractmethod
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that sets these numbers from a buffer of as many values."""
+        """A call that sets variables from a buffer of as many values."""
 
     @abstractmethod
     def stepper(self, time: c_double, size: c_double) -> Call:
-        """A call that steps by the size from the time that stand in the two buffers then [s]."""
+        """A call that makes a communication step from the time in one buffer, by the size in the other [s]."""
 
     @abstractmethod
     def states(self) -> tuple[Call, Call]:
-        """Two calls, one that saves the state of the FMU, and one that brings this state back, as often as wanted."""
+        """Two calls: one saves the state of the FMU, the other restores it, any number of times."""
 
     @abstractmethod
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        """A call that calculates how the unknowns change with the knowns, which change like the seed."""
+        """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed."""
 
     def together(self, calls: Sequence[Call]) -> Sequence[Call]:
-        """What such calls do, in any order: none needs what another one has calculated."""
+        """Calls that do the same in any order, where none depends on another; an isolated FMU overlaps them."""
         return calls
 
     @abstractmethod
@@ -103,14 +103,14 @@ class Instance(ABC):
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         """A call that sets derivatives of inputs at the start of the next step from a buffer of as many values.
 
-        Where :attr:`Fmu.input_derivatives` says that it can.
+        Only where :attr:`Fmu.input_derivatives` is true.
         """
         raise NotImplementedError
 
     def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
-        """Let these inputs follow values inside each step; returns a call to make before it.
+        """Set inputs inside each step; returns a call that is made before the step.
 
-        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to request them.
+        Only where :attr:`Fmu.inside_inputs` is true and the instance was made to request intermediate updates.
 
         :param values: at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)); may change any time.
         """
@@ -118,15 +118,15 @@ class Instance(ABC):
 
     @abstractmethod
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
-        """The error that says which prepared call failed and when, with the FMU's own words."""
+        """The error of a prepared call: function, time, status, and the messages of the FMU."""
 
     @abstractmethod
     def close(self) -> None:
-        """End and release it, as far as its state allows; safe to repeat."""
+        """Terminate and free it, as far as FMI allows in its state; safe to repeat."""
 
 
 class Loaded(Instance):
-    """One whose library this process has loaded.
+    """An instance in this process.
 
     FMPy loads, instantiates, initializes, terminates and frees it.  The prepared calls of the loop take the addresses
     of the same functions, without argument types: FMPy converts the arguments of every call and looks its function up,
@@ -143,14 +143,14 @@ class Loaded(Instance):
     fmpy_class: ClassVar[type[FmpyInstance]]
     types: ClassVar[Mapping[str, Any]]
     flag: ClassVar[Any]
-    sized: ClassVar[bool]  # whether values are handed over with their number
-    transfer: ClassVar[int]  # kind of the call that does
+    sized: ClassVar[bool]  # whether FMI's functions take the number of values
+    transfer: ClassVar[int]  # kind of the calls that get and set
 
     def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
         self.name = name
         self._fmu = fmu
-        self._worst = self._warnings = 0
-        self._said: deque[tuple[int, str]] = deque(maxlen=_REMEMBERED)
+        self._worst_status = self._warnings = 0
+        self._messages: deque[tuple[int, str]] = deque(maxlen=_MESSAGES_KEPT)
         self._initialized = self._closed = False
         self._span: tuple[c_double, c_double] | None = None  # begin and size of the step under way [s]
         self._states: list[c_void_p] = []
@@ -159,7 +159,7 @@ class Loaded(Instance):
             self.fmpy_instance: Any = load(self.fmpy_class, name, fmu, directory)
         except OSError as error:
             raise SimulationError(f"{name}: the library of {fmu.path.name} cannot be loaded: {error}") from error
-        # logging asks for everything; only what comes with a status is of use
+        # loggingOn enables all categories; those of OK are not used
         categories = [category for category in COMPLAINTS if category in fmu.log_categories]
         try:
             self._instantiate()
@@ -172,7 +172,7 @@ class Loaded(Instance):
             raise SimulationError(words) from error
         except Exception as error:  # FMPy raises nothing more specific
             self.close()
-            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._words()}") from error
+            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._complaint()}") from error
         self._pointer = c_void_p(self.fmpy_instance.component)
 
     @abstractmethod
@@ -220,42 +220,42 @@ class Loaded(Instance):
     def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
         parts = layouts(self._fmu, variables, self.types)
         if len(parts) == 1 and parts[0].direct:
-            return self._whole(action, parts[0], values)
+            return self._transfer_whole(action, parts[0], values)
         calls: list[Transfer] = []
         numbers = np.ctypeslib.as_array(values)
         for part in parts:
             if action == "get" or not part.whole:
-                read = self._whole("get", part)
+                read = self._transfer_whole("get", part)
                 calls.append(partial(part.read_into, read, numbers) if action == "get" else read)
             if action == "set":
-                calls.append(partial(part.write_from, self._whole("set", part), numbers))
-        return self._all(action, calls, " or ".join(self._transferring(action, part) for part in parts))
+                calls.append(partial(part.write_from, self._transfer_whole("set", part), numbers))
+        return self._combine(action, calls, " or ".join(self._function_name(action, part) for part in parts))
 
-    def _whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
+    def _transfer_whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
         """A call that reads or sets whole variables from these values, else by the buffer that they have."""
         values = layout.buffer if values is None else values
-        references, name = value_references(layout.references), self._transferring(action, layout)
+        references, name = value_references(layout.references), self._function_name(action, layout)
         arguments = *buffered(references), *buffered(values)[: 2 if self.sized else 1]
-        call = Call(self._function(name), self._pointer, *arguments).with_failure(action, self._failing(name))
+        call = Call(self._function(name), self._pointer, *arguments).with_failure(action, self._failure_of(name))
         record = {"source": references, "count": len(references), "values": values, "size": len(values)}
         return call.recorded(self.transfer, self._pointer.value, **record)
 
-    def _transferring(self, action: Action, layout: BufferLayout) -> str:
-        """The function of FMI that does it."""
+    def _function_name(self, action: Action, layout: BufferLayout) -> str:
+        """The name of the FMI function that gets or sets variables of this type."""
         return f"{self.prefix}{action.capitalize()}{layout.base}"
 
-    def _all(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
-        """Calls in a row as one, which returns the worst status."""
-        return Call(lambda: max((call() for call in calls), default=0)).with_failure(action, self._failing(function))
+    def _combine(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
+        """One call that makes several calls in order, and returns the worst status."""
+        return Call(lambda: max((call() for call in calls), default=0)).with_failure(action, self._failure_of(function))
 
-    def _failing(self, function: str) -> Failure:
-        """Makes the error of this function."""
-        return lambda _, status, when: self._failure(function, status, when)
+    def _failure_of(self, function: str) -> Failure:
+        """A maker of the error of an FMI function."""
+        return lambda _, status, when: self._error(function, status, when)
 
     def states(self) -> tuple[Call, Call]:
         state = c_void_p()
         self._states.append(state)
-        save, restore = self._prepared("save", byref(state)), self._prepared("restore", state)
+        save, restore = self._prepare("save", byref(state)), self._prepare("restore", state)
         address = self._pointer.value
         return save.recorded(SAVE, address, values=state), restore.recorded(RESTORE, address, values=state)
 
@@ -263,24 +263,24 @@ class Loaded(Instance):
         self._initialized = False
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
-        end = self._end() if action == "step" and status == DISCARD else None
+        end = self._requested_end() if action == "step" and status == DISCARD else None
         if end is not None:
             begin, size = (number.value for number in self._span) if self._span else (end, 0.0)
             if not -_ROUNDING * size <= end - begin <= (1 + _ROUNDING) * size:  # nor is not-a-number
                 end = begin
             return EndedError(f"{self.name} ends the simulation at t = {end:.10g} s", end)
-        return self._failure(self.functions[action], status, when)
+        return self._error(self.functions[action], status, when)
 
     @abstractmethod
-    def _end(self) -> float | None:
-        """To where it has come in the last step [s] if it asks to end the simulation; else None."""
+    def _requested_end(self) -> float | None:
+        """The time that the last step reached [s], if the FMU requests the end of the simulation; else None."""
 
     def close(self) -> None:
         if self._closed:
             return
         self._closed = True
-        self._forget()
-        if self._worst == FATAL:  # then FMI forbids every call, the release included
+        self._close_own()
+        if self._worst_status == FATAL:  # then FMI forbids every call, the release included
             return
         try:
             if self.fmpy_instance.component:
@@ -292,43 +292,43 @@ class Loaded(Instance):
 
     def _release(self) -> None:
         """Terminate it, and free its states, itself and its library."""
-        if self._initialized and self._worst < ERROR:
+        if self._initialized and self._worst_status < ERROR:
             try:
                 self.fmpy_instance.terminate()
             except FMICallException as error:
-                logger.warning("%s: %s failed%s", self.name, error.function, self._words())
+                logger.warning("%s: %s failed%s", self.name, error.function, self._complaint())
         for state in filter(None, self._states):
             with suppress(FMICallException):
                 self.fmpy_instance.freeFMUState(state)
         self.fmpy_instance.freeInstance()
 
-    def _forget(self) -> None:
-        """What else there is to do when the instance goes."""
+    def _close_own(self) -> None:
+        """Close what belongs to this instance beside its library."""
 
-    def _note(self, status: int, message: bytes | None) -> None:
-        """Keep what the FMU logs; a new warning goes to the ``logging`` channel ``liaisons.cosim``, too."""
-        entry = status, one_line((message or b"")[:_LONGEST].decode(errors="replace").strip())
-        if entry not in self._said:
-            self._said.append(entry)
+    def _log_message(self, status: int, message: bytes | None) -> None:
+        """Keep a message of the FMU, and log it to the channel ``liaisons.cosim`` if it is new."""
+        entry = status, one_line((message or b"")[:_LONGEST_MESSAGE].decode(errors="replace").strip())
+        if entry not in self._messages:
+            self._messages.append(entry)
             self._warnings += status == WARNING
             shown = status == WARNING and self._warnings <= _MOST_WARNINGS
             more = "; further warnings of it are not shown" if self._warnings == _MOST_WARNINGS else ""
             logger.log(logging.WARNING if shown else logging.DEBUG, "%s: %s%s", self.name, entry[1], more)
 
-    def _words(self) -> str:
-        """The FMU's complaints, else the last thing it said."""
-        complaints = dict.fromkeys(message for status, message in self._said if status >= DISCARD)
-        said = list(complaints) or [message for _, message in self._said][-1:]
+    def _complaint(self) -> str:
+        """The messages of the FMU with status Discard or worse, else its last message."""
+        complaints = dict.fromkeys(message for status, message in self._messages if status >= DISCARD)
+        said = list(complaints) or [message for _, message in self._messages][-1:]
         return f": {'; '.join(said)}" if said else " without a message"
 
-    def _failure(self, function: str, status: int, about: str) -> SimulationError:
-        """The error for a status that is none of OK and Warning."""
+    def _error(self, function: str, status: int, about: str) -> SimulationError:
+        """The error of a status other than OK and Warning."""
         is_status = status in range(len(STATUSES))
-        self._worst = max(self._worst, status) if is_status else FATAL
+        self._worst_status = max(self._worst_status, status) if is_status else FATAL
         label = STATUSES[status] if is_status else f"{status}, which is no status of FMI"
-        words = f"{self.name}: {function}{about} returned {label}{self._words()}"
-        # if the run goes on from a saved state, the next failure has words of its own
-        self._said = deque((entry for entry in self._said if entry[0] < DISCARD), maxlen=_REMEMBERED)
+        words = f"{self.name}: {function}{about} returned {label}{self._complaint()}"
+        # after a roll-back, the next failure has its own messages
+        self._messages = deque((entry for entry in self._messages if entry[0] < DISCARD), maxlen=_MESSAGES_KEPT)
         return (RefusedError if status in {DISCARD, ERROR} else SimulationError)(words)
 
     def _call(self, function: str, *arguments: object, about: str = "") -> None:
@@ -341,18 +341,18 @@ class Loaded(Instance):
         except FMICallException as error:
             status = error.status
         except AttributeError:
-            raise self._lacking(function) from None
+            raise self._missing_function(function) from None
         self._check(function, status, about)
 
     def _check(self, function: str, status: int, about: str = "") -> None:
         if status not in {OK, WARNING}:  # to FMPy, a negative one is a success
-            raise self._failure(function, status, about)
+            raise self._error(function, status, about)
 
-    def _lacking(self, function: str) -> SimulationError:
+    def _missing_function(self, function: str) -> SimulationError:
         words = f"the library of {self._fmu.path.name} has no function {function}; export it again"
         return SimulationError(f"{self.name}: {words}")
 
-    def _prepared(self, action: Action, *arguments: object) -> Call:
+    def _prepare(self, action: Action, *arguments: object) -> Call:
         return Call(self._function(self.functions[action]), self._pointer, *arguments).with_failure(
             action, self.failure
         )
@@ -360,16 +360,16 @@ class Loaded(Instance):
     def _function(self, name: str) -> Callable[..., int]:
         if name not in self._functions:
             try:
-                self._functions[name] = _shared(cast(self.fmpy_instance.dll[name], c_void_p).value or 0)
+                self._functions[name] = _function_at(cast(self.fmpy_instance.dll[name], c_void_p).value or 0)
             except AttributeError:
-                raise self._lacking(name) from None
+                raise self._missing_function(name) from None
         return self._functions[name]
 
 
 @cache
-def _shared(address: int) -> Callable[..., int]:
-    """The function at an address, without argument types, for all instances.
+def _function_at(address: int) -> Callable[..., int]:
+    """The function at an address, without argument types, shared by all instances.
 
-    What a thousand of them have in common stays in the cache of the processor.
+    Shared functions of a thousand instances stay in the processor's cache.
     """
     return CFUNCTYPE(c_int)(address)

@@ -1,4 +1,4 @@
-"""Strings of FMUs as numbers, which is all that a run hands on and records: each has its own, in this process."""
+"""Strings of FMUs as numbers, since a run transfers and records numbers only; valid in this process."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def number(text: bytes | None) -> int:
 def text(number: float) -> bytes:
     """The string of a number.
 
-    :raises SimulationError: if it is that of another process.
+    :raises SimulationError: if the number is from another process.
     """
     if number not in _texts:
         raise SimulationError("a string has come from an isolated FMU, which cannot hand it on")
