@@ -15,6 +15,8 @@ from fmpy.sundials import CVodeSolver
 from making import FmuPaths, Trace, exchange_only, wired
 
 from liaisons.cosim import System
+from liaisons.cosim.description.fmu import read_description
+from liaisons.cosim.description.model_description import BASE_UNITS, UnitDefinition
 from liaisons.cosim.instances import loading
 from liaisons.errors import SimulationError
 
@@ -78,6 +80,31 @@ def test_instances_share_the_functions_of_their_library(fmu: FmuPaths) -> None:
         assert a is b is not c
         assert len(loading._libraries) == 2
     assert not loading._libraries
+
+
+@pytest.mark.parametrize("name", ["Oscillator", "fmi3/Oscillator", "python/Oscillator", "PendulumChain"])
+def test_descriptions_are_read_as_fmpy_reads_them(component: FmuPaths, name: str) -> None:
+    """One reader for all uses; FMPy's takes ten times the memory where variables are many."""
+    theirs = fmpy.read_model_description(str(component(name)))
+    ours = read_description(component(name))
+    assert (ours.root["modelName"], ours.experiment["stopTime"]) == (
+        theirs.modelName,
+        theirs.defaultExperiment.stopTime,
+    )
+    assert list(ours.attributes) == [variable.name for variable in theirs.modelVariables]
+    for variable in theirs.modelVariables:
+        seen = ours.attributes[variable.name]
+        names = "causality", "start", "unit", "min", "max", "description"
+        assert [seen.get(name) for name in names] == [getattr(variable, name) for name in names]
+        assert (seen["tag"], int(seen["valueReference"])) == (variable.type, variable.valueReference)
+    units = {unit.name: unit.baseUnit for unit in theirs.unitDefinitions}
+    assert ours.units.keys() == units.keys()
+    for unit, base in units.items():
+        assert ours.units[unit] == UnitDefinition(
+            tuple(getattr(base, quantity) for quantity in BASE_UNITS), base.factor, base.offset
+        )
+    assert len(ours.outputs) == len(theirs.outputs)
+    assert ours.states == len(theirs.derivatives)
 
 
 # ---- what FMPy does otherwise
