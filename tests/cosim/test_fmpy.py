@@ -87,6 +87,7 @@ def test_descriptions_are_read_as_fmpy_reads_them(component: FmuPaths, name: str
     """One reader for all uses; FMPy's takes ten times the memory where variables are many."""
     theirs = fmpy.read_model_description(str(component(name)))
     ours = read_description(component(name))
+    assert theirs.defaultExperiment is not None
     assert (ours.root["modelName"], ours.experiment["stopTime"]) == (
         theirs.modelName,
         theirs.defaultExperiment.stopTime,
@@ -100,6 +101,7 @@ def test_descriptions_are_read_as_fmpy_reads_them(component: FmuPaths, name: str
     units = {unit.name: unit.baseUnit for unit in theirs.unitDefinitions}
     assert ours.units.keys() == units.keys()
     for unit, base in units.items():
+        assert base is not None
         assert ours.units[unit] == UnitDefinition(
             tuple(getattr(base, quantity) for quantity in BASE_UNITS), base.factor, base.offset
         )
