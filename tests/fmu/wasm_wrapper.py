@@ -22,7 +22,7 @@ TOOLS = shutil.which("wasm-tools")
 def wrapper(model: Model) -> bytes:
     """The component of a model with an empty module in the place of its own: the same bytes for every model."""
     sources = {name: text for name, text in source_files(model, "", "3").items() if name.endswith((".c", ".h"))}
-    module = core_module(model, sources)
+    module = core_module(sources)
     with tempfile.TemporaryDirectory() as folder, as_file(OURS / "wit") as interfaces:
         path = Path(folder, "module.wasm")
         path.write_bytes(module)

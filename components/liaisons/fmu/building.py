@@ -96,7 +96,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         **extra_members(model, fmi if arrays else "2"),  # names of numbers, as in FMI 2.0
         **{f"sources/{name}": content for name, content in sources.items()},
     }
-    experimental = manifest(model) if platforms == "wasm" else {}
+    experimental = manifest() if platforms == "wasm" else {}
     members = _identified(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
     paths = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
@@ -105,7 +105,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         for target in (TARGETS if platforms == "all" else [host()])
     }
     if platforms == "wasm":
-        binaries[binary_path(model.name)] = partial(component, model, code)
+        binaries[binary_path(model.name)] = partial(component, code)
         if _is_current(path, members):  # existing binaries are kept beside the component
             members |= {name: binary for name in paths.values() if (binary := read_member(path, name))}
     if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from importlib.util import find_spec
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,7 @@ _MOTION = ("derivatives", "motion")
 _LOADS, _MOVES = 1, 2  # effects of inputs that are not 0: forces, or the motion of prescribed coordinates
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
 _HEADERS = (
-    *("core.h", "instance.h", "inputs.h", "solver.h", "symplectic.h"),
+    *("core.h", "instance.h", "inputs.h", "solver.h", "symplectic.h", "events.h", "unilateral.h"),
     *("calls.h", "fmi_common.h", "fmi_functions.h"),
 )
 
@@ -50,20 +50,14 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
-    model_c, *c_files = sources(model, fmi)
-    files = (*_HEADERS, *["knots.h"] * bool(model.table), *["unilateral.h"] * bool(model.contact), *c_files)
+    model_c, *c_files = sources(fmi)
+    files = (*_HEADERS, *["knots.h"] * bool(model.table), *c_files)
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
-        **{name: fitting(model, (runtime / name).read_text()).encode() for name in files},
+        **{name: (runtime / name).read_bytes() for name in files},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
-
-
-def fitting(model: Model, text: str) -> str:
-    """C of the runtime without what only models with contacts need, or with it."""
-    blocks = r"#ifdef UNILATERAL\n(.*?)(?:#else\n(.*?))?#endif /\* UNILATERAL \*/\n"
-    return re.sub(blocks, lambda block: block[1] if model.contact else block[2] or "", text, flags=re.DOTALL)
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
@@ -129,11 +123,17 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
         "remember": model.remember,
         "nominals": model.nominals,
         **({} if model.project is None else {"project": model.project}),
-        **({} if model.contact is None else {"contact": model.contact}),
+        **({} if model.contact is None else {"contact": _stacked(model.contact)}),
         **({} if model.push is None else {"push": model.push}),
         **({} if model.indicate is None else {"indicate": model.indicate}),
     }
     return functions | _derivatives(model, "forward") | (_derivatives(model, "reverse") if adjoint else {})
+
+
+def _stacked(function: ca.Function) -> ca.Function:
+    """The function with its results in one."""
+    arguments = function.sx_in()
+    return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
 
 
 def _outputs(model: Model) -> ca.Function:
@@ -296,15 +296,17 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
         **({"columns": model.table.columns} if model.table else {}),
         **({"drawn": scalar_count(model.drawn)} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
-        **(_contact_fields(model) if model.contact else {}),
+        **(_contact_fields(model, model.contact) if model.contact else {}),
     }
 
 
-def _contact_fields(model: Model) -> dict[str, object]:
+def _contact_fields(model: Model, contact: ca.Function) -> dict[str, object]:
     gaps = sum(not contact.friction for contact in model.contacts)
     counts = {"gaps": gaps, "frictions": len(model.contacts) - gaps, "operators": len(operators_of(model))}
     counts["indicators"] = len(model.contacts)
-    return {**counts, **{name: name for name in ("gap", "friction", "operator", "indicator")}}
+    starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
+    rows = (f".{name} = {start}" for name, start in zip((*contact.name_out(), "count"), starts, strict=True))
+    return {**counts, "rows": _row(*rows), **{name: name for name in ("gap", "friction", "operator", "indicator")}}
 
 
 def _contact_tables(model: Model) -> list[str]:
@@ -432,7 +434,7 @@ def _fmi_header(name: str) -> bytes:
 
 
 def _build_description(model: Model, fmi: Fmi) -> bytes:
-    files = (line for name in sources(model, fmi) for line in element("SourceFile", {"name": name}))
+    files = (line for name in sources(fmi) for line in element("SourceFile", {"name": name}))
     inside = [*element("SourceFileSet", {"language": "C99"}, files), *element("Library", {"name": "m"})]
     configuration = element("BuildConfiguration", {"modelIdentifier": model.name}, inside)
     # FMI 2.0 took the file over without a version of its own.

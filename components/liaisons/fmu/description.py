@@ -39,7 +39,7 @@ Backend = Literal["native", "python"]
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
     *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
-    *("symplectic.c", "exchange.c", "states.c", "starts.c", "messages.c", "fmi_common.c"),
+    *("symplectic.c", "events.c", "unilateral.c", "exchange.c", "states.c", "starts.c", "messages.c", "fmi_common.c"),
 )
 
 # Capabilities of the back ends; others are false or 0.
@@ -61,9 +61,9 @@ LOG_CATEGORIES = {
 }
 
 
-def sources(model: Model, fmi: Fmi) -> tuple[str, ...]:
-    """The C files that make up a binary."""
-    return (*_SOURCES, *["unilateral.c"] * bool(model.contact), f"fmi{fmi}.c")
+def sources(fmi: Fmi) -> tuple[str, ...]:
+    """Names of the C files that make up a binary."""
+    return (*_SOURCES, f"fmi{fmi}.c")
 
 
 def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
@@ -81,7 +81,7 @@ def _parts(model: Model, backend: Backend) -> Iterator[str]:
         no_step_events = {} if model.indicators else {"completedIntegratorStepNotNeeded": "true"}
         kinds = {"ModelExchange": no_step_events | _MODEL_EXCHANGE, "CoSimulation": _CO_SIMULATION}
         for kind, capabilities in kinds.items():
-            files = chain.from_iterable(element("File", {"name": name}) for name in sources(model, "2"))
+            files = chain.from_iterable(element("File", {"name": name}) for name in sources("2"))
             yield from element(kind, {"modelIdentifier": model.name, **capabilities}, element("SourceFiles", {}, files))
     else:
         yield from element("CoSimulation", {"modelIdentifier": model.name, **_CO_SIMULATION_IN_PYTHON})

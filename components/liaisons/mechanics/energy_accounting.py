@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -71,9 +71,13 @@ def definitions(
     }
 
 
-def function(name: str, arguments: Sequence[Any], *results: Any) -> ca.Function:
-    """CasADi function with dense results, without repeated subexpressions if it is scalar code."""
+def function(name: str, arguments: Sequence[Any], *results: Any, names: Iterable[str] = ()) -> ca.Function:
+    """CasADi function with dense results, without repeated subexpressions if it is scalar code.
+
+    :param names: of the results; none: CasADi's own.
+    """
     dense: Any = [ca.densify(result) for result in results]
     if all(isinstance(result, ca.SX) for result in dense):
         dense = ca.cse(dense)
-    return ca.Function(name, list(arguments), dense)
+    named: Any = ([f"i{i}" for i in range(len(arguments))], list(names)) if names else ()
+    return ca.Function(name, list(arguments), dense, *named)

@@ -242,7 +242,7 @@ class _Modes:
             "derivatives": function("derivatives", booked, rates),
             "outputs_function": function("outputs", booked, z),
             "conditions": function("conditions", booked, stack(conditions)),
-            "contact": function("contact", motion, self._measured()),
+            "contact": function("contact", motion, *self._measured().values(), names=self._measured()),
             "indicate": function("indicate", booked, self._loaded(self.indicators)),
             "push": self._push(booked),
         }
@@ -291,22 +291,21 @@ class _Modes:
                 conditions[text] = 1 - coefficient * self.G[n, i] / self.G[n, n]
         return conditions
 
-    def _measured(self) -> ca.SX:
-        """What modes are chosen by, in the order of ``Contacts`` in unilateral.c."""
-        return self._unloaded(
-            ca.vertcat(
-                self._velocities(),
-                self.resting,
-                ca.densify(ca.vec(self.G)),
-                self._each("_rate_scale"),
-                self._each("_acceleration_scale"),
-                self._each("", self.gaps),
-                self._each("_scale", self.gaps),
-                self._each("_restitution", self.gaps),
-                self._each("_static", self.frictions),
-                self._each("_sliding", self.frictions),
-            )
-        )
+    def _measured(self) -> dict[str, ca.SX]:
+        """Numbers that modes are chosen by, without contact forces, by the names of ``ContactRows`` in core.h."""
+        numbers = {
+            "v": self._velocities(),
+            "a": self.resting,
+            "G": ca.vec(self.G),
+            "rate_scale": self._each("_rate_scale"),
+            "acceleration_scale": self._each("_acceleration_scale"),
+            "gap": self._each("", self.gaps),
+            "scale": self._each("_scale", self.gaps),
+            "restitution": self._each("_restitution", self.gaps),
+            "stick": self._each("_static", self.frictions),
+            "slide": self._each("_sliding", self.frictions),
+        }
+        return {name: self._unloaded(column) for name, column in numbers.items()}
 
     def _push(self, booked: list[ca.SX]) -> ca.Function:
         """(t, y, u, k, m, Λ, ν) → state after impulses Λ, moved by ν along the gaps; impulses of operators."""

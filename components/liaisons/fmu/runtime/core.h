@@ -27,10 +27,8 @@ typedef struct { /* (t, y, u, k) -> dy/dt, of all states, and of the coupled one
     Function *all, *coupled;
 } Motion;
 
-#ifdef UNILATERAL
 typedef enum { NUMBER_REAL, NUMBER_INTEGER, NUMBER_BOOLEAN } NumberType; /* all are calculated as doubles */
 
-#endif /* UNILATERAL */
 typedef struct { /* a number, or an array of numbers */
     const char *name;
     Kind kind;
@@ -41,9 +39,7 @@ typedef struct { /* a number, or an array of numbers */
     double start, minimum, maximum;
     int strict;         /* the bounds themselves are forbidden too */
     const char *domain; /* the allowed values in words; empty: all finite numbers */
-#ifdef UNILATERAL
     NumberType type;
-#endif /* UNILATERAL */
 } Variable;
 
 typedef struct { /* a start value that is not that of its variable */
@@ -71,7 +67,6 @@ typedef struct { /* a structural size */
     size_t count;
 } Dimension;
 
-#ifdef UNILATERAL
 enum { MOST_CONTACTS = 16 };
 
 typedef struct { /* a unilateral liaison: where the memory has its mode and its account */
@@ -86,7 +81,14 @@ typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1
     size_t loss;
 } DryFriction;
 
-#endif /* UNILATERAL */
+typedef struct { /* where numbers of contacts are, gaps first, then dry friction; without contact forces */
+    size_t v, a, G;                        /* rates, accelerations, their change by forces */
+    size_t rate_scale, acceleration_scale; /* what they are made of */
+    size_t gap, scale, restitution;
+    size_t stick, slide; /* thresholds of dry friction */
+    size_t count;
+} ContactRows;
+
 typedef struct {
     const char *name, *guid;
     double tolerance; /* where the importer gives none */
@@ -119,16 +121,15 @@ typedef struct {
     /* adjoint derivatives: arguments, results, weights of the results -> derivatives of the weighted sum; or NULL */
     Function *start_reverse, *calculate_reverse, *remember_reverse;
     size_t most_arguments, most_results, integers, reals; /* work space of any of them */
-#ifdef UNILATERAL
-    size_t gaps, frictions, operators, indicators;
+    size_t gaps, frictions, operators, indicators; /* an indicator for each gap and dry friction; 0: no contacts */
     const Gap *gap;
     const DryFriction *friction;
     const size_t *operator;  /* where the memory sums the impulses of operators */
     const size_t *indicator; /* indices of the event indicators among the numbers */
-    Function *contact;       /* (t, y, u, k) -> the numbers of Contacts in instance.h, one after the other */
-    Function *push;          /* (t, y, u, k, m, impulses, shifts) -> y, impulses of operators */
-    Function *indicate;      /* (t, y, u, k, m) -> event indicators */
-#endif /* UNILATERAL */
+    ContactRows rows;
+    Function *contact;  /* (t, y, u, k) -> numbers of the contacts, at these rows; or NULL, as the next two */
+    Function *push;     /* (t, y, u, k, m, impulses, shifts) -> y, impulses of operators */
+    Function *indicate; /* (t, y, u, k, m) -> event indicators */
 } Model;
 
 extern const Model model;
@@ -243,7 +244,7 @@ void core_enter_event_mode(Instance *);
 /* Book what a jump of the inputs brought in, if it is finite; *changed: states have.  *next: time event, or INFINITY. */
 Status core_update_discrete_states(Instance *, int *changed, double *next);
 
-#ifdef UNILATERAL
+
 /* How many numbers references stand for. */
 size_t core_count(const Instance *, const unsigned references[], size_t n);
 /* An element of a variable that must be of this type; integers may be settings, too. */
@@ -254,7 +255,6 @@ Status core_get_indicators(Instance *, double indicators[]);
 /* Whether an event indicator is below 0. */
 int core_has_event(Instance *, double time);
 
-#endif /* UNILATERAL */
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);
 void core_save(const Instance *, void *bytes);

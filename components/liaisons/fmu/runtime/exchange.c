@@ -2,9 +2,7 @@
 #include <string.h>
 
 #include "instance.h"
-#ifdef UNILATERAL
 #include "unilateral.h"
-#endif /* UNILATERAL */
 
 Status core_set_time(Instance *self, double time) {
     if (!isfinite(time)) return core_report(self, DISCARD, "time = %s: set a finite number", core_spelled(time));
@@ -62,27 +60,15 @@ void core_enter_event_mode(Instance *self) {
 
 Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     const char *before = (const char *)self->step.backup + ((const char *)self->v.y - (const char *)self->s);
-    *changed = self->s->jumped; /* derivatives have, perhaps: the importer is to start its solver again */
-#ifdef UNILATERAL
-    const int jumps = self->s->jumped;
-    self->s->jumped = 1; /* an event of a contact, perhaps */
-#endif /* UNILATERAL */
+    const int jumps = self->s->jumped, touches = self->model->indicators > 0; /* in an event of a contact, perhaps */
+    *changed = jumps; /* derivatives have, perhaps: the importer is to start its solver again */
+    self->s->jumped |= touches;
     if (self->s->jumped) {
         memcpy(self->step.backup, self->s, self->layout.moving_size);
-#ifdef UNILATERAL
-        if (self->options.use == USE_MODEL_EXCHANGE) core_uphold_before(self);
-#endif /* UNILATERAL */
+        if (touches && self->options.use == USE_MODEL_EXCHANGE) core_uphold_before(self);
         core_compare(self);
-#ifdef UNILATERAL
         if (jumps) core_jump(self);
-#else
-        core_jump(self);
-#endif /* UNILATERAL */
-#ifdef UNILATERAL
         if (!core_settle(self, self->s->time) || !core_check_finite(self, self->v.y, 0, self->s->time)
-#else
-        if (!core_check_finite(self, self->v.y, 0, self->s->time)
-#endif /* UNILATERAL */
             || (!core_remember(self) && !core_because_infinite(self))) {
             memcpy(self->s, self->step.backup, self->layout.moving_size);
             self->known.current = 0;
@@ -93,10 +79,7 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
         *changed |= memcmp(before, self->v.y, (2 * self->model->states + self->model->memory) * sizeof *self->v.y) != 0;
         self->known.current = 0;
     }
-    *next = core_next_instant(self, self->v.k, self->s->time);
-#ifdef UNILATERAL
-    *next = fmin(*next, core_next_rest(self, self->s->time));
-#endif /* UNILATERAL */
+    *next = fmin(core_next_instant(self, self->v.k, self->s->time), core_next_rest(self, self->s->time));
     return SUCCESS;
 }
 

@@ -122,15 +122,11 @@ fmi2Status fmi2GetInteger(fmi2Component instance, const fmi2ValueReference refer
     for (size_t i = 0; i < n; i++) {
         const Dimension *dimension = core_dimension(core, references[i]);
         if (dimension != NULL) values[i] = (int)dimension->count;
-#ifdef UNILATERAL
         if (dimension != NULL) continue;
         double value = 0;
         const Status status = core_get_typed(core, NUMBER_INTEGER, references[i], 0, &value);
         if (status != SUCCESS) return (fmi2Status)status;
         values[i] = (int)fmax(INT32_MIN, fmin(value, INT32_MAX));
-#else
-        else if (core_get_setting(core, references[i], &values[i]) != SUCCESS) return fmi2Error;
-#endif /* UNILATERAL */
     }
     return fmi2OK;
 }
@@ -159,7 +155,6 @@ fmi2Status fmi2SetInteger(fmi2Component instance, const fmi2ValueReference refer
         return (fmi2Status)fmi_check_no_variables(&fmu->common, n, #Type);                                           \
     }
 
-#ifdef UNILATERAL
 fmi2Status fmi2GetBoolean(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                           fmi2Boolean values[]) {
     ENTER(GetInt32);
@@ -178,9 +173,6 @@ fmi2Status fmi2SetBoolean(fmi2Component instance, const fmi2ValueReference refer
     return (fmi2Status)core_refuse_typed(core, NUMBER_BOOLEAN, references[0], values[0]);
 }
 
-#else
-NONE_OF(Boolean)
-#endif /* UNILATERAL */
 NONE_OF(String)
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component instance, const fmi2ValueReference unknowns[], size_t n_unknown,

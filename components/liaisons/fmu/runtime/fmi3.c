@@ -206,7 +206,6 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
                         size_t count) {
     ENTER(GetInt32);
-#ifdef UNILATERAL
     if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
     if (fmi_check_count(&fmu->common, count, core_count(core, references, n), "values of type Int32") != SUCCESS)
@@ -220,14 +219,6 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference referenc
             *values++ = (int)fmax(INT32_MIN, fmin(value, INT32_MAX));
         }
     }
-#else
-    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
-    if (n == 0) return fmi3OK;
-    NEED(references);
-    NEED(values);
-    for (size_t i = 0; i < n; i++)
-        if (core_get_setting(core, references[i], &values[i]) != SUCCESS) return fmi3Error;
-#endif /* UNILATERAL */
     return fmi3OK;
 }
 
@@ -304,7 +295,6 @@ NONE_OF(Int16)
 NONE_OF(UInt16)
 NONE_OF(UInt32)
 NONE_OF(Int64)
-#ifdef UNILATERAL
 fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           fmi3Boolean values[], size_t count) {
     ENTER(GetInt32);
@@ -327,9 +317,6 @@ fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference refere
     return (fmi3Status)core_refuse_typed(core, NUMBER_BOOLEAN, references[0], values[0]);
 }
 
-#else
-NONE_OF(Boolean)
-#endif /* UNILATERAL */
 NONE_OF(String)
 
 fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, size_t sizes[],
@@ -496,10 +483,6 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
     ENTER(GetNumberOf);
     NEED(n);
-#ifdef UNILATERAL
     *n = model.indicators;
-#else
-    *n = 0;
-#endif /* UNILATERAL */
     return fmi3OK;
 }

@@ -37,7 +37,6 @@ STATUS FMI(Terminate)(INSTANCE instance) {
 
 void FMI(FreeInstance)(INSTANCE instance) { fmi_free_instance(instance); }
 
-#ifdef UNILATERAL
 /* ---- Booleans ---------------------------------------------------------------------------------------------- */
 
 static STATUS get_booleans(Instance *core, const unsigned references[], size_t n, BOOLEAN values[]) {
@@ -52,7 +51,6 @@ static STATUS get_booleans(Instance *core, const unsigned references[], size_t n
     return (STATUS)SUCCESS;
 }
 
-#endif /* UNILATERAL */
 /* ---- saved states ------------------------------------------------------------------------------------------ */
 
 STATUS FMI(GetFMUState)(INSTANCE instance, void **state) {
@@ -108,11 +106,7 @@ STATUS FMI(CompletedIntegratorStep)(INSTANCE instance, BOOLEAN no_way_back, BOOL
     ENTER(CompletedIntegratorStep);
     NEED(event);
     NEED(terminate);
-#ifdef UNILATERAL
     *event = core_has_event(core, core_time(core));
-#else
-    *event = 0;
-#endif /* UNILATERAL */
     *terminate = 0;
     return (STATUS)SUCCESS;
 }
@@ -154,14 +148,9 @@ STATUS FMI(GetNominalsOfContinuousStates)(INSTANCE instance, double nominals[], 
 }
 
 STATUS FMI(GetEventIndicators)(INSTANCE instance, double indicators[], size_t n) {
-#ifdef UNILATERAL
     ENTER(GetEventIndicators);
     if (fmi_check_count(&fmu->common, n, model.indicators, "event indicators") != SUCCESS) return (STATUS)ERROR;
+    if (n == 0) return (STATUS)SUCCESS;
     NEED(indicators);
     return (STATUS)core_get_indicators(core, indicators);
-#else
-    (void)indicators;
-    ENTER(GetEventIndicators);
-    return (STATUS)fmi_check_count(&fmu->common, n, 0, "event indicators");
-#endif /* UNILATERAL */
 }

@@ -2,12 +2,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "events.h"
 #include "instance.h"
-#include "solver.h"
 #include "symplectic.h"
-#ifdef UNILATERAL
 #include "unilateral.h"
-#endif /* UNILATERAL */
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
@@ -30,6 +28,25 @@ static Directions cut_directions(double **rest, const Model *model, size_t outpu
     return (Directions){0, y, u, k, m, cut(rest, outputs)};
 }
 
+static size_t columns_of_work(const Model *model) { return model->indicators > 0 ? EVENT_COLUMNS : SOLVER_COLUMNS; }
+
+static void lay_out_contacts(Contacts *c, double **rest, const Model *model) {
+    const ContactRows *rows = &model->rows;
+    c->numbers = cut(rest, rows->count);
+    c->operators = cut(rest, model->operators);
+    c->indicators = cut(rest, model->indicators);
+    c->v = c->numbers + rows->v;
+    c->a = c->numbers + rows->a;
+    c->G = c->numbers + rows->G;
+    c->rate_scale = c->numbers + rows->rate_scale;
+    c->acceleration_scale = c->numbers + rows->acceleration_scale;
+    c->gap = c->numbers + rows->gap;
+    c->scale = c->numbers + rows->scale;
+    c->restitution = c->numbers + rows->restitution;
+    c->stick = c->numbers + rows->stick;
+    c->slide = c->numbers + rows->slide;
+}
+
 /* Where everything is in the two blocks that are there; which have this order for what is copied or cleared at once. */
 static void lay_out(Instance *self) {
     const Model *model = self->model;
@@ -49,16 +66,11 @@ static void lay_out(Instance *self) {
     rest = self->d.y;
     self->d = cut_directions(&rest, model, model->outputs);
     self->e = cut_directions(&rest, model, 0);
-    self->scratch.work = cut(&rest, SOLVER_COLUMNS * model->states);
+    self->scratch.work = cut(&rest, columns_of_work(model) * model->states);
     self->scratch.condition = cut(&rest, model->start_conditions);
     self->scratch.instant = cut(&rest, model->events);
     self->call.reals = cut(&rest, model->reals);
-#ifdef UNILATERAL
-    const size_t contacts = model->gaps + model->frictions;
-    self->contacts.numbers = cut(&rest, contacts * (contacts + 7));
-    self->contacts.operators = cut(&rest, model->operators);
-    self->contacts.indicators = cut(&rest, contacts);
-#endif /* UNILATERAL */
+    lay_out_contacts(&self->contacts, &rest, model);
     self->movers.given = rest;
 }
 
@@ -67,11 +79,9 @@ Instance *core_new(const Model *model, const Options *options) {
     const size_t prescribed = count_prescribed(model), past = prescribed * PAST;
     const size_t moving = model->inputs + 2 * n + model->memory + past + HISTORY * model->coupled;
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
-    const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + SOLVER_COLUMNS * n
-                           + model->start_conditions + model->events + model->reals + ORDER * model->inputs;
-#ifdef UNILATERAL
-    const size_t contacts = model->gaps + model->frictions, touching = contacts * (contacts + 8) + model->operators;
-#endif /* UNILATERAL */
+    const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + columns_of_work(model) * n
+                           + model->start_conditions + model->events + model->reals + ORDER * model->inputs
+                           + model->rows.count + model->operators + model->indicators;
     Instance *self = calloc(1, sizeof *self);
     if (self == NULL) return NULL;
     self->model = model;
@@ -90,11 +100,7 @@ Instance *core_new(const Model *model, const Options *options) {
     self->prescribed.count = prescribed;
     self->prescribed.list = calloc(prescribed + 1, sizeof *self->prescribed.list);
     self->prescribed.warned = calloc(model->active_rows + 1, sizeof *self->prescribed.warned);
-#ifdef UNILATERAL
-    self->d.y = calloc(scratch + touching + 1, sizeof *self->d.y);
-#else
     self->d.y = calloc(scratch + 1, sizeof *self->d.y);
-#endif /* UNILATERAL */
     self->call.arguments = calloc(model->most_arguments, sizeof *self->call.arguments);
     self->call.results = calloc(model->most_results, sizeof *self->call.results);
     self->call.integers = calloc(model->integers + 1, sizeof *self->call.integers);
@@ -195,10 +201,8 @@ static int starts_in_time(Instance *self) {
 
 Status core_exit_initialization(Instance *self) {
     core_start(self);
-#ifdef UNILATERAL
     if (self->refused && core_check_domains(self, self->s->time))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
-#endif /* UNILATERAL */
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->v.y, 0, t)
         || !core_check_conditions(self, t, self->v.y, self->model->start_conditions)
@@ -232,9 +236,7 @@ void core_start(Instance *self) {
     self->call.results[1] = self->v.m;
     self->model->start(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
     self->s->unstarted = 0;
-#ifdef UNILATERAL
     self->refused = !core_settle(self, self->s->time);
-#endif /* UNILATERAL */
 }
 
 int core_remember(Instance *self) {
@@ -247,9 +249,7 @@ int core_remember(Instance *self) {
 
 void core_jump(Instance *self) {
     core_leap(self);
-#ifdef UNILATERAL
     core_follow_gaps(self);
-#endif /* UNILATERAL */
     evaluate(self, self->model->jump, self->s->time, self->v.y, self->d.y);
     memcpy(self->v.y, self->d.y, self->model->states * sizeof *self->v.y);
     self->s->jumped = 0;

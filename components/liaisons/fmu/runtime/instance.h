@@ -95,9 +95,7 @@ typedef struct { /* the communication step under way */
     int curable;          /* it fails, and a shorter one would not */
     /* The last step that was discarded; from NAN there was none since a step, a reset, a saved state led elsewhere. */
     double discarded_from, discarded_size;
-#ifdef UNILATERAL
     int event; /* it ends early at an event of a contact, which the importer is to handle */
-#endif /* UNILATERAL */
 } Step;
 
 typedef struct { /* the inputs that move inside the step */
@@ -135,17 +133,12 @@ typedef struct {
     char *name;      /* of a number that is named in a message */
 } Words;
 
-#ifdef UNILATERAL
-typedef struct { /* gaps first, then dry friction; without contact forces */
+typedef struct { /* see ContactRows */
     double *numbers, *operators, *indicators;
-    const double *v, *a, *G;                      /* rates, accelerations, their change by forces */
-    const double *rate_scale, *acceleration_scale; /* what they are made of */
-    const double *gap, *scale, *restitution;
-    const double *stick, *slide; /* thresholds of dry friction */
-    double lowest;               /* part of its scale below which bounces of a gap are summed */
+    const double *v, *a, *G, *rate_scale, *acceleration_scale, *gap, *scale, *restitution, *stick, *slide;
+    double lowest; /* part of its scale below which bounces of a gap are summed */
 } Contacts;
 
-#endif /* UNILATERAL */
 struct Instance {
     const Model *model;
     Options options;
@@ -162,10 +155,8 @@ struct Instance {
     Scratch scratch;
     Call call;
     Words words;
-#ifdef UNILATERAL
     Contacts contacts;
     int refused; /* the start, for the reason in words */
-#endif /* UNILATERAL */
 };
 
 typedef struct { /* consecutive numbers */

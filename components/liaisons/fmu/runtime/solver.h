@@ -5,13 +5,9 @@
 #include <stddef.h>
 
 typedef enum { GO_ON, STOP } Signal; /* GO_ON is 0, which generated functions return */
-#ifdef UNILATERAL
 typedef enum { REACHED, STOPPED, STUCK, EXHAUSTED, CROSSED } Outcome;
-typedef int Watch(void *context, double t, const double y[], double indicators[]); /* 0: it cannot be there */
-#else
-typedef enum { REACHED, STOPPED, STUCK, EXHAUSTED } Outcome;
-#endif /* UNILATERAL */
 typedef Signal Rates(void *context, double t, const double y[], double f[]); /* f = dy/dt */
+typedef struct Events Events;
 
 typedef struct {
     size_t n, coupled; /* states; the first so many act on the rates, the others are integrals along the motion */
@@ -20,18 +16,18 @@ typedef struct {
     Rates *rates, *coupled_rates;                          /* of all, and of the coupled ones, which cost less */
     Signal (*accept)(void *context, double t, double y[]); /* called after each step; may correct y */
     void *context;
-#ifdef UNILATERAL
-    size_t indicators; /* an event is where one of them falls below 0 */
-    Watch *watch;
-    double least; /* how far apart events are: what the clock resolves */
-#endif /* UNILATERAL */
+    const Events *events; /* at the first of which a step ends; or NULL */
 } Problem;
 
-#ifdef UNILATERAL
-enum { SOLVER_COLUMNS = 26, MOST_STEPS = 100000, FEW_STEPS = 8192 };
-#else
+struct Events {
+    /* Shorten an accepted step from t to the first event in it: *h, and the stages; *crossed: whether there is one. */
+    Signal (*shorten)(const Problem *, double t, double *h, const double y[], double work[], int *crossed);
+    size_t indicators; /* an event is where one of them falls below 0 */
+    int (*watch)(void *context, double t, const double y[], double indicators[]); /* 0: it cannot be there */
+    double least; /* how far apart events are: what the clock resolves */
+};
+
 enum { SOLVER_COLUMNS = 14, MOST_STEPS = 100000, FEW_STEPS = 8192 };
-#endif /* UNILATERAL */
 
 typedef struct { /* towards an end; all 0 at the beginning */
     long steps, last; /* taken, and taken when it was looked at */
@@ -42,13 +38,17 @@ typedef struct { /* towards an end; all 0 at the beginning */
  * since the time before, so that what leads nowhere is given up soon. */
 int solver_is_exhausted(Pace *, double t, double end);
 
+/* All stages of a step but the first, which is in the first column of work already; the last two columns are then the
+ * state of the last stage and the increment of order 8 divided by h.  *error: the estimated error of the step in units
+ * of what is allowed. */
+Signal solver_stages(const Problem *, double t, double h, const double y[], double work[], double *error);
+
 /* Integrate from *t to exactly `end`.  y + low is the state, summed in twice the precision.  *step is the step size
- * to try, 0 if unknown, and on return the one to go on with.  work holds SOLVER_COLUMNS * n numbers.
+ * to try, 0 if unknown, and on return the one to go on with.  work holds SOLVER_COLUMNS * n numbers, with events
+ * EVENT_COLUMNS * n.
  * STOPPED: one of the functions said so.  STUCK: no step is small enough.  EXHAUSTED: it takes more than
- * MOST_STEPS, the rejected ones among them.  All three leave *t, y, low where they got. */
-#ifdef UNILATERAL
-/* CROSSED: an event indicator has; the last step ends there. */
-#endif /* UNILATERAL */
+ * MOST_STEPS, the rejected ones among them.  All three leave *t, y, low where they got.  CROSSED: an event indicator
+ * has fallen below 0; the last step ends there. */
 Outcome solver_advance(const Problem *problem, double *t, double end, double y[], double low[], double *step,
                        double work[]);
 

@@ -90,10 +90,8 @@ static const char *wrong_scalar(const Instance *self, const Scalars *s) {
     if (s->use < USE_MODEL_EXCHANGE || s->use > USE_CO_SIMULATION_WITH_EVENTS) return "the use";
     if (!phase_exists(self, s)) return "the phase";
     if (s->reconstruction < HOLD || s->reconstruction > INTERPOLATE) return "input_reconstruction";
-    if (s->symplectic_steps < 0 || s->symplectic_steps > MOST_SYMPLECTIC_STEPS) return "symplectic_steps";
-#ifdef UNILATERAL
-    if (s->symplectic_steps != 0) return "symplectic_steps";
-#endif /* UNILATERAL */
+    const int most = self->model->indicators > 0 ? 0 : MOST_SYMPLECTIC_STEPS;
+    if (s->symplectic_steps < 0 || s->symplectic_steps > most) return "symplectic_steps";
     if (!flag(s->unstarted) || !flag(s->jumped) || !flag(s->expanded) || !flag(s->known)) return "a flag";
     if (s->unstarted && s->phase >= EVENT) return "a flag";
     return NULL;
@@ -111,7 +109,6 @@ static int finite_numbers(const void *numbers, size_t n) {
     return 1;
 }
 
-#ifdef UNILATERAL
 /* The first contact whose mode or account in a memory cannot be so, or NULL. */
 static const char *wrong_contact(const Model *model, const void *memory) {
     for (const Gap *gap = model->gap; gap < model->gap + model->gaps; gap++) {
@@ -125,7 +122,6 @@ static const char *wrong_contact(const Model *model, const void *memory) {
     return NULL;
 }
 
-#endif /* UNILATERAL */
 /* What cannot be so among the vectors, or NULL. */
 static const char *wrong_vector(const Instance *self, const Scalars *s, const char *state) {
     const Model *model = self->model;
@@ -135,9 +131,7 @@ static const char *wrong_vector(const Instance *self, const Scalars *s, const ch
     if (running && !finite_numbers(SAVED(y), model->states)) return "a state";
     if (!finite_numbers(SAVED(low), model->states)) return "the rounding error of a state";
     if (running && !finite_numbers(SAVED(m), model->memory)) return "the memory of the component";
-#ifdef UNILATERAL
     if (running && wrong_contact(model, SAVED(m)) != NULL) return wrong_contact(model, SAVED(m));
-#endif /* UNILATERAL */
     if (!finite_numbers(SAVED(past), self->prescribed.count * PAST))
         return "the past of an input";
     for (size_t i = 0; i < self->prescribed.count; i++) {

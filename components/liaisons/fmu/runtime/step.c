@@ -2,12 +2,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "events.h"
 #include "inputs.h"
-#include "solver.h"
 #include "symplectic.h"
-#ifdef UNILATERAL
 #include "unilateral.h"
-#endif /* UNILATERAL */
 
 /* ---- motion of the states ---------------------------------------------------------------------------------- */
 
@@ -47,24 +45,19 @@ static Signal intermediate_update(Instance *self, double t) {
 static Signal accept(void *context, double t, double y[]) {
     Instance *self = context;
     const Model *model = self->model;
-#ifdef UNILATERAL
-#else
-    if (model->conditions == 0 && model->project == NULL && self->options.step_finished == NULL) return GO_ON;
-#endif /* UNILATERAL */
+    if (model->indicators + model->conditions == 0 && model->project == NULL && self->options.step_finished == NULL)
+        return GO_ON;
     if (!move_inputs(self, t)) return STOP;
     if (model->project != NULL) { /* back onto constraints and unit quaternions */
         evaluate(self, model->project, self->step.start + t, y, self->d.y);
         memcpy(y, self->d.y, model->states * sizeof *y);
         memset(self->v.low, 0, model->states * sizeof *self->v.low);
     }
-#ifdef UNILATERAL
     core_uphold(self, self->step.start + t);
-#endif /* UNILATERAL */
     if (!core_check_conditions(self, self->step.start + t, y, model->conditions)) return STOP;
     return self->options.step_finished == NULL ? GO_ON : intermediate_update(self, t);
 }
 
-#ifdef UNILATERAL
 /* Event indicators at a time and state inside the step; 0 if inputs leave their domain there. */
 static int watch(void *context, double t, const double y[], double values[]) {
     Instance *self = context;
@@ -73,7 +66,6 @@ static int watch(void *context, double t, const double y[], double values[]) {
     return 1;
 }
 
-#endif /* UNILATERAL */
 /* Why no step from a time inside the communication step is small enough. */
 static int explain_stuck(Instance *self, double t) {
     const Model *model = self->model;
@@ -189,16 +181,11 @@ static int shorter_leads_on(Instance *self, const Problem *problem) {
 static int move_states(Instance *self) {
     const double start = self->step.start;
     const int moves = self->movers.count > 0;
-#ifdef UNILATERAL
     const double latest = fmax(fabs(start), fabs(start + self->step.size));
-#endif /* UNILATERAL */
+    const Events events = {events_shorten, self->model->indicators, watch, nextafter(latest, INFINITY) - latest};
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
-#ifdef UNILATERAL
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
-                             self->model->gaps + self->model->frictions, watch, nextafter(latest, INFINITY) - latest};
-#else
-                             moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self};
-#endif /* UNILATERAL */
+                             events.indicators > 0 ? &events : NULL};
     double t = 0, event = start, end = 0;
     Pace pace = {0, 0, 0};
     while (t < self->step.reach) {
@@ -220,7 +207,6 @@ static int move_states(Instance *self) {
             return 0;
         case EXHAUSTED:
             return explain_exhausted(self, t, "solver steps");
-#ifdef UNILATERAL
         case CROSSED:
             if (self->options.use == USE_CO_SIMULATION_WITH_EVENTS && self->options.early) {
                 self->step.reach = t;
@@ -232,15 +218,12 @@ static int move_states(Instance *self) {
                 return 0;
             }
             break;
-#endif /* UNILATERAL */
         case REACHED:
             if (t == self->step.reach) break;
             self->step.curable = 1;
             if (!move_inputs(self, t)) return 0;
             pass_instant(self, event);
-#ifdef UNILATERAL
             if (!core_settle(self, event)) return 0;
-#endif /* UNILATERAL */
             break;
         }
     }
@@ -285,12 +268,8 @@ static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
     const int with_events = self->options.use == USE_CO_SIMULATION_WITH_EVENTS;
-#ifdef UNILATERAL
     const double end = time + size, rest = with_events ? core_next_rest(self, time) : INFINITY;
     const double instant = fmin(core_next_instant(self, self->v.k, time), rest);
-#else
-    const double end = time + size, instant = core_next_instant(self, self->v.k, time);
-#endif /* UNILATERAL */
     self->step.start = time;
     self->step.size = size;
     self->step.reach = with_events && self->options.early && snapped(instant, end) > instant ? instant - time : size;
@@ -312,10 +291,8 @@ static int advance(Instance *self, double time, double size) {
         core_jump(self);
         if (!core_check_finite(self, self->v.y, 0, time)) return 0;
     }
-#ifdef UNILATERAL
     self->step.event = 0;
     if (!core_settle(self, time)) return 0;
-#endif /* UNILATERAL */
     core_depart(self);
     core_reconstruct(self, size);
     if (self->options.request_inputs != NULL) core_request_inputs(self, time, size);
@@ -337,13 +314,9 @@ static int advance(Instance *self, double time, double size) {
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
     core_arrive(self);
-#ifdef UNILATERAL
     if (self->step.event || (with_events && core_is_unsettled(self, self->s->time))) self->s->limit = self->s->time;
-#endif /* UNILATERAL */
     if (arrives && leaps) leap_to_inputs(self);
-#ifdef UNILATERAL
     if (arrives && leaps && !core_settle(self, self->s->time)) return 0;
-#endif /* UNILATERAL */
     self->step.curable = self->model->states > 0;
     if (!core_check_finite(self, self->v.y, 0, self->s->time)) return 0;
     if (!core_remember(self)) return core_because_infinite(self);

@@ -37,8 +37,6 @@ typedef struct { /* which modes make rates, as they would be without forces, wha
     double rate[MOST_CONTACTS], tolerance[MOST_CONTACTS];
 } Problem;
 
-static size_t count_of(const Model *model) { return model->gaps + model->frictions; }
-
 static const char *name_of(const Model *model, size_t i) {
     return i < model->gaps ? model->gap[i].name : model->friction[i - model->gaps].name;
 }
@@ -47,22 +45,7 @@ static const char *name_of(const Model *model, size_t i) {
 
 /* Numbers of all contacts at the present state. */
 static void inspect(Instance *self, double time) {
-    const size_t gaps = self->model->gaps, frictions = self->model->frictions, n = gaps + frictions;
-    Contacts *c = &self->contacts;
-    evaluate(self, self->model->contact, time, self->v.y, c->numbers);
-    const double *next = c->numbers;
-#define NEXT(count) (next += (count), next - (count))
-    c->v = NEXT(n);
-    c->a = NEXT(n);
-    c->G = NEXT(n * n);
-    c->rate_scale = NEXT(n);
-    c->acceleration_scale = NEXT(n);
-    c->gap = NEXT(gaps);
-    c->scale = NEXT(gaps);
-    c->restitution = NEXT(gaps);
-    c->stick = NEXT(frictions);
-    c->slide = NEXT(frictions);
-#undef NEXT
+    evaluate(self, self->model->contact, time, self->v.y, self->contacts.numbers);
 }
 
 /* In the memory 1: closed, 0: open; below 0: open, and overlaps by less than this part of its scale are no event. */
@@ -168,7 +151,7 @@ static int solve(const double *matrix, size_t n, double right[]) {
 
 /* Bring the rates, or positions, of contacts that are held to 0; whether a position may still be off. */
 static int annul(Instance *self, double time, const size_t list[], size_t n, int positions) {
-    const size_t all = count_of(self->model);
+    const size_t all = self->model->indicators;
     const Contacts *c = &self->contacts;
     double matrix[AT_ONCE * AT_ONCE] = {0}, right[AT_ONCE], change[MOST_CONTACTS] = {0};
     int needed = 0, far = 0;
@@ -197,7 +180,7 @@ void core_uphold(Instance *self, double time) {
     for (size_t i = 0; i < self->model->gaps && n < AT_ONCE; i++)
         if (modes[i] == CLOSED) list[n++] = i;
     gaps = n;
-    for (size_t i = self->model->gaps; i < count_of(self->model) && n < AT_ONCE; i++)
+    for (size_t i = self->model->gaps; i < self->model->indicators && n < AT_ONCE; i++)
         if (holds(self->model, modes, i)) list[n++] = i;
     if (n == 0) return;
     inspect(self, time);
@@ -222,7 +205,7 @@ void core_uphold_before(Instance *self) {
 /* Forces in some modes, and what they make of the rates; 0 if there are none, or more than one. */
 static int forces_in(const Instance *self, const Problem *p, const Modes modes, double x[], double rate[]) {
     const Model *model = self->model;
-    const size_t n = count_of(model), gaps = model->gaps;
+    const size_t n = model->indicators, gaps = model->gaps;
     const double *G = self->contacts.G;
     double matrix[AT_ONCE * AT_ONCE] = {0}, right[AT_ONCE], effect[MOST_CONTACTS];
     size_t list[MOST_CONTACTS], held = 0;
@@ -264,7 +247,7 @@ static int forces_in(const Instance *self, const Problem *p, const Modes modes, 
 /* Whether what is chosen is right: forces push where rates are 0, and so on. */
 static int consistent(const Instance *self, const Problem *p, const Modes modes, const double x[], const double rate[]) {
     const Model *model = self->model;
-    const size_t n = count_of(model), gaps = model->gaps;
+    const size_t n = model->indicators, gaps = model->gaps;
     for (size_t k = 0; k < p->n; k++) {
         const size_t i = p->contact[k];
         const double tolerance = p->tolerance[i], little = tolerance / self->contacts.G[i + n * i];
@@ -340,7 +323,7 @@ static int choose(Instance *self, Problem *p, double time, Modes modes, double x
 /* The rates after an impact of all gaps in a list: v+ >= max(0, -e v-), and what rubs under them. */
 static int strike(Instance *self, double time, const int touching[]) {
     const Model *model = self->model;
-    const size_t n = count_of(model), gaps = model->gaps;
+    const size_t n = model->indicators, gaps = model->gaps;
     const Contacts *c = &self->contacts;
     Problem p = {.impulses = 1, .stick = c->slide, .slide = c->slide};
     double x[MOST_CONTACTS], rate[MOST_CONTACTS], before[MOST_CONTACTS], loss[MOST_CONTACTS], total = 0, size = 0;
@@ -388,14 +371,14 @@ static double lasts(double v, double a, double e) { return e < 1 ? 2 * v / (-a *
 static int check_overlaps(Instance *self, double time, int late) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
-    for (size_t i = 0; i < count_of(model); i++)
+    for (size_t i = 0; i < model->indicators; i++)
         if (!isfinite(c->v[i]) || !isfinite(c->a[i])) return core_because(self, "%s: its rate is not finite at t = %.9g", name_of(model, i), time);
     for (size_t i = 0; i < model->frictions; i++)
         if (!(c->slide[i] >= 0 && c->stick[i] >= c->slide[i] * (1 - STUCK)))
             return core_because(self, "%s at t = %.9g: its static bound %g must be at least the sliding one, %g, and that >= 0",
                                 model->friction[i].name, time, c->stick[i], c->slide[i]);
     for (size_t i = 0; i < model->gaps; i++) {
-        const double G = c->G[i * (count_of(model) + 1)];
+        const double G = c->G[i * (model->indicators + 1)];
         if (c->gap[i] < -(late ? LATE : OVERLAP) * c->scale[i] - rounding(c, i, time))
             return core_because(self, "%s = %.6g at t = %.9g: bodies overlap; %s", model->gap[i].name, c->gap[i], time,
                                 self->s->phase < EVENT ? "start with a gap >= 0"
@@ -423,6 +406,7 @@ void core_follow_gaps(Instance *self) {
     const double time = self->s->time;
     size_t list[AT_ONCE], n = 0, before;
     int listed[MOST_CONTACTS] = {0};
+    if (model->gaps == 0) return;
     inspect(self, time);
     do { /* what gives way to one may come into another */
         before = n;
@@ -439,7 +423,7 @@ void core_follow_gaps(Instance *self) {
 /* Modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
 static int rest(Instance *self, double time, const int touching[], Modes modes, double x[], double rate[]) {
     const Model *model = self->model;
-    const size_t n = count_of(model), gaps = model->gaps;
+    const size_t n = model->indicators, gaps = model->gaps;
     const Contacts *c = &self->contacts;
     Problem p = {.stick = c->stick, .slide = c->slide};
     read_modes(self, modes);
@@ -479,13 +463,14 @@ int core_is_unsettled(Instance *self, double time) {
     int touching[MOST_CONTACTS];
     double x[MOST_CONTACTS], rate[MOST_CONTACTS];
     Modes present, modes;
+    if (model->indicators == 0) return 0;
     inspect(self, time);
     read_modes(self, present);
     for (size_t i = 0; i < model->gaps; i++) {
         touching[i] = touches(self, i, time);
         if (touching[i] && c->v[i] < -STILL * c->rate_scale[i]) return 1;
     }
-    return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, count_of(model)) != 0;
+    return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, model->indicators) != 0;
 }
 
 /* A gap that bounces so little that the rest of its bounces is summed, and when they end; gaps if there is none. */
@@ -510,7 +495,7 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
 /* Take the rate of a gap that bounces no more, with those that are held: its energy is lost. */
 static void stop(Instance *self, double time, size_t gap, const Modes modes) {
     const Model *model = self->model;
-    const size_t n = count_of(model);
+    const size_t n = model->indicators;
     const Contacts *c = &self->contacts;
     double matrix[AT_ONCE * AT_ONCE] = {0}, right[AT_ONCE], impulses[MOST_CONTACTS] = {0}, before[MOST_CONTACTS];
     size_t list[MOST_CONTACTS], held = 0;
@@ -534,7 +519,7 @@ static void stop(Instance *self, double time, size_t gap, const Modes modes) {
 
 static int settle(Instance *self, double time, int late) {
     const Model *model = self->model;
-    const size_t gaps = model->gaps, n = count_of(model);
+    const size_t gaps = model->gaps, n = model->indicators;
     const Contacts *c = &self->contacts;
     int touching[MOST_CONTACTS], was_closed[MOST_CONTACTS], rises[MOST_CONTACTS], impacts = 0;
     double x[MOST_CONTACTS], rate[MOST_CONTACTS], overlap[MOST_CONTACTS];
@@ -602,6 +587,7 @@ int core_settle(Instance *self, double time) {
     const size_t gaps = self->model->gaps;
     double late = 0, most = 0; /* an importer finds an event when it is past */
     size_t first = gaps;       /* what came into contact first */
+    if (self->model->indicators == 0) return 1;
     inspect(self, time);
     /* It knows positions to its tolerance, or worse. */
     self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
@@ -632,11 +618,11 @@ int core_settle(Instance *self, double time) {
     return core_remember(self) || core_because_infinite(self);
 }
 
-
 int core_has_event(Instance *self, double time) {
     double *values = self->contacts.indicators;
+    if (self->model->indicators == 0) return 0;
     evaluate(self, self->model->indicate, time, self->v.y, values);
-    for (size_t i = 0; i < count_of(self->model); i++)
+    for (size_t i = 0; i < self->model->indicators; i++)
         if (values[i] < 0) return 1;
     return 0;
 }

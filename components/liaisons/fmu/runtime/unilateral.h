@@ -1,4 +1,5 @@
-/* Unilateral liaisons and dry friction: see unilateral.c.  What returns 0 has noted a reason. */
+/* Unilateral liaisons and dry friction: see unilateral.c.  What returns 0 has noted a reason.
+ * In a component without contacts nothing happens. */
 #ifndef LIAISONS_UNILATERAL_H
 #define LIAISONS_UNILATERAL_H
 

@@ -32,7 +32,6 @@ size_t core_index_of_state(const Model *model, size_t i, int derivative) {
     return model->variables[derivative ? state->derivative : state->variable].first + i;
 }
 
-#ifdef UNILATERAL
 static Status check_type(const Instance *self, NumberType type, unsigned reference) {
     static const char *const NAMES[] = {"floating-point", "integer", "Boolean"};
     if (reference - self->layout.first >= self->layout.references)
@@ -43,7 +42,6 @@ static Status check_type(const Instance *self, NumberType type, unsigned referen
                        variable->name, NAMES[variable->type]);
 }
 
-#endif /* UNILATERAL */
 Status core_check_references(const Instance *self, const unsigned references[], size_t n, size_t count) {
     size_t numbers = n;
     for (size_t i = 0; i < n; i++) {
@@ -52,9 +50,7 @@ Status core_check_references(const Instance *self, const unsigned references[], 
                                "value reference %u belongs to no floating-point variable; they are %u to %lu",
                                references[i], self->layout.first,
                                (unsigned long)(self->layout.first + self->layout.references - 1));
-#ifdef UNILATERAL
-        if (check_type(self, NUMBER_REAL, references[i]) != SUCCESS) return ERROR;
-#endif /* UNILATERAL */
+        if (self->model->indicators > 0 && check_type(self, NUMBER_REAL, references[i]) != SUCCESS) return ERROR;
         numbers += span_of(self, references[i]).count - 1;
     }
     if (numbers == count) return SUCCESS;
@@ -107,9 +103,7 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     Rest rest = {references, n, count};
     Span run;
     *self->v.t = self->s->time;
-#ifdef UNILATERAL
-    if (core_check_references(self, references, n, count) != SUCCESS) return ERROR;
-#endif /* UNILATERAL */
+    if (self->model->indicators > 0 && core_check_references(self, references, n, count) != SUCCESS) return ERROR;
     if (self->known.current && !self->layout.by_variable) { /* nothing is as fast as to take them one by one */
         for (size_t i = 0; i < n; i++) {
             const size_t index = references[i] - self->layout.first;
@@ -322,19 +316,15 @@ Status core_get_setting(const Instance *self, unsigned reference, int *value) {
 
 Status core_set_settings(Instance *self, const unsigned references[], size_t n, const int values[]) {
     for (size_t i = 0; i < n; i++) {
-#ifdef UNILATERAL
         if (references[i] - self->layout.first < self->layout.references)
             return core_refuse_typed(self, NUMBER_INTEGER, references[i], values[i]);
-#endif /* UNILATERAL */
         const size_t which = setting(self, references[i]);
         if (which == SETTINGS) return ERROR;
         if (values[i] < 0 || values[i] > SETTING[which].most)
             return core_report(self, ERROR, "%s = %d: set %s", SETTING[which].name, values[i], SETTING[which].values);
-#ifdef UNILATERAL
-        if (which == SYMPLECTIC_STEPS && values[i] > 0)
+        if (which == SYMPLECTIC_STEPS && values[i] > 0 && self->model->indicators > 0)
             return core_report(self, ERROR, "symplectic_steps = %d: steps of fixed size do not end at events of %s; set 0",
                                values[i], self->model->gaps > 0 ? self->model->gap->name : self->model->friction->name);
-#endif /* UNILATERAL */
         if (self->s->phase >= EVENT)
             return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
     }
@@ -345,7 +335,6 @@ Status core_set_settings(Instance *self, const unsigned references[], size_t n, 
 const Dimension *core_dimension(const Instance *self, unsigned reference) {
     return reference - 1 < self->model->dimension_rows ? &self->model->dimensions[reference - 1] : NULL;
 }
-#ifdef UNILATERAL
 
 /* ---- integers, Booleans, event indicators ------------------------------------------------------------------ */
 
@@ -386,4 +375,3 @@ Status core_get_indicators(Instance *self, double indicators[]) {
     memcpy(indicators, values, self->model->indicators * sizeof *values);
     return SUCCESS;
 }
-#endif /* UNILATERAL */

@@ -13,8 +13,6 @@ from functools import cache
 from importlib.resources import files
 
 from liaisons.base.compiler import WASM_FLAGS, compile_wasm
-from liaisons.fmu.code import fitting
-from liaisons.mechanics.model import Model
 
 DRAFT = "c1aac17d392bec989fe2d059db3cc57bb7a0fff5"  # the commit of github.com/modelica/fmi-ls-wasm that we follow
 EMPTY = b"\0asm\1\0\0\0"  # the core module in the wrapper
@@ -35,19 +33,19 @@ def binary_path(name: str) -> str:
     return f"binaries/wasm32-wasip2/{name}.wasm"
 
 
-def component(model: Model, sources: Mapping[str, bytes]) -> bytes:
-    """The component of a model's FMU of FMI 3.0.
+def component(sources: Mapping[str, bytes]) -> bytes:
+    """The component of an FMU of FMI 3.0.
 
     :param sources: contents of its ``.c`` and ``.h`` files by name.
     :returns: the same bytes for the same sources and compiler.
     :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
     """
-    return _ours("wrapper.wasm").replace(section(EMPTY), section(core_module(model, sources)))
+    return _ours("wrapper.wasm").replace(section(EMPTY), section(core_module(sources)))
 
 
-def core_module(model: Model, sources: Mapping[str, bytes]) -> bytes:
+def core_module(sources: Mapping[str, bytes]) -> bytes:
     """What a component is made of: a module with the functions of the draft, laid out by the canonical ABI."""
-    return compile_wasm({**sources, "wasm.c": _code(model)})
+    return compile_wasm({**sources, "wasm.c": _ours("wasm.c")})
 
 
 def section(module: bytes) -> bytes:
@@ -58,14 +56,10 @@ def section(module: bytes) -> bytes:
     return head + bytes([rest]) + module
 
 
-def manifest(model: Model) -> dict[str, bytes]:
+def manifest() -> dict[str, bytes]:
     """The member that says by which version of the draft, and by which recipe of ours, an FMU's component is made."""
-    recipe = hashlib.sha256(" ".join(WASM_FLAGS).encode() + _code(model) + _ours("wrapper.wasm")).hexdigest()
+    recipe = hashlib.sha256(" ".join(WASM_FLAGS).encode() + _ours("wasm.c") + _ours("wrapper.wasm")).hexdigest()
     return {"extra/org.modelica.fmi-ls-wasm/manifest.xml": _MANIFEST.format(recipe=recipe).encode()}
-
-
-def _code(model: Model) -> bytes:
-    return fitting(model, _ours("wasm.c").decode()).encode()
 
 
 @cache

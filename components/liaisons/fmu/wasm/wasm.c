@@ -237,12 +237,8 @@ static const DiscreteStates *update(Self *self) {
 }
 
 static const Items *get(Get *function, Self *self, const uint32_t references[], size_t n) {
-#ifdef UNILATERAL
     const int sized = function == (Get *)fmi3GetFloat64 || function == (Get *)fmi3GetInt32 || function == (Get *)fmi3GetBoolean;
     const size_t count = sized ? count_numbers(references, n) : n;
-#else
-    const size_t count = function == (Get *)fmi3GetFloat64 ? count_numbers(references, n) : n;
-#endif /* UNILATERAL */
     void *values = room(count * sizeof(double));
     return items(function(self->fmu, references, n, values, count), values, count);
 }
@@ -299,15 +295,9 @@ static const CompletedStep *complete_step(Self *self, int no_way_back) {
     RETURN(CompletedStep, fmi3CompletedIntegratorStep(self->fmu, no_way_back, &c.enter_event_mode, &c.terminate), c);
 }
 
-#ifdef UNILATERAL
 /* A vector as long as there are states, or event indicators. */
-#else
-/* A vector as long as there are states, or of event indicators, of which there are none. */
-#endif /* UNILATERAL */
 static const Items *get_vector(GetVector *function, Self *self, size_t n) {
-#ifdef UNILATERAL
     if (function == fmi3GetEventIndicators) n = model.indicators;
-#endif /* UNILATERAL */
     double *values = room(n * sizeof *values);
     return items(function(self->fmu, values, n), values, n);
 }

@@ -1,0 +1,191 @@
+/* Events inside a step of the solver, located on its dense output of order 7: Hairer, Norsett, Wanner, Solving Ordinary
+ * Differential Equations I, 2nd edition, Springer 1993, II.6; their coefficients, in double precision. */
+#include "events.h"
+
+#include <math.h>
+#include <string.h>
+
+#define FOR_EACH(i) for (size_t i = 0; i < n; i++)
+
+enum { EXTRA = 3, DENSE = 7, MOST_INDICATORS = 16, DEEPEST = 12, MOST_TRIALS = 60, MOST_CORRECTIONS = 4 };
+
+/* Where an event is an indicator has this value: a gap of 0; what is below is an event, and not by rounding. */
+static const double MARGIN = 1e-13;
+
+/* Three more stages, and what the last four polynomials are made of; of k1, ..., k16. */
+static const double EXTRA_TIMES[EXTRA] = {0.1, 0.2, 0.7777777777777778};
+static const double EXTRA_STAGES[EXTRA][15] = {
+    {0.056167502283047954, 0, 0, 0, 0, 0, 0.25350021021662483, -0.2462390374708025, -0.12419142326381637,
+       0.15329179827876568, 0.00820105229563469, 0.007567897660545699, -0.008298, 0, 0},
+    {0.03183464816350214, 0, 0, 0, 0, 0.028300909672366776, 0.053541988307438566, -0.05492374857139099, 0, 0,
+       -0.00010834732869724932, 0.0003825710908356584, -0.00034046500868740456, 0.1413124436746325, 0},
+    {-0.42889630158379194, 0, 0, 0, 0, -4.697621415361164, 7.683421196062599, 4.06898981839711, 0.3567271874552811,
+       0, 0, 0, -0.0013990241651590145, 2.9475147891527724, -9.15095847217987},
+};
+static const double SHAPES[4][16] = {
+    {-8.428938276109013, 0, 0, 0, 0, 0.5667149535193777, -3.0689499459498917, 2.38466765651207, 2.117034582445028,
+       -0.871391583777973, 2.2404374302607883, 0.6315787787694688, -0.08899033645133331, 18.148505520854727,
+       -9.194632392478356, -4.436036387594894},
+    {10.427508642579134, 0, 0, 0, 0, 242.28349177525817, 165.20045171727028, -374.5467547226902,
+       -22.113666853125306, 7.733432668472264, -30.674084731089398, -9.332130526430229, 15.697238121770845,
+       -31.139403219565178, -9.35292435884448, 35.81684148639408},
+    {19.985053242002433, 0, 0, 0, 0, -387.0373087493518, -189.17813819516758, 527.8081592054236, -11.57390253995963,
+       6.8812326946963, -1.0006050966910838, 0.7777137798053443, -2.778205752353508, -60.19669523126412,
+       84.32040550667716, 11.99229113618279},
+    {-25.69393346270375, 0, 0, 0, 0, -154.18974869023643, -231.5293791760455, 357.6391179106141, 93.40532418362432,
+       -37.45832313645163, 104.0996495089623, 29.8402934266605, -43.53345659001114, 96.32455395918828,
+       -39.17726167561544, -149.72683625798564},
+};
+
+typedef struct { /* a step, and how it is looked at */
+    const Problem *p;
+    double t, h;
+    const double *y, *columns; /* at its start; of the polynomials */
+    double *at;                /* states where it is looked at */
+} Step;
+
+static double *column(const Problem *p, double *work, size_t i) { return work + i * p->n; }
+
+/* The polynomials of a step of which the stages are there; STOP if the rates say so. */
+static Signal polynomials(const Problem *p, double t, double h, const double *y, double *work) {
+    enum { K13 = 14, FIRST = K13 + 1 + EXTRA };
+    const size_t n = p->n;
+    const double *k[16], *sum = work + 13 * n;
+    double *x = column(p, work, EVENT_COLUMNS - 1);
+    for (size_t j = 0; j < 16; j++) k[j] = column(p, work, j < 12 ? j : K13 + j - 12);
+    FOR_EACH(i) x[i] = y[i] + h * sum[i];
+    if (p->rates(p->context, t + h, x, column(p, work, K13)) == STOP) return STOP;
+    for (size_t stage = 0; stage < EXTRA; stage++) {
+        FOR_EACH(i) {
+            double slope = 0;
+            for (size_t j = 0; j < 13 + stage; j++) slope += EXTRA_STAGES[stage][j] * k[j][i];
+            x[i] = y[i] + h * slope;
+        }
+        if (p->rates(p->context, t + EXTRA_TIMES[stage] * h, x, column(p, work, K13 + 1 + stage)) == STOP) return STOP;
+    }
+    FOR_EACH(i) {
+        double *f = column(p, work, FIRST) + i;
+        f[0] = h * sum[i];
+        f[n] = h * k[0][i] - f[0];
+        f[2 * n] = 2 * f[0] - h * (k[12][i] + k[0][i]);
+        for (size_t shape = 0; shape < 4; shape++) {
+            double slope = 0;
+            for (size_t j = 0; j < 16; j++) slope += SHAPES[shape][j] * k[j][i];
+            f[(3 + shape) * n] = h * slope;
+        }
+    }
+    return GO_ON;
+}
+
+/* Indicators at a part of the step; 0 if it cannot be there. */
+static int look(const Step *s, double part, double values[]) {
+    const size_t n = s->p->n;
+    FOR_EACH(i) {
+        double sum = 0;
+        for (size_t shape = DENSE; shape-- > 0;)
+            sum = (sum + s->columns[shape * n + i]) * (shape % 2 == 0 ? part : 1 - part);
+        s->at[i] = s->y[i] + sum;
+    }
+    return s->p->events->watch(s->p->context, s->t + part * s->h, s->at, values);
+}
+
+/* Where an indicator, which only falls between parts a and b, has the value MARGIN (Illinois' rule of false position). */
+static double fall(const Step *s, size_t which, double a, double at_a, double b, double at_b) {
+    const double target = at_a > MARGIN ? MARGIN : 0;
+    double values[MOST_INDICATORS], left = at_a - target, right = at_b - target;
+    for (int i = 0; i < MOST_TRIALS && b - a > 1e-15 * b; i++) {
+        const double part = fmax(a + (b - a) * left / (left - right), a + 1e-15 * b); /* left may be 0 */
+        if (!(part < b) || !look(s, part, values)) break;
+        const double value = values[which] - target;
+        if (value <= 0) {
+            b = part;
+            right = value;
+            left /= 2;
+        } else {
+            a = part;
+            left = value;
+            right /= 2;
+        }
+    }
+    return b;
+}
+
+/* The first crossing between two parts; 2 if there is none.  An interval is left where each indicator is far above its
+ * distance from a straight line, or so near to it that it only rises or only falls.  The distance is measured off the
+ * middle, so that no period hides between. */
+static double scan(const Step *s, double a, const double at_a[], double b, const double at_b[], int depth) {
+    static const double OFF = 0.4871;
+    const double middle = a + OFF * (b - a);
+    double values[MOST_INDICATORS], first = 2;
+    int clear = 1;
+    if (!look(s, middle, values)) return 2;
+    for (size_t i = 0; i < s->p->events->indicators && clear; i++) {
+        const double bend = fabs(values[i] - (at_a[i] + OFF * (at_b[i] - at_a[i]))), low = fmin(at_a[i], at_b[i]);
+        const int far = fmin(low, values[i]) > 4 * bend, straight = fabs(at_b[i] - at_a[i]) > 8 * bend || bend == 0;
+        clear = far || straight || (depth == 0 && low >= 0 && values[i] >= 0);
+        if (at_b[i] < 0 && (straight || depth == 0)) first = fmin(first, fall(s, i, a, at_a[i], b, at_b[i]));
+    }
+    if (clear || depth == 0) return first;
+    first = scan(s, a, at_a, middle, values, depth - 1);
+    return first < 2 ? first : scan(s, middle, values, b, at_b, depth - 1);
+}
+
+/* The part of an accepted step at which an event is; 2 if there is none. */
+static double first_event(const Step *s) {
+    static const double PARTS[] = {0, 0.23, 0.47, 0.71, 1};
+    double before[MOST_INDICATORS], after[MOST_INDICATORS];
+    if (!look(s, 0, before)) return 2;
+    for (size_t i = 0; i < s->p->events->indicators; i++) before[i] = fmax(before[i], 0);
+    for (size_t k = 1; k < sizeof PARTS / sizeof *PARTS; k++) {
+        if (!look(s, PARTS[k], after)) return 2;
+        const double part = scan(s, PARTS[k - 1], before, PARTS[k], after, DEEPEST);
+        if (part < 2) return part;
+        memcpy(before, after, sizeof before);
+    }
+    return 2;
+}
+
+/* Shorten an accepted step to the first event in it: *h; whether there is one.  The stages are those of the shorter step,
+ * whose end is moved to where an indicator is 0 for the step itself, not only for its polynomials. */
+Signal events_shorten(const Problem *p, double t, double *h, const double y[], double work[], int *crossed) {
+    const double whole = *h;
+    const Step step = {p, t, whole, y, column(p, work, 18), column(p, work, EVENT_COLUMNS - 1)};
+    const double *sum = work + 13 * p->n;
+    double error, low[MOST_INDICATORS], high[MOST_INDICATORS], values[MOST_INDICATORS];
+    *crossed = 0;
+    if (polynomials(p, t, whole, y, work) == STOP) return STOP;
+    double part = first_event(&step);
+    if (part > 1) return GO_ON;
+    *crossed = 1;
+    const double away = fmin(1e-3, part / 2);
+    if (!look(&step, part - away, high) || !look(&step, part, low)) return STOP;
+    size_t which = 0; /* the one that is at 0 first */
+    double soonest = INFINITY;
+    for (size_t i = 0; i < p->events->indicators; i++) {
+        const double fallen = high[i] - low[i], until = fallen > 0 ? low[i] / fallen : INFINITY;
+        if (until < soonest) which = i;
+        soonest = fmin(soonest, until);
+    }
+    const double slope = (low[which] - high[which]) / away;
+    const size_t n = p->n;
+    double nearest = part, least = INFINITY;
+    for (int i = 0, back = 0; !back; i++) {
+        back = part == nearest && i > 0; /* the last correction led away: the clock resolves no more */
+        *h = fmax(part * whole, fmin(p->events->least, whole));
+        if (solver_stages(p, t, *h, y, work, &error) == STOP) return STOP;
+        FOR_EACH(j) step.at[j] = y[j] + *h * sum[j];
+        if (!p->events->watch(p->context, t + *h, step.at, values)) return STOP;
+        const double off = MARGIN - values[which], change = off / slope;
+        if (!(fabs(off) < least)) {
+            part = nearest;
+            continue;
+        }
+        least = fabs(off);
+        nearest = part;
+        if (i == MOST_CORRECTIONS || !(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < part / 4)
+            || part + change > 1)
+            break;
+        part += change;
+    }
+    return GO_ON;
+}
