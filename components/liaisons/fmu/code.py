@@ -24,6 +24,7 @@ from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_index, scalar_
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
+from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
 from liaisons.mechanics.unilateral import operators_of
 
@@ -65,9 +66,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     adjoint = fmi == "3"
     loops = loop_functions(model.programs, coupled(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rates(model)
-    draw = (model.table and model.table.draw) or model.draw
-    members = {"distances": model.conditions, "instants": model.events, **({"draw": draw} if draw else {})}
-    members |= {} if loops else _functions(model, adjoint=adjoint)
+    members = _members(model, adjoint=adjoint)
     row_functions = _row_functions(model, members, rates)
     if model.table and model.table.has_events:
         del members["instants"], members["draw"]
@@ -114,20 +113,19 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     )
 
 
-def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
-    """Those that are derived as expressions, by the names of core.h."""
-    functions = {
-        "start": model.start,
-        "calculate": _outputs(model),
-        "jump": model.jump,
-        "remember": model.remember,
-        "nominals": model.nominals,
-        **({} if model.project is None else {"project": model.project}),
-        **({} if model.contact is None else {"contact": _stacked(model.contact)}),
-        **({} if model.push is None else {"push": model.push}),
-        **({} if model.indicate is None else {"indicate": model.indicate}),
+def _members(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
+    """Functions that are not generated as loops, by their members of ``Model`` in core.h."""
+    functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
+    functions |= {"outputs_function": _outputs(model), "contact": model.contact and _stacked(model.contact)}
+    functions["draw"] = (model.table and model.table.draw) or model.draw
+    loops = {program.name for program in model.programs}
+    members = {
+        signature.member: function
+        for name, signature in SIGNATURES.items()
+        if signature.member and (function := functions[name]) and name.removesuffix("_function") not in loops
     }
-    return functions | _derivatives(model, "forward") | (_derivatives(model, "reverse") if adjoint else {})
+    directions = [] if loops else ["forward", "reverse"] if adjoint else ["forward"]
+    return members | {name: f for direction in directions for name, f in _derivatives(model, direction).items()}
 
 
 def _stacked(function: ca.Function) -> ca.Function:
@@ -234,22 +232,22 @@ def _derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
     """
     functions = {}
     forward = direction == "forward"
-    for name, function, argument_vectors, result_vectors in (
-        ("start", model.start, "tuk", "ym"),
-        ("calculate", _outputs(model), "tyukm" if model.table is None else "tyurm", "z"),
-        ("remember", model.remember, "tyukm", "m"),
-    ):
+    for name in ("start", "outputs_function", "remember"):
+        signature = SIGNATURES[name]
+        argument_vectors, function = signature.arguments, getattr(model, name)
+        if model.table and name == "outputs_function":
+            argument_vectors, function = argument_vectors.replace("k", "r"), model.table.outputs_function
         arguments: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
         results = function.call(arguments, True, False)
         symbols, seeds = (
             [type(x).sym("d", x.shape[0]) for x in vector] for vector in (results, arguments if forward else results)
         )
         (derivatives,) = (ca.forward if forward else ca.reverse)(results, arguments, [seeds])
-        vectors = result_vectors if forward else argument_vectors
+        vectors = signature.results if forward else argument_vectors
         dense = [_dense(x, _counts(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)]
         # What maps share is shared already, and cse is slow on them.
         dense = list(ca.cse(dense)) if all(isinstance(x, ca.SX) for x in dense) else dense
-        title = f"{name}_{direction}"
+        title = f"{signature.member}_{direction}"
         functions[title] = ca.Function(title, [*arguments, *symbols, *seeds], dense)
     return functions
 
@@ -386,7 +384,7 @@ def _variables(model: Model) -> list[str]:
             _number(math.inf if variable.maximum is None else variable.maximum),
             int(variable.strict),
             _string(variable.domain()),
-            *([f"NUMBER_{variable.type.upper()}"] if model.contact else []),
+            f"NUMBER_{variable.type.upper()}",
         )
         for variable in variables
     ]

@@ -29,16 +29,13 @@ from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import mismatch_index
 from liaisons.language import Variable
+from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
 
 _DEPENDENCIES = b"""\
 Python 3.11 or later with the packages of resources/requirements.txt.  Inside a Python process that interpreter is used;
 another host loads one beforehand, on Linux: LD_PRELOAD=libpython3.11.so, and PYTHONPATH with the packages.
 """
-_FUNCTIONS = (
-    *("start", "derivatives", "outputs", "jump", "remember", "nominals", "conditions", "events"),
-    *("project", "draw"),  # which not all models have
-)
 _BINARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 # The module that pythonfmu's wrapper imports once and executes at each instantiation.  The wrapper (0.7.0) releases
@@ -65,7 +62,7 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
 def _component(model: Model, guid: str) -> bytes:
     """The table that ``python_runtime.table`` reads."""
     names = [variable.name for variable in model.inputs]
-    functions = {name: getattr(model, "outputs_function" if name == "outputs" else name) for name in _FUNCTIONS}
+    functions = {name.removesuffix("_function"): getattr(model, name) for name in SIGNATURES}
     document = {
         "name": model.name,
         "guid": guid,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from liaisons.errors import ComponentError
@@ -13,6 +11,7 @@ from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
 from liaisons.mechanics.chains.assembly import chain_model
+from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
 from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, described
 from liaisons.mechanics.printing import of_operator
@@ -54,26 +53,21 @@ def _operator_model(component: type[Operator]) -> Model:
     if operator.lookups:
         table = _table(operator, k, announced, rates, outputs, jumped, kept)
         rates, outputs, announced, jumped, kept = _of_all_rows(operator, rates, outputs, announced, jumped, kept)
-    events = stack(map(ca.SX, operator.events()))
-    instants_of = [k, t] if ca.depends_on(events, t) else [k]
-    functions = {
-        "start": ([t, u, k], [start, none]),
-        "derivatives": ([t, x, u, k], [rates]),
-        "outputs": ([t, x, u, k, none], [outputs]),
-        "jump": ([t, x, u, k, none], [jumped]),
-        "remember": ([t, x, u, k, none], [none]),
-        "nominals": ([t, x, u, k], [ca.SX.ones(x.shape)]),
-        "conditions": ([t, x, u, k], [kept]),
-        "events": (instants_of, [events]),
+    results = {
+        "start": (start, none),
+        "derivatives": rates,
+        "outputs_function": outputs,
+        "jump": jumped,
+        "remember": none,
+        "nominals": ca.SX.ones(x.shape),
+        "conditions": kept,
+        "events": stack(map(ca.SX, operator.events())),
+        "draw": None if next_event is None else announced,
     }
-    if next_event is not None:
-        functions["draw"] = ([t, x, u, k], [announced])
-    made: dict[str, Any] = {name: ca.Function(name, *ends) for name, ends in functions.items()}
     return Model(
         **described(operator),
         memory=(),
-        outputs_function=made.pop("outputs"),
-        **made,
+        **model_functions({"t": t, "y": x, "u": u, "k": k, "m": none}, results, merge=False),
         drawn=() if next_event is None else (NEXT_EVENT,),
         condition_texts=tuple(limits),
         equations=equations,

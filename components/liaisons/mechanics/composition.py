@@ -17,7 +17,7 @@ import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Terminal, TerminalMember, Variable
-from liaisons.mechanics.energy_accounting import function
+from liaisons.mechanics.functions import model_functions, results_of
 from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Contact, Equation, Model, State
 from liaisons.mechanics.unilateral import with_modes
 
@@ -130,13 +130,8 @@ class _Part:
 
     def at(self, group: str, y: Any = None, m: Any = None) -> list[Any]:
         """Results of one of the model's functions, at other states or memory if need be."""
-        called: ca.Function = getattr(self.model, group)
-        if group == "start":
-            return list(called.call([self.t, self.u, self.k]))
-        if group == "events":
-            return list(called.call([self.k, self.t][: called.n_in()]))
-        arguments = [self.t, self.y if y is None else y, self.u, self.k, self.m if m is None else m]
-        return list(called.call(arguments[: called.n_in()]))
+        vectors = {"t": self.t, "y": self.y if y is None else y, "u": self.u, "k": self.k}
+        return results_of(group, getattr(self.model, group), vectors | {"m": self.m if m is None else m})
 
 
 class _Joined:
@@ -167,8 +162,6 @@ class _Joined:
 
     def functions(self, conditions: Iterable[Any]) -> dict[str, Any]:
         """Functions of the model, by name."""
-        motion = [self.t, self.y, self.u, self.k]
-        booked = [*motion, self.m]
         z = self._stacked("outputs_function")
         v = self._solved(z)
         start = [part.at("start") for part in self.parts]
@@ -179,21 +172,20 @@ class _Joined:
         def connected(expression: Any, values: Any = v) -> Any:
             return ca.substitute(expression, self.v, values) if self.inner else expression
 
-        recur = any(part.model.events.n_in() > 1 for part in self.parts)
-        whole = {
-            "start": function("start", [self.t, self.u, self.k], connected(y_0, v_0), connected(m_0, v_0)),
-            "outputs_function": function("outputs", booked, connected(self._stack([z, self.v]))),
-            "conditions": function("conditions", motion, connected(self._stack(conditions))),
-            "events": function("events", [self.k, self.t] if recur else [self.k], self._stacked("events")),
+        results = {
+            "start": (connected(y_0, v_0), connected(m_0, v_0)),
+            "outputs_function": connected(self._stack([z, self.v])),
+            "conditions": connected(self._stack(conditions)),
+            "events": self._stacked("events"),
         }
-        for group, arguments in (("derivatives", motion), ("nominals", motion), ("jump", booked), ("remember", booked)):
-            whole[group] = function(group, arguments, connected(self._stacked(group)))
+        results |= {name: connected(self._stacked(name)) for name in ("derivatives", "nominals", "jump", "remember")}
         if any(part.model.project is not None for part in self.parts):
             rows = (part.y if part.model.project is None else part.at("project")[0] for part in self.parts)
-            whole["project"] = function("project", motion, connected(self._stack(rows)))
-        if announcing := [part.at("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]:
-            whole |= {"draw": function("draw", motion, connected(reduce(ca.fmin, announcing))), "drawn": (NEXT_EVENT,)}
-        return whole
+            results["project"] = connected(self._stack(rows))
+        announcing = [part.at("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
+        results["draw"] = connected(reduce(ca.fmin, announcing)) if announcing else None
+        vectors = {"t": self.t, "y": self.y, "u": self.u, "k": self.k, "m": self.m}
+        return {**model_functions(vectors, results), "drawn": (NEXT_EVENT,) if announcing else ()}
 
     def conditions(self) -> list[tuple[str, Any]]:
         """Conditions with their messages: domains of connected inputs, lasting ones, then those of the start."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -19,7 +19,7 @@ def memory_of(layout: Layout) -> tuple[str, ...]:
 
 
 def definitions(
-    vectors: Sequence[Any],
+    vectors: Mapping[str, Any],
     layout: Layout,
     *,
     initial: Any,
@@ -30,9 +30,9 @@ def definitions(
     landed: Any = None,
     energy_at_start: Any = None,
 ) -> dict[str, Any]:
-    """Definitions of memory, start, motion, outputs and the work of impulses: (arguments, result, ...) of functions.
+    """Results of the functions for memory, start, motion, outputs and the work of impulses.
 
-    :param at: the vectors t, y, u, k of :class:`Model`, all SX or all MX; y ends in ``work`` and ``dissipated``.
+    :param vectors: symbols by letter, all SX or all MX; y ends in ``work`` and ``dissipated``.
     :param initial: state at the start, of (t, u, k).
     :param rates: rates of the states.
     :param energy: T + V.
@@ -42,9 +42,7 @@ def definitions(
     :param energy_at_start: T + V of (t, u, k); None: ``energy`` at the initial state.
     :returns: by the names of the members of Model; None for one that is not needed.
     """
-    t, y, u, k = vectors
-    remembered = memory_of(layout)
-    memory = type(y).sym("m", len(remembered))
+    y, memory, remembered = vectors["y"], vectors["m"], memory_of(layout)
     energy_start, energy_booked, mismatches = memory[0], memory[1], memory[len(MEMORY) :]
     moving, work, dissipated = y[:-2], y[-2], y[-1]
     if energy_at_start is None:
@@ -61,23 +59,11 @@ def definitions(
     z = [booked.get(variable.name, value) for variable, value in zip(layout.outputs, outputs, strict=True)]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)
     return {
-        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * mismatches.shape[0])),
-        "derivatives": ([t, y, u, k], rates),
-        "outputs_function": ([t, y, u, k, memory], ca.vertcat(*z)),
-        "jump": ([t, y, u, k, memory], after),
-        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy, mismatches)),
-        "project": None if landed is None else ([t, y, u, k], landed),
-        "nominals": ([t, y, u, k], nominals),
+        "start": (initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * mismatches.shape[0])),
+        "derivatives": rates,
+        "outputs_function": ca.vertcat(*z),
+        "jump": after,
+        "remember": ca.vertcat(energy_start, energy, mismatches),
+        "project": landed,
+        "nominals": nominals,
     }
-
-
-def function(name: str, arguments: Sequence[Any], *results: Any, names: Iterable[str] = ()) -> ca.Function:
-    """CasADi function with dense results, without repeated subexpressions if it is scalar code.
-
-    :param names: of the results; none: CasADi's own.
-    """
-    dense: Any = [ca.densify(result) for result in results]
-    if all(isinstance(result, ca.SX) for result in dense):
-        dense = ca.cse(dense)
-    named: Any = ([f"i{i}" for i in range(len(arguments))], list(names)) if names else ()
-    return ca.Function(name, list(arguments), dense, *named)

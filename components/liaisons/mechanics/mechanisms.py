@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import accumulate
-from typing import Any
 
 import casadi as ca
 
@@ -12,8 +11,9 @@ from liaisons.base.array_names import suffixed
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.energy_accounting import definitions, function, memory_of
+from liaisons.mechanics.energy_accounting import definitions, memory_of
 from liaisons.mechanics.equations import Equations, derive
+from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
@@ -43,6 +43,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
     y = ca.vertcat(m.free.q, m.free.p, m.internal, work, dissipated)
     u, k = (stack(symbols[v.name] for v in group) for group in (flat.inputs, flat.parameters))
+    memory = memory_of(flat)
+    vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory))}
 
     rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
     # A jump of σ̇ through a rheonomic constraint changes the state.
@@ -57,8 +59,9 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
     ends = [0, *accumulate(column.shape[0] for column in columns)]
     initial, rates, energy, z, sizes, distances, landed = ca.vertsplit(together, ends)
-    booked = definitions(
-        [t, y, u, k],
+    shown = mechanism_picture(m, read | symbols)
+    results = definitions(
+        vectors,
         flat,
         initial=initial,
         rates=rates,
@@ -67,22 +70,17 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         nominals=sizes,
         landed=None if projection is None else landed,
     )
-    functions: dict[str, Any] = {
-        name: signature and function(name.removesuffix("_function"), *signature) for name, signature in booked.items()
-    }
-    shown = mechanism_picture(m, read | symbols)
+    results |= {"conditions": distances, "events": ca.SX(0, 1)}
+    results["draw"] = stack(shown.expressions) if shown.expressions else None
     model = Model(
         **(described(m) | vars(layout)),
-        memory=memory_of(flat),
-        **functions,
-        conditions=function("conditions", [t, y, u, k], distances),
+        memory=memory,
+        **model_functions(vectors, results),
         condition_texts=(*lasting, *at_start),
         start_only=len(at_start),
-        events=ca.Function("events", [k], [ca.SX(0, 1)]),
         equations=of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
-        draw=function("draw", [t, y, u, k], stack(shown.expressions)) if shown.expressions else None,
         contacts=contacts,
     )
     return with_modes(model) if contacts else model

@@ -110,25 +110,7 @@ class Contact:
 class Model:
     """A component, ready to become an FMU.
 
-    Functions (inputs → outputs, shapes by the vectors above):
-
-    * ``start``       (t, u, k) → (y, m)            state and memory at initialization
-    * ``derivatives`` (t, y, u, k) → (y_dot,)       right-hand side
-    * ``outputs``     (t, y, u, k, m) → (z,)        all readable variables
-    * ``jump``        (t, y, u, k, m) → (y,)        state after the inputs have jumped: books the impulse's work
-    * ``remember``    (t, y, u, k, m) → (m,)        memory after a completed step or jump
-    * ``nominals``    (t, y, u, k) → (n,)           size of each state, at initialization; scales the tolerance
-    * ``project``     (t, y, u, k) → (y,)           state put back onto constraints after a solver's step; None: no need
-    * ``conditions``  (t, y, u, k) → (c,)           each entry must stay > 0 (a singularity lies at 0)
-    * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted; where they
-      recur (k, t) → (times,), the first one after t among them
-    * ``contact``     (t, y, u, k) → (c,)           what modes of contacts are chosen by, without contact forces
-    * ``push``        (t, y, u, k, m, Λ, ν) → (y, I)  state after impulses Λ of contacts, moved along gaps by ν;
-      impulses of operators
-    * ``indicate``    (t, y, u, k, m) → (c,)        event indicators, below 0 where the mode of a contact ends
-    * ``draw``        (t, y, u, k) → (d,)           what only the picture needs, or the next event; when it is read
-
-    With contacts ``derivatives`` and ``conditions`` take m, too: it holds the modes.
+    What its functions take and return: :data:`liaisons.mechanics.functions.SIGNATURES`.
     """
 
     name: str

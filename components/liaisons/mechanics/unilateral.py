@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 
@@ -31,7 +30,7 @@ from liaisons.language.layout import Layout, readable, zero
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.variables import Variable
 from liaisons.mechanics.constraints import STABILISATION
-from liaisons.mechanics.energy_accounting import function
+from liaisons.mechanics.functions import model_functions, results_of
 from liaisons.mechanics.model import Contact, Model
 
 OPEN_MARGIN, FORCE_MARGIN = 1e-13, 1e-12
@@ -223,33 +222,31 @@ class _Modes:
 
     def model(self) -> Model:
         """The model in modes."""
-        relaxed, motion = self.relaxed, [self.t, self.y, self.u, self.k]
-        booked = [*motion, self.m]
+        relaxed = self.relaxed
         hidden = {name for c in relaxed.contacts for name in _hidden(c)}
         outputs = [v for v in relaxed.outputs if v.name not in hidden]
         read = self._booked(v for array in outputs for v in array.elements())
         rates, z = ca.vertsplit(
             self._loaded(ca.vertcat(self.rates, stack(read))), [0, self.y.shape[0], self.y.shape[0] + len(read)]
         )
-        start = relaxed.start.call([self.t, self.all, self.k], True, False)
+        impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self.gaps))
+        vectors = {"t": self.t, "y": self.y, "u": self.u, "k": self.k, "m": self.m, "Λ": impulses, "ν": shifts}
         painleve = self._painleve()
         lasting = len(relaxed.condition_texts) - relaxed.start_only
-        conditions = ca.vertsplit(self._called("conditions")) if relaxed.condition_texts else []
+        conditions = ca.vertsplit(self._loaded(*self._called("conditions"))) if relaxed.condition_texts else []
         conditions = [*conditions[:lasting], *painleve.values(), *conditions[lasting:]]
         texts = relaxed.condition_texts
-        functions: dict[str, Any] = {
-            "start": function("start", [self.t, self.u, self.k], *map(self._unloaded, start)),
-            "derivatives": function("derivatives", booked, rates),
-            "outputs_function": function("outputs", booked, z),
-            "conditions": function("conditions", booked, stack(conditions)),
-            "contact": function("contact", motion, *self._measured().values(), names=self._measured()),
-            "indicate": function("indicate", booked, self._loaded(self.indicators)),
-            "push": self._push(booked),
+        results = {
+            "start": tuple(map(self._unloaded, self._called("start"))),
+            "derivatives": rates,
+            "outputs_function": z,
+            "conditions": stack(conditions),
+            "contact": self._measured(),
+            "indicate": self._loaded(self.indicators),
+            "push": self._push(impulses, shifts),
         }
         for name in ("jump", "remember", "nominals", "project", "draw"):
-            called = getattr(relaxed, name)
-            if called is not None:
-                functions[name] = function(name, [*motion, self.m][: called.n_in()], self._called(name))
+            results[name] = getattr(relaxed, name) and self._loaded(*self._called(name))
         return replace(
             relaxed,
             inputs=self.inputs,
@@ -257,13 +254,12 @@ class _Modes:
             condition_texts=(*texts[:lasting], *painleve, *texts[lasting:]),
             contacts=self.contacts,
             relaxed=relaxed,
-            **functions,
+            **model_functions(vectors, results),
         )
 
-    def _called(self, name: str) -> ca.SX:
-        called: ca.Function = getattr(self.relaxed, name)
-        arguments = [self.t, self.y, self.all, self.k, self.m][: called.n_in()]
-        return self._loaded(called.call(arguments, True, False)[0])
+    def _called(self, name: str) -> list[ca.SX]:
+        vectors = {"t": self.t, "y": self.y, "u": self.all, "k": self.k, "m": self.m}
+        return results_of(name, getattr(self.relaxed, name), vectors)
 
     def _loaded(self, expression: ca.SX) -> ca.SX:
         return ca.substitute(expression, self.x, self.forces)
@@ -307,24 +303,18 @@ class _Modes:
         }
         return {name: self._unloaded(column) for name, column in numbers.items()}
 
-    def _push(self, booked: list[ca.SX]) -> ca.Function:
-        """(t, y, u, k, m, Λ, ν) → state after impulses Λ, moved by ν along the gaps; impulses of operators."""
+    def _push(self, impulses: ca.SX, shifts: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """State after impulses of the contacts and moved along the gaps, and impulses of operators."""
         names = self.states
-        impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self.gaps))
         slopes = ca.jacobian(self.rates, self.x)
         kept = ca.DM([0.0 if name.rpartition(".")[2] == "dissipated" else 1.0 for name in names])
         change = kept * (slopes @ impulses)
         momenta = ca.DM([0.0 if name.rpartition(".")[2] in ("work", "dissipated") else 1.0 for name in names])
         towards = momenta * (slopes[:, : len(self.gaps)] @ shifts)
         moved = ca.DM([float(_is_position(name, names)) for name in names]) * ca.jtimes(self.rates, self.y, towards)
-        operators = stack(ca.jtimes(self._read(f"{name}_force"), self.x, impulses) for name in self.operators)
-        results = [self._unloaded(self.y + change + moved), self._unloaded(operators)]
-        return function("push", [*booked, impulses, shifts], *results)
-
-    @property
-    def operators(self) -> list[str]:
-        """Names of the active coordinates whose impulses are summed."""
-        return operators_of(self.relaxed)
+        forces = (self._read(f"{name}_force") for name in operators_of(self.relaxed))
+        operators = stack(ca.jtimes(force, self.x, impulses) for force in forces)
+        return self._unloaded(self.y + change + moved), self._unloaded(operators)
 
 
 def operators_of(model: Model) -> list[str]:

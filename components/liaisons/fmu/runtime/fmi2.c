@@ -158,7 +158,7 @@ fmi2Status fmi2SetInteger(fmi2Component instance, const fmi2ValueReference refer
 fmi2Status fmi2GetBoolean(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                           fmi2Boolean values[]) {
     ENTER(GetInt32);
-    if (n == 0) return fmi2OK;
+    if (n == 0 || model.indicators == 0) return (fmi2Status)fmi_check_no_variables(&fmu->common, n, "Boolean");
     NEED(references);
     NEED(values);
     return get_booleans(core, references, n, values);
@@ -167,7 +167,7 @@ fmi2Status fmi2GetBoolean(fmi2Component instance, const fmi2ValueReference refer
 fmi2Status fmi2SetBoolean(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                           const fmi2Boolean values[]) {
     ENTER(SetInt32);
-    if (n == 0) return fmi2OK;
+    if (n == 0 || model.indicators == 0) return (fmi2Status)fmi_check_no_variables(&fmu->common, n, "Boolean");
     NEED(references);
     NEED(values);
     return (fmi2Status)core_refuse_typed(core, NUMBER_BOOLEAN, references[0], values[0]);

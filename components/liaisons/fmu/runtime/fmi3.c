@@ -298,7 +298,8 @@ NONE_OF(Int64)
 fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           fmi3Boolean values[], size_t count) {
     ENTER(GetInt32);
-    if (n == 0 && count == 0) return fmi3OK;
+    if (n + count == 0 || model.indicators == 0)
+        return (fmi3Status)fmi_check_no_variables(&fmu->common, n + count, "Boolean");
     NEED(references);
     if (fmi_check_count(&fmu->common, count, core_count(core, references, n), "values of type Boolean") != SUCCESS)
         return fmi3Error;
@@ -309,7 +310,8 @@ fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           const fmi3Boolean values[], size_t count) {
     ENTER(SetInt32);
-    if (n == 0 && count == 0) return fmi3OK;
+    if (n + count == 0 || model.indicators == 0)
+        return (fmi3Status)fmi_check_no_variables(&fmu->common, n + count, "Boolean");
     NEED(references);
     if (fmi_check_count(&fmu->common, count, core_count(core, references, n), "values of type Boolean") != SUCCESS)
         return fmi3Error;

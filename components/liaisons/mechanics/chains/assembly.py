@@ -15,20 +15,11 @@ from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
 from liaisons.mechanics.chains.sweeps import Base, ChainLink, LinkMotion, inertias, link_of, momenta, motion
 from liaisons.mechanics.energy_accounting import definitions, memory_of
+from liaisons.mechanics.functions import SIGNATURES, model_functions
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
-
-_VECTORS = {
-    "start": ("tuk", "ym"),
-    "derivatives": ("tyuk", "y"),
-    "outputs_function": ("tyukm", "z"),
-    "jump": ("tyukm", "y"),
-    "remember": ("tyukm", "m"),
-    "nominals": ("tyuk", "y"),
-}
-"""Vectors of Model that the functions take, and those that they return."""
 
 
 @cache
@@ -58,8 +49,10 @@ def chain_model(component: type[Chain], n: int) -> Model:
     forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     rates = ca.vertcat(moving.rates, moving.momentum_rates, ca.dot(forces, m.s_dot) + moving.power, moving.dissipation)
     read = _outputs(m, link, moving, forces, rates)
-    defined = definitions(
-        [t, y, u, k],
+    memory = memory_of(layout)
+    vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory))}
+    results = definitions(
+        vectors,
         layout,
         initial=ca.vertcat(initial, 0, 0),
         rates=rates,
@@ -68,7 +61,6 @@ def chain_model(component: type[Chain], n: int) -> Model:
         nominals=nominals,
         energy_at_start=energy_at_start,
     )
-    memory = memory_of(layout)
     shapes = {
         "t": (False,),
         "y": (True,) * (2 * link.q.shape[0]) + (False, False),
@@ -78,19 +70,18 @@ def chain_model(component: type[Chain], n: int) -> Model:
         "z": _shape(layout.outputs),
     }
     drawable = symbols | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
-    vectors = {name: Vector(x, shapes[name]) for name, x in (("t", t), ("y", y), ("u", u), ("k", k))}
-    drawing, draw = chain_picture(m, drawable, vectors)
-    programs = _programs(defined, [*steps, *to_start, *to_sizes], shapes, n)
+    rows = {letter: Vector(x, shapes[letter]) for letter, x in vectors.items()}
+    drawing, draw = chain_picture(m, drawable, {letter: rows[letter] for letter in "tyuk"})
+    programs = _programs(rows, results, [*steps, *to_start, *to_sizes], shapes, n)
     functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
-    arguments = [ca.MX.sym(name, functions["derivatives"].numel_in(i)) for i, name in enumerate("tyuk")]
+    whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
     return Model(
         **described(m),
         memory=memory,
         **functions,
         programs=tuple(programs.values()),
-        conditions=ca.Function("conditions", arguments, [ca.MX(0, 1)]),
+        **model_functions(whole, {"conditions": ca.MX(0, 1), "events": ca.MX(0, 1)}),
         condition_texts=(),
-        events=ca.Function("events", arguments[3:], [ca.MX(0, 1)]),
         equations=of_chain(m),
         picture=drawing.document,
         drawn=drawing.variables,
@@ -115,18 +106,22 @@ def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates
 
 
 def _programs(
-    defined: Mapping[str, Any], steps: Sequence[Step], shapes: Mapping[str, tuple[bool, ...]], n: int
+    vectors: Mapping[str, Vector],
+    results: Mapping[str, Any],
+    steps: Sequence[Step],
+    shapes: Mapping[str, tuple[bool, ...]],
+    n: int,
 ) -> dict[str, RowProgram]:
-    return {
-        name: row_program(
-            name.removesuffix("_function"),
-            n,
-            [Vector(x, shapes[vector]) for x, vector in zip(defined[name][0], taken, strict=True)],
-            steps,
-            [Vector(ca.densify(x), shapes[vector]) for x, vector in zip(defined[name][1:], returned, strict=True)],
-        )
-        for name, (taken, returned) in _VECTORS.items()
-    }
+    programs: dict[str, RowProgram] = {}
+    for name, value in results.items():
+        if value is None:
+            continue
+        columns = value if isinstance(value, tuple) else (value,)
+        signature = SIGNATURES[name]
+        returned = [Vector(ca.densify(x), shapes[z]) for x, z in zip(columns, signature.results, strict=True)]
+        taken = [vectors[letter] for letter in signature.arguments]
+        programs[name] = row_program(name.removesuffix("_function"), n, taken, steps, returned)
+    return programs
 
 
 def _base(m: Chain) -> tuple[Base, ca.SX]:

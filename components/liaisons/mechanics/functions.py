@@ -1,0 +1,96 @@
+"""The functions that a model is made of, in one table: what they take, and what they return.
+
+Vectors are named by letters, see :mod:`liaisons.mechanics.model`; of functions alone are
+
+====  ==========================================================================================
+``c``  distances of the conditions from failing, which must stay > 0: a singularity lies at 0
+``e``  instants at which the model is not smooth, unsorted; where they recur the next one among them
+``d``  what only the picture needs, or the next event: calculated when it is read
+``i``  event indicators, below 0 where the mode of a contact ends
+``n``  numbers that modes of contacts are chosen by, by name; without contact forces
+``Λ``  impulses of the contacts
+``ν``  distances to move along the gaps
+``I``  impulses of the operators
+====  ==========================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """Arguments and results of a function, a letter a vector.
+
+    :param optional: a last argument that the function takes only if a result depends on it.
+    :param member: its name in ``Model`` of core.h; none: it stands there in another form.
+    """
+
+    arguments: str
+    results: str
+    member: str = ""
+    optional: str = ""
+
+
+SIGNATURES: Mapping[str, Signature] = {
+    "conditions": Signature("tyuk", "c", "distances", optional="m"),
+    "events": Signature("k", "e", "instants", optional="t"),
+    "draw": Signature("tyuk", "d", "draw"),
+    # state and memory at initialization
+    "start": Signature("tuk", "ym", "start"),
+    # right-hand side
+    "derivatives": Signature("tyuk", "y", optional="m"),
+    # all variables that can be read
+    "outputs_function": Signature("tyukm", "z", "calculate"),
+    # state after the inputs have jumped: books the impulse's work
+    "jump": Signature("tyukm", "y", "jump"),
+    # memory after a completed step or jump
+    "remember": Signature("tyukm", "m", "remember"),
+    # size of each state, at initialization: scales the tolerance
+    "nominals": Signature("tyuk", "y", "nominals"),
+    # state put back onto constraints after a step of the solver
+    "project": Signature("tyuk", "y", "project"),
+    # of contacts: numbers, the state after impulses and shifts, event indicators
+    "contact": Signature("tyuk", "n", "contact"),
+    "push": Signature("tyukmΛν", "yI", "push"),
+    "indicate": Signature("tyukm", "i", "indicate"),
+}
+"""Functions of :class:`liaisons.mechanics.model.Model`, by its members, in the order of their C.
+
+``conditions`` and ``derivatives`` take the memory of a model with contacts, which holds their modes.
+"""
+
+
+def model_functions(vectors: Mapping[str, Any], results: Mapping[str, Any], *, merge: bool = True) -> dict[str, Any]:
+    """CasADi functions with dense results: arguments of :class:`liaisons.mechanics.model.Model`.
+
+    :param vectors: symbols by letter, all SX or all MX.
+    :param results: by the name of the function a result, several, or several by name; functions without are left out.
+    :param merge: calculate repeated subexpressions of scalar code once.
+    """
+    return {name: _function(name, vectors, value, merge) for name, value in results.items() if value is not None}
+
+
+def results_of(name: str, function: ca.Function, vectors: Mapping[str, Any]) -> list[Any]:
+    """Results of a function of a model at vectors, by letter."""
+    signature = SIGNATURES[name]
+    letters = (signature.arguments + signature.optional)[: function.n_in()]
+    return list(function.call([vectors[letter] for letter in letters]))
+
+
+def _function(name: str, vectors: Mapping[str, Any], value: Any, merge: bool) -> ca.Function:
+    names = list(value) if isinstance(value, Mapping) else []
+    columns: Any = value.values() if names else value if isinstance(value, tuple) else [value]
+    dense: Any = [ca.densify(column) for column in columns]
+    if merge and all(isinstance(column, ca.SX) for column in dense):
+        dense = ca.cse(dense)
+    letters, optional = SIGNATURES[name].arguments, SIGNATURES[name].optional
+    if optional and ca.depends_on(ca.vertcat(*dense), vectors[optional]):
+        letters += optional
+    named: Any = ([f"i{i}" for i in range(len(letters))], names) if names else ()
+    return ca.Function(name.removesuffix("_function"), [vectors[letter] for letter in letters], dense, *named)
