@@ -86,6 +86,8 @@ class Equations:
     operator_forces: ca.SX  # λ (a,)
     effective_mass: ca.SX  # Θ (a, a)
     forces: ca.SX  # f: A ẍ = f + Cᵀ λ (f,)
+    applied_forces: ca.SX  # Q (f,)
+    applied_active_forces: ca.SX  # Q_s on the adapted coordinates, without forces of constraints
     constraints: Constraints  # C ẍ = c
     multipliers: ca.SX  # λ of the passive and non-holonomic constraints
     power: ca.SX  # through all ports
@@ -208,10 +210,10 @@ def derive(component: type[Mechanism]) -> Equations:
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
     passive = len(component.constraints) + len(component.non_holonomic)
     rigid = list(constraints.holonomic)
-    Q_s += ca.jacobian(constraints.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
+    constrained = Q_s + ca.jacobian(constraints.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
     p_s = gradient(L, s_dot)
     resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))
-    lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - Q_s
+    lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - constrained
     operator_forces = ca.densify(ca.vertcat(lambda_s, lambdas[passive:, 0]))  # no force where nothing is moved
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
@@ -246,6 +248,8 @@ def derive(component: type[Mechanism]) -> Equations:
         operator_forces=operator_forces,
         effective_mass=Theta,
         forces=f,
+        applied_forces=Q,
+        applied_active_forces=Q_s,
         constraints=constraints,
         multipliers=lambdas[:passive, 0],
         power=power,

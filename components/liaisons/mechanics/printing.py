@@ -163,25 +163,16 @@ def _balances(equations: Equations) -> ca.SX:
 
 
 def _applied(equations: Equations) -> tuple[ca.SX, ca.SX]:
-    """Q and Q_s: drives, loads (K eq. 14), friction and forces of constraints, whose λ are symbols."""
+    """Q and Q_s with the forces of constraints, whose λ are symbols."""
     m, constraints = equations.mechanism, equations.constraints
-    free, active = m.free, m.active
-    adapted = len(m.actives) - len(m.rheonomic_constraints)
-    s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
-    points = stack(equations.points.values())
-    multipliers = ca.vertcat(m.multipliers, active.force[adapted:, 0])
-
-    drives = ca.vertcat(equations.drives - equations.loads, ca.SX.zeros(free.q_dot.shape[0] - len(m.coordinates), 1))
-    on_free = drives + constraints.matrix.T @ multipliers - equations.friction.against(free.q_dot)
-    on_free -= free.kinematics.T @ (ca.jacobian(points, free.q).T @ equations.point_loads)
-    rigid = list(constraints.holonomic)
-    on_active = ca.jacobian(constraints.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
-    on_active -= equations.friction.against(s_dot) + ca.jacobian(points, s).T @ equations.point_loads
-    rates = m.contact_rates()
-    if rates.shape[0]:
-        on_free += ca.jacobian(rates, free.q_dot).T @ m.contact_forces
-        on_active += ca.jacobian(rates, s_dot).T @ m.contact_forces
-    return on_free, on_active
+    adapted, rigid = equations.applied_active_forces.shape[0], list(constraints.holonomic)
+    multipliers = ca.vertcat(m.multipliers, m.active.force[adapted:, 0])
+    across = ca.jacobian(constraints.residuals[rigid, 0], m.active.s[:adapted, 0])
+    on_active = across.T @ multipliers[rigid, 0]
+    return (
+        equations.applied_forces + constraints.matrix.T @ multipliers,
+        equations.applied_active_forces + on_active,
+    )
 
 
 def _theta(equations: Equations, forces: ca.SX) -> ca.SX:
