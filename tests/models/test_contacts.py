@@ -221,10 +221,3 @@ def test_marks_of_stick_slip(of: Any) -> None:
     changes = np.diff(result.time[1:][np.diff(result["slip_sticks"]) != 0])
     np.testing.assert_allclose(changes[0::2], sliding, rtol=0, atol=1.0001e-3)
     np.testing.assert_allclose(changes[1::2], sticking, rtol=0, atol=1.0001e-3)
-
-
-def test_balls_apart_are_struck_one_after_the_other(of: Any) -> None:
-    start = {"mass": [1.0, 2.0, 3.0], "bounce": 1.0}
-    result = run(of(BallRow), 2.0, 0.1, record=["x_dot"], x_0=[0.0, 1.0, 1.1 + 1e-6], **start)
-    assert np.ptp([BallRow.sequence(**start)[-1], BallRow.moreau(**start)], axis=0).min() > 0.1  # of 2, 1, 3 kg: 0
-    assert result["x_dot"][-1] == pytest.approx(BallRow.sequence(**start)[-1], abs=1e-9)

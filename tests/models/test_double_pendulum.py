@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from hand_derivations import double_pendulum
 from numpy.typing import NDArray
-from on_paper import EXTRAPOLATE, State, Values, assert_follows, defaults, equations_of, mechanism, run, taylor
-from scipy.integrate import solve_ivp
+from on_paper import State, Values, defaults, equations_of, mechanism, taylor
 
-from liaisons.check import max_error, slope
 from liaisons.models.double_pendulum import DoublePendulum
 
 # ---- normal modes ------------------------------------------------------------------------------------------------
@@ -80,61 +76,3 @@ def test_small_angles_are_exact_to_rounding(shape: Values) -> None:
     for name, expected in zip(exact, reference, strict=True):
         # Roundings of a phase of up to 200 in angles of 0.1 and rates of 1.
         np.testing.assert_allclose(exact[name], expected, rtol=0, atol=1e-13 * largest, err_msg=name)
-
-
-# ---- FMU ---------------------------------------------------------------------------------------------------------
-
-
-SHORT: Any = {"stop_time": 5.0, "step_size": 0.05, "tolerance": 1e-12}
-
-
-def test_small_motions_are_the_normal_modes_up_to_the_cube_of_the_amplitude(fmu) -> None:
-    direction = np.array([0.8, -0.5])
-    amplitudes, found = [0.2, 0.1, 0.05, 0.025, 0.0125], []
-    for amplitude in amplitudes:
-        theta = dict(zip(("theta_1_0", "theta_2_0"), amplitude * direction, strict=True))
-        result = run(fmu(DoublePendulum), **SHORT, **theta)
-        small = DoublePendulum.small_angles(result.time, **theta)
-        found.append(max(max_error(result[q], small[q]) for q in ("theta_1", "theta_2")))
-    assert 2.9 <= slope(amplitudes[1:], found[1:]) <= 3.1  # terms of fifth order: amplitude² relative
-
-
-NAMES = ("theta_1", "theta_2", "theta_1_dot", "theta_2_dot")
-LARGE: Any = {"theta_1_0": 1.2, "theta_2_0": -0.6, "theta_1_dot_0": 0.5, "mass_2": 0.6, "length_2": 0.8}
-
-
-def test_large_motion_follows_newton(fmu) -> None:
-    """Against an integration of the equations by hand; a disturbance grows 1e3-fold within these five seconds."""
-    result = run(fmu(DoublePendulum), **SHORT, **LARGE)
-    body = {"mass_2": 0.6, "length_2": 0.8}
-    state = State(DoublePendulum, equations_of(DoublePendulum).numbers(body))
-
-    def rates(_: float, y: NDArray) -> NDArray:
-        state.update(zip(NAMES, y.tolist(), strict=True))
-        return np.concatenate([y[2:], double_pendulum(state)["accelerations"]])
-
-    reference = solve_ivp(rates, (0, 5), [1.2, -0.6, 0.5, 0.0], "DOP853", result.time, rtol=1e-12, atol=1e-12)
-    assert_follows(result, dict(zip(NAMES, reference.y, strict=True)), 1e-12 * 10 * 1e3)
-
-
-def test_energy_stays_where_chaos_leaves_nothing_else_to_compare(fmu) -> None:
-    wild: Any = {"theta_1_0": 3.0, "theta_2_0": 2.0, "theta_2_dot_0": 1.0}
-    result, disturbed = (
-        run(fmu(DoublePendulum), stop_time=200.0, **wild | more) for more in ({}, {"theta_1_0": 3 + 1e-9})
-    )
-    assert max_error(result["theta_1"], disturbed["theta_1"]) > 1  # it is chaotic
-    scale = float(np.max(result["kinetic_energy"]))
-    assert max_error(result["energy"], result["energy"][0]) <= 10 * 1e-10 * scale * 200.0
-
-
-def test_a_pivot_that_accelerates_upwards_is_more_gravity(fmu) -> None:
-    a = 3.0
-    lift = {"pivot_z": lambda t: (a * t**2 / 2, a * t, a)}
-    # a parabola is its own Taylor polynomial
-    rising = run(fmu(DoublePendulum), **SHORT, inputs=lift, input_reconstruction=EXTRAPOLATE, **LARGE)
-    heavy = run(fmu(DoublePendulum), **SHORT, gravity=9.81 + a, **LARGE)
-    for name in ("theta_1", "theta_2"):
-        assert max_error(rising[name], heavy[name]) <= 1e-12 * 10 * 1e3, name  # as above
-    # Seen from the ground the operator also lifts both masses; the force is the same.
-    assert max_error(rising["pivot_z_force"], heavy["pivot_z_force"]) <= 1e-7  # accelerations of 1e2 m/s², as stiff
-    assert max_error(rising["energy_balance"], 0.0) <= 10 * 1e-12 * 5 * float(np.max(np.abs(rising["energy"])))

@@ -7,8 +7,6 @@ by hand, arc lengths come from SciPy, and ' = d/dξ is a difference quotient alo
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,15 +25,12 @@ from on_paper import (
     equations_of,
     mechanism,
     operated,
-    run,
     unloaded,
-    wave,
 )
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ellipeinc
 
-from liaisons.check import max_error
 from liaisons.cosim import Result
 from liaisons.language import Coordinate, Parameter
 from liaisons.models import CircularHoop, Ramp
@@ -274,22 +269,6 @@ def test_hoop_moves_whatever_its_own_inertia(component) -> None:
 # ---- FMUs: the same hoop twice -----------------------------------------------------------------------------------
 
 
-def shaken(file: Path, **start: Any) -> Result:
-    """The bead while the hoop is turned to and fro: everything in M eq. 64 takes part."""
-    return run(file, step_size=0.02, tolerance=1e-12, inputs={"beta": wave(0.0, 0.9, 1.5)}, **start)
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.5])
-def test_elliptic_hoop_of_equal_axes_is_a_circular_one(fmu, offset: float) -> None:
-    axes = {"semi_axis_a": 1.4, "semi_axis_b": 1.4, "centre_x": offset, "u_0": 0.5, "u_dot_0": 0.3 / 1.4}
-    circle = shaken(fmu(CircularHoop), radius=1.4, offset=offset, xi_0=0.7, xi_dot_0=0.3, mass=2.0)
-    ellipse = shaken(fmu(EllipticHoop), mass=2.0, **axes)
-    shared = "xi xi_dot p_xi theta bead_x bead_y K_Y normal_force beta_force energy work"
-    for name in shared.split():
-        scale = max(1.0, float(np.max(np.abs(circle[name]))))
-        assert max_error(circle[name], ellipse[name]) <= 1e-9 * scale, name  # two solvers at 1e-12, κ = 100 over 20 s
-
-
 def test_length_and_area_of_a_circle() -> None:
     for n in states(CircularHoop, 3):
         assert n("hoop_length") == pytest.approx(TURN * n.radius, rel=1e-14)  # a few roundings
@@ -329,25 +308,6 @@ def test_hoop_at_constant_rate_follows_its_closed_form_with_torque_and_power(fmu
     forces = [name for name in exact if name.endswith(("_force", "_power"))]  # of 100 N per metre
     assert_follows(result, exact, 1e-7, "it.", exact.keys() - forces)  # κ of a hundred over 50 s
     assert_follows(result, {name: exact[name] for name in forces}, 1e-6, "it.")
-
-
-@pytest.mark.parametrize(
-    ("component", "start"),
-    [
-        (EllipticHoop, {"centre_x": 0.6, "centre_y": -0.3, "u_0": 0.8, "u_dot_0": 0.2}),
-        (EllipticHoop, {"centre_x": 0.6, "centre_y": -0.3, "u_0": 0.8, "u_dot_0": 3.0}),
-        (FourierHoop, {"theta_0": 1.8, "theta_dot_0": 0.2, **BENT}),
-        (FourierHoop, {"theta_0": 1.8, "theta_dot_0": 3.0, **BENT}),
-    ],
-    ids=["ellipse, swinging", "ellipse, going round", "Fourier, swinging", "Fourier, going round"],
-)
-def test_constant_rate_keeps_the_jacobi_integral(fmu, component, start: Values) -> None:
-    rate = 1.3
-    result = turning(fmu, component, rate, start)
-    r_squared = result["it.bead_x"] ** 2 + result["it.bead_y"] ** 2
-    jacobi = result["it.xi_dot"] ** 2 / 2 - rate**2 * r_squared / 2
-    assert np.ptp(result["it.xi_dot"]) > 0.4  # the two terms do exchange something
-    assert max_error(jacobi, jacobi[0]) <= 10 * 1e-10 * 50.0  # ten tolerances a second, terms of size 5
 
 
 # ---- bad input ---------------------------------------------------------------------------------------------------

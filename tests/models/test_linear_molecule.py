@@ -7,12 +7,10 @@ from decimal import Decimal
 import numpy as np
 import pytest
 from hand_derivations import ATOMS, displacements, molecule_matrices
-from on_paper import Values, algebra, defaults, random_states, run, taylor, unloaded
+from on_paper import Values, algebra, defaults, random_states, taylor, unloaded
 
-from liaisons.check import max_error
 from liaisons.models.linear_molecule import LinearMolecule
 
-RECORD = [form.format(i) for i in ATOMS for form in ("x_{}_dot", "p_x_{}", "omega_{}", "mode_{}")]
 # not at rest, not symmetric
 START: Values = {"x_1_0": -0.02, "x_2_0": 0.13, "x_3_0": 0.21, "x_1_dot_0": 0.01, "x_3_dot_0": -0.02}
 
@@ -76,20 +74,3 @@ def test_closed_form_is_exact_to_rounding(other: Values) -> None:
         position = reference[i - 1] + (i - 1) * float(L)
         np.testing.assert_allclose(exact[f"x_{i}"], position, rtol=0, atol=1e-14)
         np.testing.assert_allclose(exact[f"x_{i}_dot"], reference[i + 2], rtol=0, atol=1e-13)
-
-
-# ---- FMU ---------------------------------------------------------------------------------------------------------
-
-
-def test_fmu_keeps_momentum_and_the_energy_of_each_mode(fmu) -> None:
-    result = run(fmu(LinearMolecule), stop_time=200.0, step_size=0.5, record=RECORD, **START)
-    momentum = np.sum([result[f"p_x_{i}"] for i in ATOMS], axis=0)
-    assert max_error(momentum, momentum[0]) <= 1e-13  # the springs' forces cancel in each step: roundings
-    M, _ = molecule_matrices(defaults(LinearMolecule))
-    modes = LinearMolecule.modes()
-    rates = np.linalg.solve(modes, [result[f"x_{i}_dot"] for i in ATOMS])
-    weights = np.diag(modes.T @ M @ modes)
-    for k in ATOMS:
-        energy = weights[k - 1] / 2 * (rates[k - 1] ** 2 + (result[f"omega_{k}"] * result[f"mode_{k}"]) ** 2)
-        assert max_error(energy, energy[0]) <= 10 * 1e-10 * 200 * float(np.max(energy))
-        assert energy[0] > 1e-5  # each mode takes part

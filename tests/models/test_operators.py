@@ -15,7 +15,7 @@ from liaisons import simulate
 from liaisons.cosim import System
 from liaisons.cosim.description import fmu as cosim_description
 from liaisons.errors import ComponentError
-from liaisons.language import Operator, Parameter
+from liaisons.language import Input, InternalState, Operator, Parameter
 from liaisons.mechanics import Model, assemble
 from liaisons.models import CATALOGUE, Constant, FourierSeries, Pendulum, PlannedMotion, Ramp, Sinusoid, SmoothStep
 
@@ -209,3 +209,18 @@ def test_knots_behind_one_that_goes_back_are_not_there(instants: list[float], va
     )
     np.testing.assert_array_equal(run["y"], two["y"])
     np.testing.assert_allclose(run["y"][run.time == 0.5], 0.5, rtol=1e-12)  # at rest at both ends: half of the way
+
+
+def test_an_operator_whose_signal_jumps_with_an_input_is_refused() -> None:
+    with pytest.raises(ComponentError, match=r"Hasty: y_dot jumps with an input; pass the input through three"):
+
+        class Hasty(Operator):
+            angle = Input("rad", "angle")
+            x = InternalState("rad", "follows the angle")
+            rate = Parameter(1.0, "1/s", "how fast")
+
+            def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - the signature of the base class
+                return self.x
+
+            def internal_rates(self) -> dict[str, ca.SX]:
+                return {"x": self.rate * (self.angle - self.x)}

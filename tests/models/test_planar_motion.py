@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from typing import Any
 
 import numpy as np
 import pytest
 from hand_derivations import states
-from on_paper import State, Values, algebra, assert_follows, run, taylor, unloaded
+from on_paper import State, Values, algebra, taylor, unloaded
 
-from liaisons.check import max_error
 from liaisons.models.planar_oscillator import PlanarOscillator
 from liaisons.models.polar_oscillator import PolarOscillator
 
@@ -99,43 +97,3 @@ def test_planar_closed_form_is_an_ellipse_with_its_invariants() -> None:
     # Energy, angular momentum and Fradkin's tensor K x_i x_j + m v_i v_j, which fixes the axes of the ellipse.
     for integral in (x * v - y * u, *(0.8 * a * b + 1.7 * c * d for a, b, c, d in ((x, x, u, u), (x, y, u, v)))):
         np.testing.assert_allclose(integral, integral[0], rtol=0, atol=5e-14)  # roundings of a phase of 35
-
-
-# ---- FMUs --------------------------------------------------------------------------------------------------------
-
-
-def cartesian(start: Values) -> Values:
-    """The start of a PlanarOscillator that is that of a PolarOscillator."""
-    n = {"phi_0": 0.0, "r_dot_0": 0.0} | start
-    direction = np.exp(1j * n["phi_0"])
-    position, velocity = n["r_0"] * direction, (n["r_dot_0"] + 1j * n["r_0"] * n["phi_dot_0"]) * direction
-    same = {name: value for name, value in start.items() if name in ("mass", "stiffness")}
-    return same | {"x_0": position.real, "y_0": position.imag, "x_dot_0": velocity.real, "y_dot_0": velocity.imag}
-
-
-@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
-def test_fmus_follow_their_closed_forms(fmu, start: Values) -> None:
-    flat = cartesian(start)
-    planar, polar = (
-        run(fmu(PlanarOscillator), stop_time=50.0, **flat),
-        run(fmu(PolarOscillator), stop_time=50.0, **start),
-    )
-    assert_follows(planar, PlanarOscillator.exact(planar.time, **flat), 1e-8)  # κ of a few, a hundred tolerances
-    # The same, with (r_max/r_min)² ≤ 10 more: φ_dot = J/r².
-    assert_follows(polar, PolarOscillator.exact(polar.time, **start), 1e-7)
-
-
-@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
-def test_p_phi_is_constant_to_the_last_digit(fmu, start: Values) -> None:
-    """A cyclic coordinate has the momentum rate 0, not a small one: integration adds nothing."""
-    polar = run(fmu(PolarOscillator), stop_time=50.0, tolerance=1e-6, **start)
-    np.testing.assert_array_equal(polar["p_phi"], polar["p_phi"][0])
-
-
-def test_near_the_origin_the_polar_form_still_follows(fmu) -> None:
-    """r_min = 1e-3: φ turns by π within a millisecond, once a half period."""
-    start: Any = {"phi_dot_0": 1e-3}
-    polar = run(fmu(PolarOscillator), tolerance=1e-12, **start)
-    exact = PolarOscillator.exact(polar.time, **start)
-    assert max_error(polar["r"], exact["r"]) <= 1e-12 * 1e6  # tolerance × (r_max/r_min)²
-    assert max_error(polar["p_phi"], 1e-3) == 0

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hand_derivations import MOMENTA, QUATERNION, RATES, WHEELS, numbers, rotation, satellite, states, tensor
+from hand_derivations import MOMENTA, QUATERNION, RATES, numbers, rotation, satellite, states, tensor
 from numpy.typing import ArrayLike, NDArray
-from on_paper import BACKENDS, Values, algebra, assert_follows, run, smooth_step, unloaded, wave
+from on_paper import Values, algebra, run, smooth_step, unloaded
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -21,11 +21,6 @@ from liaisons.models.satellite import Satellite
 from liaisons.models.solutions import rotations
 from liaisons.models.solutions.euler_top import euler_top
 from liaisons.models.spatial_cat import SpatialCat
-
-Signal = Callable[[float], tuple[float, float, float]]
-
-
-FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])  # difference of order 8
 
 
 def turns(n: Any) -> NDArray:
@@ -102,95 +97,6 @@ def test_symmetric_top_precesses_regularly(along: float, tilt: float) -> None:
     np.testing.assert_allclose(found.as_matrix(), expected.as_matrix(), rtol=0, atol=1e-12)  # 18 rad, rounded
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("start", TOPS.values(), ids=TOPS)
-def test_satellite_with_locked_wheels_is_eulers_top(fmu, start: Any, backend: str) -> None:
-    norm = np.linalg.norm([start.get(f"{name}_0", float(name == "q_w")) for name in QUATERNION])
-    unit = {name: value / norm if name.startswith("q_") else value for name, value in start.items()}
-    result = run(fmu(Satellite, backend), stop_time=60.0, step_size=0.5, **unit)
-    exact = Satellite.exact(result.time, **unit)
-    # κ = 100 over 60 s; 1000 for each pass by the middle axis, once or twice in this time.
-    allowed = 1e-5 if start == TOPS["nearly about the middle axis"] else 1e-8
-    assert_follows(result, exact, allowed, names=(*QUATERNION, *RATES))
-    assert max_error(result["kinetic_energy"], result["kinetic_energy"][0]) <= 10 * 1e-10 * 60 * 10  # energy of 5 J
-    for name in MOMENTA:
-        assert max_error(result[name], result[name][0]) == 0.0  # no torque: H is not even integrated
-
-
-@pytest.mark.slow
-def test_norm_and_momentum_for_1e5_seconds(fmu) -> None:
-    """J ω + J_w φ' in the inertial frame, summed from attitude, rates and wheels; wheels in motion."""
-    inputs = {"wheel_1": wave(0.0, 50.0, 0.3), "wheel_3": wave(0.0, 30.0, 0.2, 1.0)}
-    start = {"omega_x_0": 0.02, "omega_y_0": -0.01, "omega_z_0": 0.015}
-    result = run(fmu(Satellite), stop_time=1e5, step_size=1.0, tolerance=1e-8, inputs=inputs, **start)
-    assert max_error(np.linalg.norm(numbers(result, QUATERNION), axis=0), 1.0) <= 1e-15  # asked for: 1e-12
-    spin = np.array([result["wheel_1_dot"], np.zeros_like(result.time), result["wheel_3_dot"]])
-    moment = np.diag([10.0, 12.0, 8.0]) @ numbers(result, RATES) + 0.1 * spin
-    H = rotation(result).apply(moment.T)
-    assert max_error(H, np.broadcast_to(H[0], H.shape)) <= 1e-14  # asked for: 1e-10; roundings of 1 kg.m2/s
-
-
-# ---- satellite: wheels that turn it ------------------------------------------------------------------------------
-
-ODD = {"J_xy": 1.0, "J_xz": -0.5, "J_yz": 0.3}
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("profile", [smooth_step(1.0, 1.0, 15.0), wave(0.0, 1.0, 0.7)], ids=["step", "to and fro"])
-def test_slew_from_rest_is_a_turn_about_a_fixed_axis_at_any_pace(fmu, profile: Signal, backend: str) -> None:
-    """Wheels in proportion 200 : -120 : 80: R(t) = exp(-J⁻¹ J_w Δφ), for any J.  The sine begins with a jump of φ'."""
-    direction = np.array([200.0, -120.0, 80.0])
-    scaled = {
-        wheel: lambda t, size=size: tuple(size * value for value in profile(t))
-        for wheel, size in zip(WHEELS, direction, strict=True)
-    }
-    begin = {f"{wheel}_dot": size * profile(0.0)[1] for wheel, size in zip(WHEELS, direction, strict=True)}
-    turning = {} if profile(0.0)[1] == 0 else _rate_that_makes_H_vanish(begin)
-    result = run(fmu(Satellite, backend), step_size=0.02, inputs=scaled, **ODD, **begin, **turning)
-    turned = np.array([result[wheel] for wheel in WHEELS])
-    expected = Rotation.from_rotvec(-0.1 * np.linalg.solve(tensor(ODD), turned).T).as_matrix()
-    # Quintics through samples 0.02 s apart: (0.02 · 0.7)⁶/46080 · 200 rad · J_w/J = 1e-16; solver tolerance 1e-10.
-    assert max_error(turns(result), expected) <= 1e-8
-    slew = Satellite.slew(*turned, **ODD)
-    assert max_error(turns(slew), expected) <= 1e-14  # the package's algebra: roundings
-    torques = [result[f"{wheel}_force"] for wheel in WHEELS]
-    pushes = np.array([[scaled[wheel](t)[2] for t in result.time] for wheel in WHEELS])
-    omega_dot = -0.1 * np.linalg.solve(tensor(ODD), pushes)
-    assert max_error(torques, 0.1 * (pushes + omega_dot)) <= 1e-6  # λ_k = J_w (φ'' + ω'), 20 N.m
-
-
-def _rate_that_makes_H_vanish(begin: Values) -> Values:  # noqa: N802
-    omega = -0.1 * np.linalg.solve(tensor(ODD), list(begin.values()))
-    return {f"{name}_0": float(value) for name, value in zip(RATES, omega, strict=True)}
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_wheels_that_return_leave_the_satellite_turned(fmu, backend: str) -> None:
-    """Wheel 1, wheel 2, wheel 1 back, wheel 2 back: the product of four rotations, which is not the identity."""
-    size, rest = 60.0, 4.0
-    sequence = [("wheel_1", 1, 0.0), ("wheel_2", 1, 1.0), ("wheel_1", -1, 2.0), ("wheel_2", -1, 3.0)]
-
-    def wheel(name: str) -> Signal:
-        parts = [smooth_step(sign * size, rest * i, rest) for which, sign, i in sequence if which == name]
-        return lambda t: tuple(np.sum([part(t) for part in parts], axis=0).tolist())
-
-    inputs = {name: wheel(name) for name in ("wheel_1", "wheel_2")}
-    result = run(fmu(Satellite, backend), stop_time=16.0, step_size=0.02, inputs=inputs, tolerance=1e-11)
-    expected = Rotation.identity()
-    attitude = np.array([1.0, 0, 0, 0])
-    for which, sign, _ in sequence:
-        axis = 0 if which == "wheel_1" else 1
-        by = -0.1 * sign * size / (10.0, 12.0)[axis]
-        expected = expected * Rotation.from_rotvec(by * np.eye(3)[axis])
-        attitude = numbers(Satellite.slew(*(sign * size * np.eye(3)[axis]), start=attitude), QUATERNION)
-    end = turns(result)[-1]
-    assert max_error(end, expected.as_matrix()) <= 1e-8  # a hundred tolerances, and quintics of 0.02 s
-    assert max_error(turns(dict(zip(QUATERNION, attitude, strict=True))), expected.as_matrix()) <= 1e-15
-    assert expected.magnitude() > 0.2  # rad: far from where it was
-    assert max_error([result["wheel_1"][-1], result["wheel_2"][-1]], 0.0) == 0.0
-    assert max_error(result["energy_balance"], 0.0) <= 1e-9
-
-
 # ---- cat: its parts ----------------------------------------------------------------------------------------------
 
 
@@ -229,62 +135,11 @@ def test_angular_momentum_of_the_cat_is_free_of_torque() -> None:
         assert n("momentum_rates") == algebra([0, 0, -2 * n.mass * n.gravity, 0, 0, 0])
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("H", [(0.0, 0.0, 0.0), (0.05, -0.03, 0.1)], ids=["at rest", "tumbling"])
-def test_momentum_of_the_cat_summed_over_positions_and_velocities(fmu, H: Any, backend: str) -> None:
-    """Σ m r × r' + Σ (I ω) from attitudes and positions of an FMU run alone, differenced in time."""
-    shape = {"bend": wave(0.8, 0.5, 5.0), "azimuth": wave(0.2, 2.0, 3.0), "twist": wave(0.0, 0.7, 4.0, 1.0)}
-    start: Any = dict(zip((f"{name}_0" for name in MOMENTA), H, strict=True))
-    start |= {f"{name}{end}": shape[name](0.0)[i] for name in shape for i, end in enumerate(("", "_dot"))}
-    result = run(fmu(SpatialCat, backend), stop_time=2.0, step_size=0.002, tolerance=1e-12, inputs=shape, **start)
-    attitude_a, attitude_b, place_a, place_b = halves(result, *(result[name] for name in shape))
-
-    def rate(values: NDArray) -> NDArray:
-        """Central difference of order 8 along the first axis; four samples are lost at either end."""
-        windows = np.lib.stride_tricks.sliding_window_view(values, 9, axis=0)
-        return windows @ FIRST / 0.002
-
-    apart = place_b - place_a
-    moment = np.cross(apart[4:-4], rate(apart))  # m/2 = 1 kg
-    for attitude in (attitude_a, attitude_b):
-        matrix = attitude.as_matrix()
-        spin = np.swapaxes(matrix[4:-4], 1, 2) @ rate(matrix)  # [ω×] in the body frame
-        omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
-        moment += attitude[4:-4].apply(omega * [0.10, 0.10, 0.02])
-    # Asked for: 1e-10.  Differences: (0.002 · 10)⁸/630 of rates of 10 /s; rounding 1e-16/0.002; quintics of 0.002 s.
-    assert max_error(moment, np.broadcast_to(H, moment.shape)) <= 1e-10
-    for name, value in zip(MOMENTA, H, strict=True):
-        assert max_error(result[name], value) == 0.0
-    assert max_error(np.linalg.norm(numbers(result, QUATERNION), axis=0), 1.0) <= 1e-15
-    assert max_error(result["com_z"], 9.81 * (1 - result.time / 2) * result.time) <= 1e-11  # M eq. 59; ten tolerances
-    assert max_error(result["energy_balance"], 0.0) <= 1e-9
-
-
 # ---- cat: turns by shape alone -----------------------------------------------------------------------------------
 
 
-def bent(bend: float, azimuth: Signal) -> dict[str, Signal]:
+def bent(bend: float, azimuth: Callable) -> dict[str, Callable]:
     return {"bend": lambda _: (bend, 0.0, 0.0), "azimuth": azimuth}
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("bend", [0.0, 0.6, 1.5, 2.8])
-def test_rademaker_and_ter_braak_turn_the_cat_by_phi(fmu, bend: float, backend: str) -> None:
-    """χ from 0 to 2π at constant bend: turned by Φ = 2π J c/(I s² + J c²) about a + b, and by nothing else."""
-    inputs = bent(bend, smooth_step(2 * np.pi, 0.1, 1.5))
-    result = run(fmu(SpatialCat, backend), stop_time=2.0, step_size=0.01, inputs=inputs, bend=bend)
-    exact = SpatialCat.exact(result.time, azimuth=result["azimuth"], bend=bend)
-    # Quintics of 0.01 s through a step of degree 7: (0.01/1.5)⁶ · 1e5/46080 = 1e-13; solver tolerance 1e-10.
-    assert max_error(turns(result), turns(exact)) <= 1e-9
-    c, s = np.cos(bend / 2), np.sin(bend / 2)
-    phi = 2 * np.pi * 0.02 * c / (0.10 * s**2 + 0.02 * c**2)
-    bisector = np.array([0, -s, c])  # a + b for χ = 0
-    end = turns(result)[-1]
-    assert max_error(end, Rotation.from_rotvec(phi * bisector).as_matrix()) <= 1e-9
-    # The bisector keeps its direction in space: e = R (Rz(χ) Rx(κ/2) z).
-    in_a = np.stack([s * np.sin(result["azimuth"]), -s * np.cos(result["azimuth"]), 0 * result.time + c], axis=-1)
-    in_space = rotation(result).apply(in_a)
-    assert max_error(in_space, np.broadcast_to(bisector, in_space.shape)) <= 1e-9
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.2, 1.0])
@@ -325,35 +180,6 @@ def test_kane_and_schers_formula_is_that_of_the_cat() -> None:
     turn = 2 * np.pi * np.mean(0.3 * c * chi_dash / (s**2 + 0.3 * c**2))
     found = SpatialCat.cone_turn(tilt=ALPHA, half_angle=BETA, inertia_axial=0.15, inertia_transverse=0.5)
     assert found == pytest.approx(turn, rel=1e-11)  # the trapezoidal rule of analytic functions
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_kane_and_schers_cat_turns_by_their_quadrature(fmu, backend: str) -> None:
-    """κ and χ both move, without twist: the cat ends in its first shape, turned by ∮ (dψ/dθ) dθ about a + b."""
-    pace = smooth_step(2 * np.pi, 0.0, 2.0)
-
-    def operator(which: int) -> Signal:
-        def signal(t: float) -> tuple[float, float, float]:
-            theta, rate, acceleration = pace(t)
-            h = 1e-2  # differences of order 8 in θ; their error of (h)⁸ is below rounding
-            near = np.array([cone(theta + i * h, ALPHA, BETA)[which] for i in range(-4, 5)])
-            first = near @ FIRST / h
-            even = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
-            second = near @ even / h**2
-            return float(near[4]), float(first * rate), float(first * acceleration + second * rate**2)
-
-        return signal
-
-    inputs = {"bend": operator(0), "azimuth": operator(1)}
-    start = {name: signal(0.0)[0] for name, signal in inputs.items()}
-    result = run(fmu(SpatialCat, backend), stop_time=2.0, step_size=0.005, inputs=inputs, **start)
-    psi = SpatialCat.cone_turn(tilt=ALPHA, half_angle=BETA)
-    half = start["bend"] / 2
-    in_plane = Rotation.from_rotvec([0, 0, start["azimuth"]])
-    bisector = in_plane.apply([0, -np.sin(half), np.cos(half)])
-    end = turns(result)[-1]
-    # Quintics of 0.005 s: (0.005 · 10)⁶/46080 = 3e-13; solver tolerance 1e-10.
-    assert max_error(end, Rotation.from_rotvec(psi * bisector).as_matrix()) <= 1e-8
 
 
 # ---- quaternions -------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
-from on_paper import BACKENDS, Values, algebra, assert_follows, equations_of, random_states, run, unloaded, vector
+from on_paper import Values, algebra, equations_of, random_states, run, unloaded, vector
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import root_scalar
 
@@ -125,87 +125,7 @@ def test_turning_points_time_and_angle_between_them_are_the_quadratures() -> Non
     np.testing.assert_allclose(found[:2], [inner, outer], rtol=1e-13)  # a root's roundings
 
 
-# ---- isokinetic: FMUs --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("name", ["default", "wide", "oblique", "free"])
-def test_isokinetic_fmu_follows_its_closed_form(fmu, name: str, backend: str) -> None:
-    start: Any = ORBITS[name]
-    result = run(fmu(IsokineticOscillator, backend), **start)
-    assert_follows(result, IsokineticOscillator.exact(result.time, **start), 1e-7)  # κ = 100 over 20 s, ten tolerances
-    assert max_error(result["kinetic_residual"], 0.0) <= 1e-14  # projected: a few roundings of 3 J
-    assert max_error(result["energy_balance"], 0.0) <= 1e-7
-
-
-def test_isokinetic_invariants_for_a_long_time(fmu) -> None:
-    """Speed, L exp(-V/3 k_B T) and the plane, over 1600 periods."""
-    result = run(fmu(IsokineticOscillator), stop_time=1e4, step_size=1.0, tolerance=1e-11)
-    r, v = vector(result), vector(result, "{}_dot")
-    assert max_error(np.sum(v**2, axis=0), 3.0) <= 1e-14  # |v| is the constraint: projected
-    moment = np.cross(r, v, axis=0) * np.exp(-np.sum(r**2, axis=0) / 6)
-    # 10 tolerances × time, PHYSICS' rule for first integrals.
-    assert max_error(moment, np.repeat(moment[:, :1], result.time.size, axis=1)) <= 10 * 1e-11 * 1e4
-    # The plane is that of the two vectors at the start; their drift across it is rounding alone: all forces lie in it.
-    normal = moment[:, 0] / np.linalg.norm(moment[:, 0])
-    assert max_error(normal @ r, 0.0) <= 1e-11
-    assert np.ptp(result["energy"]) > 1  # while this one is not conserved
-
-
-def test_isokinetic_circle(fmu) -> None:
-    """r = √(3 k_B T/K) at the rate √(K/m); the circle is stable, dr/dt² has the minimum there."""
-    radius, n = np.sqrt(3 * 0.7 / 2.0), {"mass": 1.5, "stiffness": 2.0, "thermal_energy": 0.7}
-    rate = np.sqrt(2.0 / 1.5)
-    start: Any = {"x_0": radius, "x_dot_0": 0.0, "y_dot_0": radius * rate, "z_dot_0": 0.0}
-    result = run(fmu(IsokineticOscillator), **n, **start)
-    phase = rate * result.time
-    exact = {"x": radius * np.cos(phase), "y": radius * np.sin(phase), "mu": 0.0}
-    assert_follows(result, exact, 1e-8)  # a hundred tolerances
-
-
-def test_isokinetic_without_angular_momentum_is_uniform_although_that_is_the_unstable_case(fmu) -> None:
-    """Straight out from the origin for 100 s, V = 15 000 J: with the printed μ errors grow by exp(10 000)."""
-    result = run(fmu(IsokineticOscillator), x_0=0.5, y_0=0.5, z_0=0.5, stop_time=100.0)
-    assert_follows(result, dict.fromkeys("xyz", 0.5 + result.time), 1e-9)  # 100 m and its roundings
-
-
 # ---- Nosé and Hoover ---------------------------------------------------------------------------------------------
-
-
-def nose_hoover(y: NDArray) -> NDArray:
-    """q, q', ξ, η of the default oscillator, in NumPy."""
-    return np.array([y[1], -y[0] - y[2] * y[1], y[1] ** 2 - 1, y[2]])
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_nose_hoover_fmu_follows_a_high_order_integration(fmu, backend: str) -> None:
-    result = run(fmu(NoseHooverOscillator, backend), q_dot_0=0.5, xi_0=0.3)
-    reference = integrated(nose_hoover, [1, 0.5, 0.3, 0], result.time)
-    # on a torus: κ = 100 over 20 s, ten tolerances
-    assert_follows(result, dict(zip(("q", "q_dot", "xi", "eta"), reference, strict=True)), 1e-7)
-
-
-@pytest.mark.parametrize("start", [{"q_0": 1.0}, {"q_0": 0.0, "q_dot_0": 5.0}], ids=["torus", "chaotic sea"])
-def test_nose_hoover_extended_energy_is_constant(fmu, start: Any) -> None:
-    """Over 1000 s, where trajectories of the second start cannot be compared any more."""
-    result = run(fmu(NoseHooverOscillator), stop_time=1000.0, **start)
-    scale = float(np.max(np.abs(result["energy"])))
-    assert max_error(result["extended_energy"], result["extended_energy"][0]) <= 10 * 1e-10 * scale * 1000
-    extended = result["energy"] + result["xi"] ** 2 / 2 + result["eta"]
-    np.testing.assert_allclose(result["extended_energy"], extended, rtol=1e-14)  # the sum itself: roundings
-    # What friction takes, the thermostat has: Q ξ²/2 + k_B T η.
-    given = result["xi"] ** 2 / 2 + result["eta"] - start.get("xi_0", 0.0) ** 2 / 2
-    assert max_error(result["dissipated"], given) <= 10 * 1e-10 * scale * 1000
-    assert np.ptp(result["energy"]) > 0.5  # the oscillator's own is not
-
-
-def test_nose_hoover_keeps_the_temperature_on_the_average(fmu) -> None:
-    """(1/τ) ∫ (m q'² - k_B T) dt = Q (ξ(τ) - ξ(0))/τ: the mean kinetic energy tends to k_B T/2 as 1/τ."""
-    result = run(fmu(NoseHooverOscillator), q_0=2.5, stop_time=1000.0, step_size=0.01)
-    mean = np.trapezoid(2 * result["kinetic_energy"] - 1.0, result.time) / 1000
-    # Trapezoids of 0.01 s: h²/12 of the derivative's change, 1e-5 · 10 over 1000 s.
-    assert mean == pytest.approx((result["xi"][-1] - result["xi"][0]) / 1000, abs=1e-6)
-    assert abs(mean) <= 2 * np.abs(result["xi"]).max() / 1000
 
 
 def test_nose_hoover_with_a_heavy_thermostat_is_the_damped_oscillator(fmu) -> None:
@@ -213,19 +133,3 @@ def test_nose_hoover_with_a_heavy_thermostat_is_the_damped_oscillator(fmu) -> No
     result = run(fmu(NoseHooverOscillator), thermostat_mass=1e15, xi_0=0.3, **start)
     exact = Oscillator.exact(result.time, x_0=1.0, x_dot_0=-0.4, damping=0.3)
     assert max_error(result["q"], exact["x"]) <= 1e-8  # a hundred tolerances; ξ moves by 1e-14
-
-
-def test_nose_hoover_shrinks_phase_space_by_the_friction(fmu) -> None:
-    """det ∂(q, p, ξ)/∂(q_0, p_0, ξ_0) = exp(-η), by central differences of FMU runs."""
-    h, centre = 1e-4, np.array([1.0, 0.5, 0.3])
-
-    def end(start: NDArray) -> NDArray:
-        starts: Any = dict(zip(("q_0", "q_dot_0", "xi_0"), start, strict=True))
-        result = run(fmu(NoseHooverOscillator), stop_time=5.0, tolerance=1e-12, **starts)
-        return np.array([result[name][-1] for name in ("q", "p_q", "xi", "eta")])
-
-    flow = np.array([(end(centre + h * e) - end(centre - h * e))[:3] / (2 * h) for e in np.eye(3)])
-    shrunk = np.exp(-end(centre)[3])
-    # Differences: h² = 1e-8 times third derivatives of order 100.
-    assert np.linalg.det(flow) == pytest.approx(shrunk, rel=1e-5)
-    assert abs(shrunk - 1) > 0.05
