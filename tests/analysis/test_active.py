@@ -8,7 +8,7 @@ from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import Friction, Mechanism
 from liaisons.mechanics import derive
-from liaisons.models import CATALOGUE, CircularHoop, Pendulum, PlanarCat, Swing
+from liaisons.models import CATALOGUE, CircularHoop, Pendulum
 
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1
 HOOP = {"xi": 0.7, "beta": 0.2, "p_xi": 1.3, "beta_dot": 0.9, "mass": 0.8, "hoop_inertia": 0.3}
@@ -31,73 +31,6 @@ def test_three_terms_of_the_dynamic_field_of_the_hoop() -> None:
     np.testing.assert_allclose(D.lift.evaluate(**HOOP), [-a * Y, Y, a_dash * p * Y], atol=ROUNDING)
     whole = [p / m - a * Y, Y, a_dash * p * Y + m / 2 * b_dash * Y**2]
     np.testing.assert_allclose(D.evaluate(**HOOP), whole, atol=ROUNDING)
-
-
-@pytest.mark.parametrize("term", ["frozen", "energy", "lift"])
-def test_each_term_is_an_automorphism_of_the_poisson_structure(term: str) -> None:
-    """For one free coordinate: ∂ẋ/∂x + ∂ṗ/∂p = 0 (M 7); H(Y) is also tangent to p = 0."""
-    quantity = getattr(analysis.dynamic_field(Pendulum), term)
-    free = quantity.equations.mechanism.free
-    x_dot, p_dot = quantity.expression[0], quantity.expression[-1]
-    divergence = analysis.Quantity(quantity.equations, ca.jacobian(x_dot, free.q) + ca.jacobian(p_dot, free.p))
-    state = {"theta": 0.8, "p_theta": 1.7, "pivot_x_dot": 0.4, "pivot_z_dot": -0.6, "length_dot": 0.3}
-    assert divergence.evaluate(**state) == pytest.approx(0.0, abs=ROUNDING)
-    if term == "lift":
-        assert quantity.evaluate(**state | {"p_theta": 0.0})[-1] == 0.0
-
-
-def test_energy_of_the_active_constraints() -> None:
-    """K_Y = ½ (I + m b) Y² on the hoop (M eq. 63)."""
-    _, b, *_ = hoop_geometry(HOOP["xi"])
-    expected = (HOOP["hoop_inertia"] + HOOP["mass"] * b) / 2 * HOOP["beta_dot"] ** 2
-    assert analysis.active_energy(CircularHoop).evaluate(**HOOP) == pytest.approx(expected, rel=ROUNDING)
-
-
-def test_hamiltonian_on_the_reduced_phase_space() -> None:
-    """H̃ is M eq. 62 with p_β from ∂H/∂p_β = Y (M eq. 45), and H̃ = H̃_0 + K_Y."""
-    m, inertia, p, Y = HOOP["mass"], HOOP["hoop_inertia"], HOOP["p_xi"], HOOP["beta_dot"]
-    a, b, *_ = hoop_geometry(HOOP["xi"])
-    r_squared = a**2 + b
-    p_beta = a * p + (inertia + m * b) * Y
-    H = ((inertia + m * r_squared) / m * p**2 - 2 * a * p * p_beta + p_beta**2) / (2 * (inertia + m * b))
-    reduced = analysis.active_hamiltonian(CircularHoop)
-    assert reduced.evaluate(**HOOP) == pytest.approx(H, rel=ROUNDING)
-    K_Y = analysis.active_energy(CircularHoop).evaluate(**HOOP)
-    assert reduced.evaluate(**HOOP | {"beta_dot": 0.0}) + K_Y == pytest.approx(H, rel=ROUNDING)
-
-
-def swing_metric(rope: float, lean: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """I, J and g of a swing with masses m_1, m_2 at the distance b (M eq. 55), in the frame of the rope."""
-    m_1, m_2, b = 20.0, 20.0, 0.5
-    inertia = m_1 * rope**2 + m_2 * (rope**2 + b**2 + 2 * rope * b * np.cos(lean))
-    J = np.array([-m_2 * b * np.sin(lean), m_2 * (b**2 + rope * b * np.cos(lean))])
-    mixed = -m_2 * b * np.sin(lean)
-    return inertia, J, np.array([[m_1 + m_2, mixed], [mixed, m_2 * b**2]])
-
-
-def test_effective_mass_and_connection_of_the_swing() -> None:
-    """Θ = g - J Jᵀ/I, Γ = -J/I; with M eq. 56 as printed, g without its ½, Θ would be larger by g (MA1)."""
-    inertia, J, g = swing_metric(2.2, 1.1)
-    state = {"theta": 0.6, "rope": 2.2, "lean": 1.1}
-    theta = analysis.effective_mass(Swing).evaluate(**state)
-    np.testing.assert_allclose(theta, g - np.outer(J, J) / inertia, rtol=1e-12)
-    assert np.min(np.abs(theta - (2 * g - np.outer(J, J) / inertia))) > 1
-    np.testing.assert_allclose(analysis.kinetic_connection(Swing).evaluate(**state)[0], -J / inertia, rtol=ROUNDING)
-    force = analysis.dynamic_field(Swing).energy.evaluate(rope_dot=1.0, lean_dot=2.0, **state)
-    np.testing.assert_allclose(force, 0, atol=1e-12)  # X_K = 0: the body turns in one piece (M 8.4)
-
-
-def circle(a: ca.SX, radius: float = 0.6, x: float = 0.9, y: float = -0.4) -> dict[str, ca.SX]:
-    return {"psi_1": x + radius * ca.cos(a), "psi_2": y + 0.7 * radius * ca.sin(a)}
-
-
-def test_holonomy_is_that_of_the_loop_not_of_its_speed() -> None:
-    once = analysis.holonomy(PlanarCat, circle)["phi"]
-    assert analysis.holonomy(PlanarCat, lambda a: circle(a + 0.5 * ca.sin(a)))["phi"] == pytest.approx(once, abs=1e-10)
-    assert analysis.holonomy(PlanarCat, lambda a: circle(-a))["phi"] == pytest.approx(-once, abs=1e-10)
-    assert analysis.holonomy(PlanarCat, lambda a: circle(ca.cos(a)))["phi"] == pytest.approx(0.0, abs=1e-10)
-    symmetric = analysis.holonomy(PlanarCat, lambda a: circle(a, x=0.0, y=0.0))["phi"]
-    assert symmetric == pytest.approx(0.0, abs=1e-10)  # about the stretched shape, which is symmetric
 
 
 def test_holonomy_where_areas_do_not_add_up() -> None:

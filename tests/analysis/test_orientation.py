@@ -123,28 +123,3 @@ def test_flow_of_a_top_keeps_volume_energy_and_the_vertical_momentum() -> None:
 def R_z(n: dict[str, float]) -> NDArray:  # noqa: N802
     q = [n.get(name, 0.0) for name in QUATERNION]
     return Rotation.from_quat(q, scalar_first=True).as_matrix()[2]
-
-
-# ---- geometry of active constraints ------------------------------------------------------------------------------
-
-
-def wheels(a: ca.SX, size: float) -> dict[str, ca.SX]:
-    return {"wheel_1": size * (ca.cos(a) - 1), "wheel_2": size * ca.sin(a), "wheel_3": size * ca.sin(2 * a)}
-
-
-def test_wheels_that_end_where_they_began_leave_the_satellite_turned() -> None:
-    """Holonomy against a product of small slews, and the curvature times the area for a small loop."""
-    end = analysis.holonomy(Satellite, lambda a: wheels(a, 60.0))
-    a = np.linspace(0, 2 * np.pi, 2001)
-    phi = np.array([60 * (np.cos(a) - 1), 60 * np.sin(a), 60 * np.sin(2 * a)])
-    steps = -0.1 / np.array([10.0, 12.0, 8.0])[:, None] * np.diff(phi)
-    turn = Rotation.identity()
-    for step in steps.T:
-        turn = turn * Rotation.from_rotvec(step)
-    found = Rotation.from_quat([end[name] for name in QUATERNION], scalar_first=True)
-    assert turn.magnitude() > 0.1
-    assert (found.inv() * turn).magnitude() <= 1e-5  # (2π/2000)² of turns of 1 rad
-    small = analysis.holonomy(Satellite, lambda a: {"wheel_1": ca.cos(a), "wheel_2": ca.sin(a)})
-    area = analysis.curvature(Satellite).evaluate()[:, 0] * np.pi
-    # Next order: the size of a turn, 0.01 rad, times it.
-    np.testing.assert_allclose(2 * np.array([small[name] for name in QUATERNION[1:]]), area, atol=0.02 * area[2])

@@ -1,7 +1,5 @@
 """Hamilton's mechanics on components whose Hamiltonian, brackets and flow are known in closed form; and the errata."""
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -12,8 +10,6 @@ from liaisons.mechanics import derive
 from liaisons.models import (
     CATALOGUE,
     ChargedParticle,
-    FreeParticle,
-    KeplerOrbit,
     Oscillator,
     Pendulum,
 )
@@ -63,40 +59,6 @@ def test_hamiltons_and_marles_equations_are_the_equations_of_motion(component: t
         np.testing.assert_allclose(analysis.dynamic_field(equations).evaluate(**state), marle, rtol=1e-11, atol=size)
 
 
-def test_brackets_of_angular_momenta_and_of_velocities_in_a_field() -> None:
-    """{L_x, L_y} = -L_z, {v_x, v_y} = -Q B/m² (KC9)."""
-
-    def moment(i: int, j: int) -> analysis.Quantity:
-        names = "xyz"
-        return analysis.observable(
-            FreeParticle,
-            lambda m: (
-                getattr(m, names[i]) * m.symbols[f"p_{names[j]}"] - getattr(m, names[j]) * m.symbols[f"p_{names[i]}"]
-            ),
-        )
-
-    state = {"x": 0.3, "y": -0.7, "z": 1.1, "p_x": 0.9, "p_y": 0.2, "p_z": -0.6}
-    bracket = analysis.poisson_bracket(moment(1, 2), moment(2, 0))
-    assert bracket.evaluate(**state) == pytest.approx(-moment(0, 1).evaluate(**state), rel=ROUNDING)
-    v_x, v_y = (analysis.observable(ChargedParticle, f) for f in (lambda m: m.dot(m.x), lambda m: m.dot(m.y)))
-    field = analysis.poisson_bracket(v_x, v_y).evaluate(charge=1.5, B_z=0.8, mass=0.5)
-    assert field == pytest.approx(-1.5 * 0.8 / 0.25, rel=ROUNDING)
-
-
-def test_constants_of_the_kepler_motion_and_jacobis_identity() -> None:
-    """{H, L} = {H, e} = 0; {a, {b, c}} + cyclic = 0."""
-    H = analysis.hamiltonian(KeplerOrbit)
-    L, e = (analysis.observable(KeplerOrbit, f) for f in (lambda m: m.angular_momentum, lambda m: m.eccentricity_x))
-    x = analysis.observable(KeplerOrbit, lambda m: m.x**2 * m.momentum(m.y))
-    state = {"x": 1.2, "y": 0.4, "p_x": 0.3, "p_y": 0.9, "mass": 0.7}
-    for constant in (L, e):
-        assert analysis.poisson_bracket(H, constant).evaluate(**state) == pytest.approx(0.0, abs=ROUNDING)
-    bracket = analysis.poisson_bracket
-    terms = [bracket(a, bracket(b, c)).evaluate(**state) for a, b, c in ((H, L, x), (L, x, H), (x, H, L))]
-    assert max(np.abs(terms)) > 0.1
-    assert sum(terms) == pytest.approx(0.0, abs=10 * ROUNDING)
-
-
 def test_the_printed_divergence_differentiates_the_wrong_way_round() -> None:
     """K eq. 101 (KA13)."""
     V = analysis.phase_velocity(Pendulum)
@@ -126,17 +88,3 @@ def test_a_short_flow_has_the_divergence_to_first_order_in_its_time() -> None:
     growth = analysis.flow(Oscillator, dt, damping=damping).determinant - 1
     assert growth == pytest.approx(-damping * dt, abs=(damping * dt) ** 2)
     assert abs(growth + damping) > 0.1
-
-
-def test_flow_of_the_pendulum() -> None:
-    """The state is Jacobi's; the volume stays while the operator moves, shrinks with friction, as exp(-η t)."""
-    flow = analysis.flow(Pendulum, 5.0, theta=2.0, theta_dot=0.5, length=1.3)
-    exact = Pendulum.exact(5.0, theta_0=2.0, theta_dot_0=0.5, length=1.3)
-    assert flow.state["theta"] == pytest.approx(float(exact["theta"]), abs=FLOW)
-    assert flow.state["p_theta"] == pytest.approx(1.69 * float(exact["theta_dot"]), abs=10 * FLOW)
-    driven: dict[str, Any] = {"length": lambda t: 1 + 0.1 * ca.sin(2 * t), "pivot_x": lambda t: 0.2 * ca.cos(3 * t)}
-    moved = analysis.flow(Pendulum, 5.0, theta=2.0, **driven)
-    assert moved.determinant == pytest.approx(1.0, abs=FLOW)
-    assert abs(moved.state["theta"] - analysis.flow(Pendulum, 5.0, theta=2.0).state["theta"]) > 0.1
-    damped = analysis.flow(Pendulum, 5.0, theta=2.0, friction=0.2, **driven)
-    assert damped.determinant == pytest.approx(np.exp(-1.0), rel=FLOW)

@@ -5,19 +5,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from liaisons import analysis
-from liaisons.language import Parameter, constraint
 from liaisons.models import (
     ChargedParticle,
-    CircularHoop,
     FreeParticle,
     KeplerOrbit,
     LinearMolecule,
     Oscillator,
     Pendulum,
-    PlanarCat,
     PlanarOscillator,
     PolarOscillator,
 )
@@ -27,25 +23,6 @@ ROUNDING = 1e-13  # a few dozen operations on numbers of order 1 to 10
 
 def rotation(m: Any) -> dict[str, ca.SX]:
     return {"x": -m.y, "y": m.x}
-
-
-@pytest.mark.parametrize(
-    ("component", "held", "cyclic"),
-    [
-        (PlanarCat, {}, {"com_x", "phi"}),
-        (PlanarCat, {"gravity": 0.0}, {"com_x", "com_z", "phi"}),
-        (ChargedParticle, {}, {"z"}),  # A = ½ B∧r contains x and y
-        (ChargedParticle, {"E_z": 1.0}, set()),
-        (FreeParticle, {}, {"x", "y"}),
-        (Pendulum, {"gravity": 0.0}, set()),  # a moving pivot leaves θ in T
-        (CircularHoop, {}, set()),
-        (CircularHoop, {"offset": 0.0}, {"xi"}),
-        (PolarOscillator, {"r_force": 1.0}, {"phi"}),
-        (PolarOscillator, {"phi_force": 1.0}, set()),
-    ],
-)
-def test_cyclic_coordinates(component, held, cyclic) -> None:
-    assert set(analysis.cyclic_coordinates(component, **held)) == cyclic
 
 
 def test_rotations_conserve_angular_momentum() -> None:
@@ -71,32 +48,6 @@ def test_degree_of_homogeneity(component, held, degree) -> None:
     found = analysis.similarity(component, **held)
     assert found.degree == pytest.approx(degree, abs=1e-12)  # a regression over 16 states
     assert found.time_ratio(4.0) == pytest.approx(2.0 ** (2 - degree), rel=1e-11)
-
-
-def test_rotation_that_a_constraint_keeps() -> None:
-    """r'' = -g e_z + λ r with λ = (g z - v²)/l², by hand: x y' - y x' is constant, x' is not."""
-
-    class Bowl(FreeParticle):
-        """Point mass in a smooth bowl of 1 m."""
-
-        radius = Parameter(1.0, "m", "radius", above=0)
-
-        @constraint("m2", "distance from the bowl, squared")
-        def bowl(self) -> ca.SX:
-            return self.x**2 + self.y**2 + self.z**2 - self.radius**2
-
-    def rate(_: float, state: np.ndarray) -> np.ndarray:
-        r, v = state[:3], state[3:]
-        return np.r_[v, (9.81 * r[2] - v @ v) * r - [0, 0, 9.81]]
-
-    motion = solve_ivp(rate, (0, 2), [0.6, 0, -0.8, 0, 1.5, 0], rtol=1e-10, atol=1e-10).y
-    names = ("x", "y", "z", "x_dot", "y_dot", "z_dot")
-    along = analysis.noether(Bowl, rotation).evaluate(**dict(zip(names, motion, strict=True)))
-    np.testing.assert_allclose(along, 0.6 * 1.5, rtol=1e-8)  # 100 x tolerance
-    assert np.ptp(motion[3]) > 1
-    assert analysis.cyclic_coordinates(Bowl) == {}
-    by_momenta = dict(zip(("x", "y", "z", "p_x", "p_y", "p_z"), motion[:, -1], strict=True))
-    assert analysis.noether(Bowl, rotation).evaluate(**by_momenta) == pytest.approx(0.9, rel=1e-8)
 
 
 def test_virial_under_a_force_that_changes() -> None:
@@ -128,21 +79,6 @@ def test_virial_of_an_orbit_over_any_time_and_over_a_period() -> None:
     energy = 1.2**2 / 2 - 1
     # K eq. 75 holds over whole periods; rounding of Kepler's equation and of 2000 summands
     assert (whole.kinetic, whole.potential) == pytest.approx(analysis.Similarity(-1).mean_energies(energy), rel=1e-11)
-
-
-def test_virial_in_polar_coordinates_and_with_friction() -> None:
-    t = np.linspace(0.0, 5.0, 1001)
-    plane = PlanarOscillator.exact(t, x_0=1.0, y_dot_0=0.6)
-    x, y, u, v = (plane[name] for name in ("x", "y", "x_dot", "y_dot"))
-    r = np.hypot(x, y)
-    polar = {"r": r, "phi": np.arctan2(y, x), "r_dot": (x * u + y * v) / r, "phi_dot": (x * v - y * u) / r**2}
-    same = [analysis.virial(PlanarOscillator, t, plane), analysis.virial(PolarOscillator, t, polar)]
-    for name in ("kinetic", "potential", "virial", "boundary"):
-        assert getattr(same[0], name) == pytest.approx(getattr(same[1], name), rel=1e-9)  # both of order h⁴ = 6e-10
-    damped = Oscillator.exact(t, x_0=1.0, damping=0.4)
-    found = analysis.virial(Oscillator, t, damped, damping=0.4)
-    assert abs(found.residual) < 1e-10  # h⁴/720 = 1e-12 times derivatives of order 10
-    assert abs(found.virial - 2 * found.potential) > 1e-2  # friction has its part in the forces
 
 
 def test_quantities_broadcast_and_take_rates_for_momenta() -> None:

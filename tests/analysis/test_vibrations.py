@@ -5,7 +5,6 @@ import pytest
 
 from liaisons import analysis
 from liaisons.models import (
-    DoublePendulum,
     Flywheel,
     LinearMolecule,
     Oscillator,
@@ -38,17 +37,6 @@ def test_modes_have_unit_mass_not_unit_length() -> None:
     lengths = np.linalg.norm(modes, axis=0)
     np.testing.assert_allclose(np.abs(np.sum(modes / lengths * printed, axis=0)), 1, rtol=ROUNDING)
     assert np.all(np.abs(lengths - 1) > 0.5)
-
-
-def test_modes_of_the_double_pendulum() -> None:
-    """Equal masses and rods: M = m l² [[2, 1], [1, 1]], K = m g l diag(2, 1), Ω² = (2 ∓ √2) g/l."""
-    found = analysis.normal_modes(DoublePendulum, theta_1=0.3, theta_2=-0.2)
-    np.testing.assert_allclose(found.mass, [[2, 1], [1, 1]], rtol=ROUNDING)
-    np.testing.assert_allclose(found.stiffness, 9.81 * np.diag([2.0, 1.0]), atol=1e-11)
-    np.testing.assert_allclose(found.squares, 9.81 * np.array([2 - np.sqrt(2), 2 + np.sqrt(2)]), rtol=ROUNDING)
-    assert found.equilibrium == pytest.approx({"theta_1": 0.0, "theta_2": 0.0}, abs=1e-14)
-    for matrix, diagonal in ((found.mass, np.ones(2)), (found.stiffness, found.squares)):
-        np.testing.assert_allclose(found.modes.T @ matrix @ found.modes, np.diag(diagonal), atol=1e-11)
 
 
 def test_equilibrium_of_the_leaning_swing() -> None:
