@@ -25,7 +25,7 @@ import bodies
 from trial import SOURCES, Trial, compile_program, reals, start_values, unpack
 
 from liaisons import Mechanism, System, build, flatten
-from liaisons.models import Sinusoid
+from liaisons.models import BallRow, BouncingBall, Sinusoid, StringPendulum
 
 Generator = np.random.Generator
 
@@ -127,14 +127,14 @@ def _rod(random: Generator) -> dict[str, float]:
 
 
 def _row(random: Generator) -> dict[str, float]:
-    masses = {name: 10 ** random.choice([0.0, random.uniform(-1, 1)]) for name in ("first", "second", "third")}
+    masses = {f"mass[{i}]": 10 ** random.choice([0.0, random.uniform(-1, 1)]) for i in (1, 2, 3)}
     return {
         **masses,
         "bounce": random.choice([0.0, 0.5, 1.0, random.uniform()]),
-        "x_1_0": -1.0,
-        "x_2_0": random.choice([0.0, random.uniform(-0.5, 0.5)]),
-        "x_3_0": random.choice([0.5, random.uniform(0.5, 1)]),
-        **{f"x_{i}_dot_0": random.normal() for i in (1, 2, 3)},
+        "x_0[1]": -1.0,
+        "x_0[2]": random.choice([0.0, random.uniform(-0.5, 0.5)]),
+        "x_0[3]": random.choice([0.6, random.uniform(0.6, 1)]),
+        **{f"x_dot_0[{i}]": random.normal() for i in (1, 2, 3)},
     }
 
 
@@ -150,13 +150,13 @@ def _shaken(random: Generator) -> dict[str, float]:
 
 
 KINDS = {
-    "ball": Kind(bodies.Ball, ("gap",), ("height", "table"), {"table": -0.5}, _ball),
-    "shaken ball": Kind(bodies.Ball, ("ball.gap",), ("ball.height", "ball.table"), {}, _shaken, shaken=True),
+    "ball": Kind(BouncingBall, ("gap",), ("height", "table"), {"table": -0.5}, _ball),
+    "shaken ball": Kind(BouncingBall, ("ball.gap",), ("ball.height", "ball.table"), {}, _shaken, shaken=True),
     "sledge": Kind(bodies.Sledge, ("gap",), ("z", "table"), {"table": -0.5, "belt": 0.0}, _sledge),
     "block": Kind(bodies.Block, (), (), {"belt": 0.0}, _block),
-    "stone": Kind(bodies.Stone, ("slack",), ("x", "z", "string"), {"string": 1.5}, _stone),
-    "rod": Kind(bodies.Rod, ("left", "right"), ("z", "floor"), {"floor": -0.5}, _rod),
-    "row": Kind(bodies.Row, ("gap_1", "gap_2"), ("x_1", "x_2", "x_3"), {}, _row),
+    "stone": Kind(StringPendulum, ("slack",), ("x", "z", "length"), {"length": 1.5}, _stone),
+    "rod": Kind(bodies.Rod, ("left", "right"), ("z", "floor"), {"belt": 0.0, "floor": -0.5}, _rod),
+    "row": Kind(BallRow, ("gap[1]", "gap[2]"), ("x[1]", "x[2]", "x[3]"), {}, _row),
 }
 
 

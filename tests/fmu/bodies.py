@@ -16,26 +16,6 @@ from liaisons import (
 )
 
 
-class Ball(Mechanism):
-    """Ball above a table that an operator moves."""
-
-    mass = Parameter(1.0, "kg", "mass", above=0)
-    bounce = Parameter(0.8, "1", "coefficient of restitution", minimum=0, maximum=1)
-    gravity = Gravity()
-    height = Coordinate("m", "height of the ball", start=1.0)
-    table = ActiveCoordinate("m", "height of the table")
-
-    def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.dot(self.height) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return self.mass * self.gravity * self.height
-
-    @unilateral("m", "distance of ball and table", restitution="bounce")
-    def gap(self) -> ca.SX:
-        return self.height - self.table
-
-
 class Sledge(Mechanism):
     """Body on a belt that moves up and along, with Coulomb's friction."""
 
@@ -85,38 +65,19 @@ class Block(Mechanism):
         return self.dot(self.x) - self.dot(self.belt)
 
 
-class Stone(Mechanism):
-    """Stone at a string that an operator pulls."""
-
-    mass = Parameter(1.0, "kg", "mass", above=0)
-    bounce = Parameter(0.0, "1", "coefficient of restitution", minimum=0, maximum=1)
-    gravity = Gravity()
-    x = Coordinate("m", "horizontal place")
-    z = Coordinate("m", "height above the pivot", start=-1.0)
-    string = ActiveCoordinate("m", "length of the string", start=1.0, above=0)
-
-    def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.speed_squared({"x": self.x, "z": self.z})
-
-    def potential_energy(self) -> ca.SX:
-        return self.mass * self.gravity * self.z
-
-    @unilateral("m", "slack of the string", restitution="bounce")
-    def slack(self) -> ca.SX:
-        return self.string - ca.sqrt(self.x**2 + self.z**2)
-
-
 class Rod(Mechanism):
-    """Rod that falls on a floor, of which one tip is rough."""
+    """Rod that falls on a floor which rises and moves sideways; its left tip is rough."""
 
     mass = Parameter(1.0, "kg", "mass", above=0)
     length = Parameter(2.0, "m", "length", above=0)
     bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
-    roughness = Parameter(0.0, "1", "coefficient of friction of the left tip", minimum=0)
+    grip = Parameter(0.0, "1", "coefficient of static friction of the left tip", minimum=0)
+    drag = Parameter(0.0, "1", "coefficient of its sliding friction", minimum=0)
     gravity = Gravity()
     x = Coordinate("m", "place of the centre")
     z = Coordinate("m", "height of the centre", start=2.0)
     angle = Coordinate("rad", "angle with the horizontal")
+    belt = ActiveCoordinate("m", "way of the floor sideways")
     floor = ActiveCoordinate("m", "height of the floor")
 
     def kinetic_energy(self) -> ca.SX:
@@ -134,33 +95,9 @@ class Rod(Mechanism):
     def right(self) -> ca.SX:
         return self.z + self.length / 2 * ca.sin(self.angle) - self.floor
 
-    @dry_friction("m/s", "sliding of the left tip", static="roughness", normal="left")
+    @dry_friction("m/s", "sliding of the left tip", static="grip", sliding="drag", normal="left")
     def slip(self) -> ca.SX:
-        return self.dot(self.x - self.length / 2 * ca.cos(self.angle))
-
-
-class Row(Mechanism):
-    """Three balls on a line."""
-
-    first = Parameter(1.0, "kg", "mass of the first", above=0)
-    second = Parameter(1.0, "kg", "mass of the second", above=0)
-    third = Parameter(1.0, "kg", "mass of the third", above=0)
-    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
-    x_1 = Coordinate("m", "place of the first", start=-1.0, start_rate=1.0)
-    x_2 = Coordinate("m", "place of the second")
-    x_3 = Coordinate("m", "place of the third")
-
-    def kinetic_energy(self) -> ca.SX:
-        parts = ((self.first, self.x_1), (self.second, self.x_2), (self.third, self.x_3))
-        return sum((mass / 2 * self.dot(x) ** 2 for mass, x in parts), ca.SX(0))
-
-    @unilateral("m", "distance of first and second", restitution="bounce")
-    def gap_1(self) -> ca.SX:
-        return self.x_2 - self.x_1
-
-    @unilateral("m", "distance of second and third", restitution="bounce")
-    def gap_2(self) -> ca.SX:
-        return self.x_3 - self.x_2
+        return self.dot(self.x - self.length / 2 * ca.cos(self.angle) - self.belt)
 
 
 class Press(Mechanism):

@@ -11,6 +11,7 @@ import pytest
 from driver import DISCARD, ERROR, MODEL_EXCHANGE, Instance, reals
 
 from liaisons import Mechanism
+from liaisons.models import BouncingBall
 
 
 @pytest.fixture
@@ -50,19 +51,19 @@ def until_refused(
 @pytest.mark.parametrize(
     ("body", "values", "message"),
     [
-        (bodies.Ball, {"height_0": -1e-3}, "gap = -0.001 at t = 0: bodies overlap; start with a gap >= 0"),
-        (bodies.Ball, {"height_0": -2e-9}, "gap = -2e-09 at t = 0: bodies overlap; start with a gap >= 0"),
-        (bodies.Ball, {"height_0": 0.0, "table": 0.5}, "gap = -0.5 at t = 0: bodies overlap; start with a gap >= 0"),
+        (BouncingBall, {"height_0": -1e-3}, "gap = -0.001 at t = 0: bodies overlap; start with a gap >= 0"),
+        (BouncingBall, {"height_0": -2e-9}, "gap = -2e-09 at t = 0: bodies overlap; start with a gap >= 0"),
+        (BouncingBall, {"height_0": 0.0, "table": 0.5}, "gap = -0.5 at t = 0: bodies overlap; start with a gap >= 0"),
         (
-            bodies.Ball,
+            BouncingBall,
             {"height_0": 1e12 + 1, "table": 1e12},  # 8000 times the distance of two numbers there, and not followed
             (
                 "gap = 1 at t = 0 is too small beside positions of 2e+12: start with 0 or more than 200, or measure "
                 "positions from near the contact"
             ),
         ),
-        (bodies.Ball, {"bounce": 1.1}, "bounce = 1.1 at t = 0: it must be in [0, 1]"),
-        (bodies.Ball, {"bounce": -0.1}, "bounce = -0.1 at t = 0: it must be in [0, 1]"),
+        (BouncingBall, {"bounce": 1.1}, "bounce = 1.1 at t = 0: it must be in [0, 1]"),
+        (BouncingBall, {"bounce": -0.1}, "bounce = -0.1 at t = 0: it must be in [0, 1]"),
         (bodies.Flat, {"x_0": 0.0, "x_dot_0": 0.0}, "cube at t = 0: it moves no mass (effective mass inf)"),
         (
             bodies.TwoFloors,
@@ -71,7 +72,7 @@ def until_refused(
         ),
         (
             bodies.Rod,
-            rough_rod(1.0, roughness=3.0),
+            rough_rod(1.0, grip=3.0, drag=3.0),
             "left at t = 0: no force keeps them apart and in their bounds (Painlevé)",
         ),
         (
@@ -102,16 +103,15 @@ def test_start_is_refused(library, version, body, values, message) -> None:
         "press_dot": 0.0,
         "bounce": 0.5,
         "height_0": 0.5,
-        "roughness": 0.0,
     }
-    instance.set({name: defaults.get(name, 1.0) for name in values} | ({"z_0": 2.0} if "roughness" in values else {}))
+    instance.set({name: defaults.get(name, 1.0) for name in values} | ({"z_0": 2.0} if body is bodies.Rod else {}))
     instance.exit_initialization()
     instance.step(0.0, 0.01)
 
 
 @pytest.mark.parametrize("below", [0.0, 1e-12, 9e-10])
 def test_rounding_is_closed(library, version, below) -> None:
-    instance = start(library, bodies.Ball, version, height_0=-below)
+    instance = start(library, BouncingBall, version, height_0=-below)
     assert instance["gap"] == 0
     instance.step(0.0, 1.0)
     assert instance["gap"] == 0
@@ -121,7 +121,7 @@ def test_rounding_is_closed(library, version, below) -> None:
 
 
 def test_closed_and_approaching_is_an_impact_at_once(library, version) -> None:
-    instance = start(library, bodies.Ball, version, height_0=0.0, height_dot_0=-2.0, bounce=0.5, mass=3.0)
+    instance = start(library, BouncingBall, version, height_0=0.0, height_dot_0=-2.0, bounce=0.5, mass=3.0)
     assert instance.get_integer("gap_impacts") == 1
     assert instance.get("gap_dot", "gap_impulse", "impact_loss", "energy_balance") == pytest.approx(
         [1.0, 3.0 * 3.0, 3.0 / 2 * (2.0**2 - 1.0), 0.0], abs=1e-15
@@ -158,7 +158,7 @@ def pressed(t: float, speed: float = 1.0) -> dict[str, float]:
             r"floor_gap, press_gap at t = 1: more than 1000 impacts at one instant",
         ),
         (
-            bodies.Ball,
+            BouncingBall,
             {},
             lambda t: {"table": 2.0 if t > 0.25 else 0.0},
             r"gap = -1\.4\d* at t = 0\.3: bodies overlap; a prescribed coordinate must not jump through a body",
@@ -199,7 +199,7 @@ def test_press_that_stops_in_time(library, version) -> None:
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_numbers_that_are_none(library, version, value) -> None:
     """At an impact, too."""
-    instance = start(library, bodies.Ball, version, height_0=0.0, height_dot_0=-1.0)
+    instance = start(library, BouncingBall, version, height_0=0.0, height_dot_0=-1.0)
     before = instance.serialize()
     assert instance.set({"table": value}, None) == DISCARD
     assert instance.messages == [f"table = {value}: set a finite number; it stays 0"]
@@ -208,13 +208,13 @@ def test_numbers_that_are_none(library, version, value) -> None:
 
 def test_motion_into_a_paradox_is_refused(library, version) -> None:
     """A rod lands on its rough tip and turns, until the force that would hold the tip has no bound."""
-    values = rough_rod(0.9) | {"z_0": math.sin(0.9) + 1e-4, "x_dot_0": -10.0, "roughness": 1.4, "bounce": 0.0}
+    values = rough_rod(0.9) | {"z_0": math.sin(0.9) + 1e-4, "x_dot_0": -10.0, "grip": 1.4, "drag": 1.4, "bounce": 0.0}
     _, _, text = until_refused(start(library, bodies.Rod, version, **values), 0.01)
     assert re.match(r"left must have one force while slip slides \(Painlevé\); at t = 0\.0360\d* it does not", text)
 
 
 def test_steps_of_fixed_size_are_refused(library, version) -> None:
-    for body, name in ((bodies.Ball, "gap"), (bodies.Block, "slip")):
+    for body, name in ((BouncingBall, "gap"), (bodies.Block, "slip")):
         instance = library(body, version).initializing()
         instance.set_integer("symplectic_steps", 0)
         instance.set_integer("symplectic_steps", 3, ERROR)
@@ -225,8 +225,8 @@ def test_steps_of_fixed_size_are_refused(library, version) -> None:
 
 def test_importer_that_steps_over_an_event_is_told(library, version) -> None:
     """In model exchange: a ball that is found deep in the table."""
-    instance = library(bodies.Ball, version).running(MODEL_EXCHANGE)
-    count = library(bodies.Ball, version).count("height", "p_height", "work", "dissipated")
+    instance = library(BouncingBall, version).running(MODEL_EXCHANGE)
+    count = library(BouncingBall, version).count("height", "p_height", "work", "dissipated")
     y = instance.vector("GetContinuousStates", count)
     y[0] = -0.5
     instance.do("SetTime", 0.5)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from test_states import _VECTORS, _patched, _sealed
 
 from liaisons.mechanics import assemble
+from liaisons.models import BouncingBall
 
 MEMORY = ("gap_impulse", "impact_loss", "table_impulse", "belt_impulse", "work", "dissipated")
 OUTPUTS = ("x", "z", "x_dot", "z_dot", "gap", "gap_force", "slip", "slip_force", "energy_balance", *MEMORY)
@@ -95,7 +96,7 @@ def test_modes_that_cannot_be_are_refused(library, slot, contact, values) -> Non
 
 
 def test_steps_of_fixed_size_are_in_no_state(library) -> None:
-    instance = library(bodies.Ball).start()
+    instance = library(BouncingBall).start()
     content = instance.serialize()
     forged = _sealed(_patched(content, 104 + 4 * 6, struct.pack("=i", 3)))
     instance.deserialize(forged, ERROR, "the saved state is damaged: symplectic_steps is out of range")

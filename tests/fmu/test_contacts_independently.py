@@ -10,10 +10,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from bodies import Rod
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from liaisons import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, dry_friction, simulate, unilateral
+from liaisons import simulate
 from liaisons.mechanics import derive
 
 TIMES = np.linspace(0.0, 1.0, 101)
@@ -23,41 +24,6 @@ OPEN, CLOSED = 0, 1
 FORWARD, STICKS, BACKWARD = 1, 0, -1
 
 Floats = NDArray[Any]
-
-
-class Rod(Mechanism):
-    """Rod that falls onto a floor which rises, and moves sideways; its left end rubs."""
-
-    mass = Parameter(2.0, "kg", "mass", above=0)
-    length = Parameter(0.6, "m", "length", above=0)
-    bounce = Parameter(0.0, "1", "coefficient of restitution", minimum=0, maximum=1)
-    grip = Parameter(0.5, "1", "coefficient of friction while it sticks", minimum=0)
-    drag = Parameter(0.3, "1", "coefficient of friction while it slides", minimum=0)
-    gravity = Gravity()
-    x = Coordinate("m", "place of the middle", start_rate=1.0)
-    z = Coordinate("m", "height of the middle", start=0.5)
-    phi = Coordinate("rad", "turn from the horizontal", start=0.4, start_rate=1.0)
-    belt = ActiveCoordinate("m", "way of the floor sideways")
-    floor = ActiveCoordinate("m", "height of the floor")
-
-    def kinetic_energy(self) -> ca.SX:
-        inertia = self.mass * self.length**2 / 12
-        return self.mass / 2 * self.speed_squared({"x": self.x, "z": self.z}) + inertia / 2 * self.dot(self.phi) ** 2
-
-    def potential_energy(self) -> ca.SX:
-        return self.mass * self.gravity * self.z
-
-    @unilateral("m", "height of the left end", restitution="bounce")
-    def left(self) -> ca.SX:
-        return self.z - self.length / 2 * ca.sin(self.phi) - self.floor
-
-    @unilateral("m", "height of the right end", restitution="bounce")
-    def right(self) -> ca.SX:
-        return self.z + self.length / 2 * ca.sin(self.phi) - self.floor
-
-    @dry_friction("m/s", "sliding of the left end", static="grip", sliding="drag", normal="left")
-    def slip(self) -> ca.SX:
-        return self.dot(self.x - self.length / 2 * ca.cos(self.phi) - self.belt)
 
 
 def floor(t: float) -> tuple[float, float, float]:
@@ -179,12 +145,14 @@ class Independent:
         return np.array([*rows, y]), history
 
 
-STATES = ["x", "z", "phi", "x_dot", "z_dot", "phi_dot"]
+STATES = ["x", "z", "angle", "x_dot", "z_dot", "angle_dot"]
 START = np.array([0.0, 0.5, 0.4, 1.0, 0.0, 1.0])
+BODY = {"mass": 2.0, "length": 0.6, "bounce": 0.0, "grip": 0.5, "drag": 0.3}
 
 
 def assert_agrees(path: Path, start: Floats, stop: float, **values: float) -> list[tuple[int, ...]]:
     """Compare all states at all times; returns the modes that came one after the other."""
+    values = BODY | values
     rows, history = Independent(**values).run(start, stop)
     values |= dict(zip((f"{name}_0" for name in STATES), start.tolist(), strict=True))
     moves = {"belt": belt, "floor": floor}

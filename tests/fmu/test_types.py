@@ -7,25 +7,18 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from bodies import Ball
 from driver import ERROR, Instance, Library, members, reals
 from fmpy.validation import validate_fmu
 from wasm_driver import WasmLibrary
 
-from liaisons import Parameter
 from liaisons.fmu import build
 from liaisons.mechanics import Model, assemble
-
-
-class TypedBall(Ball):
-    """It keeps half of its rate."""
-
-    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+from liaisons.models import BouncingBall
 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return assemble(TypedBall)
+    return assemble(BouncingBall)
 
 
 @pytest.fixture(scope="module", params=["2", "3", "wasm"])
@@ -105,8 +98,8 @@ def read_boolean(instance: Instance, name: str) -> bool:
 
 
 def test_values_are_those_of_their_types(library) -> None:
-    """It falls for T = sqrt(2 h/g) and bounces for 2 T e, 2 T e², ...: until 3 T."""
-    instance = library.start()
+    """It falls for T = sqrt(2 h/g) and bounces for 2 T e, 2 T e², ...: until 3 T for e = 1/2."""
+    instance = library.start(bounce=0.5)
     fall, now = np.sqrt(2 / instance["gravity"]), 0.0
     for falls, impacts in ((0.9, 0), (1.1, 1), (2.1, 2), (2.6, 3), (2.8, 4)):
         instance.step(now, falls * fall - now)
