@@ -17,7 +17,6 @@ from liaisons import (
     LiaisonsError,
     Mechanism,
     Parameter,
-    analysis,
     build,
     dry_friction,
     ensemble,
@@ -111,31 +110,6 @@ def test_linear_in_the_mode_of_the_point(fmu: Callable[..., Path]) -> None:
     closed = linearize(fmu(Sledge), {"z_0": 0.0, "z_force": -1.0}, inputs=(), outputs="gap_force")
     assert closed.A[2:4, :4] == pytest.approx(np.array([[0, 0, -20, 0], [0, -200, 0, -20]]), rel=1e-6)
     assert closed.values["gap_force"] == pytest.approx(1.0)
-
-
-def test_what_contacts_conserve() -> None:
-    """Two balls on a line push each other: only their common momentum is constant, though L has neither place."""
-
-    class Pair(Mechanism):
-        """Two balls on a line."""
-
-        mass = Parameter(2.0, "kg", "mass", above=0)
-        x_1 = Coordinate("m", "place of the first")
-        x_2 = Coordinate("m", "place of the second", start=1.0)
-        y = Coordinate("m", "height of both")
-
-        def kinetic_energy(self) -> ca.SX:
-            return self.mass * (self.dot(self.x_1) ** 2 + self.dot(self.x_2) ** 2 + self.dot(self.y) ** 2)
-
-        @unilateral("m", "distance")
-        def gap(self) -> ca.SX:
-            return self.x_2 - self.x_1
-
-    assert list(analysis.cyclic_coordinates(Pair)) == ["y"]
-    total = analysis.noether(Pair, lambda _: {"x_1": 1, "x_2": 1})
-    assert total.evaluate(x_1_dot=3.0, x_2_dot=1.0) == pytest.approx(2 * 2.0 * (3.0 + 1.0))
-    with pytest.raises(LiaisonsError, match=r"^Pair: the field moves gap, whose forces change"):
-        analysis.noether(Pair, lambda _: {"x_1": 1})
 
 
 def test_equations_show_what_dry_friction_is_bounded_by() -> None:

@@ -141,17 +141,6 @@ def test_without_a_solver_it_is_named(ball: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("name", ["Pendulum", "fmi3/Pendulum"])
-def test_pendulum_moves_as_in_co_simulation(component: FmuPaths, tmp_path: Path, name: str) -> None:
-    path = component(name)
-    exchange, simulated = (
-        simulate(kind, stop_time=5.0, step_size=0.05, tolerance=1e-10, theta_0=1.2)
-        for kind in (exchange_only(path, tmp_path), path)
-    )
-    assert_allclose(exchange["theta"], simulated["theta"], atol=TIGHT)
-    assert_allclose(exchange["energy_balance"], 0, atol=10 * TIGHT)  # energies of 10 J
-
-
-@pytest.mark.parametrize("name", ["Pendulum", "fmi3/Pendulum"])
 def test_coupling_is_that_of_co_simulation(component: FmuPaths, tmp_path: Path, name: str) -> None:
     """Force and motion at once: cubic polynomials, of fourth order, and the estimate is an upper bound."""
     path = component(name)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import fmpy
 import numpy as np
 import pytest
 from driver import DISCARD, MODEL_EXCHANGE, Instance, reals
@@ -99,13 +98,6 @@ def test_time_event(kick_library) -> None:
     assert instance["x_dot"] == 3.0
     assert instance.go_on() == (True, None)  # the rate has jumped: who integrates starts again
     assert rates(instance, 1.0, [1.0]) == 3.0
-
-
-def test_fmpy_finds_the_time_event(kick_library) -> None:
-    options = {"stop_time": 3.0, "output_interval": 0.5, "start_values": {"t_1": 1.2345}}
-    result = fmpy.simulate_fmu(str(kick_library.path), fmi_type="ModelExchange", **options)
-    # CVODE's default tolerance is 1e-5; a piecewise linear function it integrates far better, unless it steps over.
-    assert result["x"][-1] == pytest.approx(3.0 + 2 * (3.0 - 1.2345), abs=1e-9)
 
 
 def test_derivatives_that_do_not_exist_are_refused(fall_library) -> None:

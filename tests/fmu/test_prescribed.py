@@ -16,12 +16,9 @@ from driver import CO_SIMULATION, MODEL_EXCHANGE, WARNING, Instance
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 
-from liaisons.cosim import System, simulate
-from liaisons.fmu import build
 from liaisons.language import Component
-from liaisons.library.flattening import flatten
 from liaisons.mechanics import assemble
-from liaisons.models import Pendulum, PlanarCat, Ramp, Satellite, SpatialCat, Swing
+from liaisons.models import Pendulum, PlanarCat, Satellite, SpatialCat, Swing
 
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 WITH_EVENTS = {"events": True}
@@ -403,13 +400,3 @@ def test_impulses_do_the_whole_work(library, target: str, kind: str, settings: d
     assert work == pytest.approx(gain, rel=1e-9)
     assert p == pytest.approx(inertia * 0.7, rel=1e-9)
     assert abs(balance) <= 1e-9
-
-
-def test_an_impulse_inside_does_the_whole_work(shared_folder, tmp_path) -> None:
-    """The ramp of a composition starts inside a step: m r'²/2 on a weightless pendulum at rest."""
-    system = System("ramped")
-    ramp = system.add("ramp", build(assemble(Ramp), shared_folder), offset=1.0, rate=0.2, start_time=0.55)
-    pendulum = system.add("pendulum", build(assemble(Pendulum), shared_folder), theta_0=0.0, gravity=0.0)
-    system.connect(ramp["y"], pendulum["length"])
-    result = simulate(flatten(system, tmp_path), stop_time=1.0, step_size=0.25)
-    assert result["pendulum.work"][-1] == pytest.approx(0.2**2 / 2, rel=1e-9)

@@ -1,6 +1,7 @@
-"""Where on_paper.py and hand_derivations.py are found, which are no tests, but theirs."""
+"""Where on_paper.py, hand_derivations.py and making.py are found, which are no tests, but theirs."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+_HERE = Path(__file__).parent
+sys.path[:0] = [str(_HERE), str(_HERE.parent / "cosim")]

@@ -182,17 +182,6 @@ def test_a_repeated_knot_is_a_jump_and_the_polynomials_go_on_beyond_the_ends() -
     assert after == pytest.approx(PlannedMotion.exact([4.0], **VALUES[PlannedMotion])["y"][0], abs=1e-12)
 
 
-def test_a_mechanism_follows_knots_on_communication_points_to_the_last_digits(fmu) -> None:
-    """Between two points it interpolates by the very polynomial of the operator; so does the reference, by its rate."""
-    system = System("planned")
-    system.add("length", fmu(PlannedMotion), **_knots((0, 1, 0, 0), (0.5, 1.2, 0.3, -1), (1.0, 0.9, 0, 0)))
-    system.add("swing", fmu(Pendulum), theta_0=1.0, input_reconstruction=2)
-    system.connect(system.parts["length"]["y"], system.parts["swing"]["length"])
-    coarse, fine = (system.simulate(1.0, step, tolerance=1e-12) for step in (0.25, 0.0625))
-    # Solver tolerance, κ < 10; a motion that was interpolated otherwise would be off by 1e-4.
-    np.testing.assert_allclose(coarse["swing.theta"], fine["swing.theta"][::4], rtol=0, atol=1e-10)
-
-
 @pytest.mark.parametrize(
     ("instants", "values"),
     [
