@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -218,3 +220,10 @@ def test_interrupt_keeps_what_there_is(fmu: FmuPaths) -> None:
     kept = caught.value.result
     assert 0.25 <= kept.time[-1] < 1.0
     assert_array_equal(kept["echo"], kept.time)
+
+
+def test_process_ends_well_after_a_python_fmu(component: FmuPaths) -> None:
+    path = component("python/Pendulum")
+    code = f"from liaisons.cosim import simulate; simulate({str(path)!r}, stop_time=1); simulate({str(path)!r})"
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (finished.returncode, finished.stderr) == (0, "")

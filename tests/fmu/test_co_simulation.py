@@ -11,8 +11,6 @@ from handmade import GRAVITY, breathing, breathing_inputs, driven
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from liaisons.models import Sinusoid
-
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 
 
@@ -103,12 +101,6 @@ def test_forces_and_friction(every_pendulum) -> None:
     # Some 60 steps, sizes of 3; the motion is stable.
     np.testing.assert_allclose(instance.get("theta", "p_theta", "work", "dissipated"), y, atol=1e-10)
     assert abs(instance["energy_balance"]) <= 1e-10
-
-
-def test_component_without_state(library, target) -> None:
-    instance = library(Sinusoid, target).start(offset=2.0)
-    instance.follow(0.1, 10)
-    assert instance.get("y", "y_dot", "y_ddot") == pytest.approx([2 + np.sin(1), np.cos(1), -np.sin(1)], abs=1e-15)
 
 
 # ---- jumps -------------------------------------------------------------------------------------------------------

@@ -1,33 +1,23 @@
 """WebAssembly components in wasmtime: they do what the native binary does that lies beside them.
 
 The tests of this folder that take an FMU as ``pendulum_library`` and so on are put to its component, too.
-``python tests/fmu/test_wasm.py [COMPONENT ...]`` prints the table of these, or of the catalogue.
 """
 
 from __future__ import annotations
 
 import ctypes
 import re
-import sys
-import tempfile
-import time
 import zipfile
-import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parent))
-
 from driver import CO_SIMULATION, ERROR, MODEL_EXCHANGE, Instance, Library, members
 from fmpy.validation import validate_fmu
 from handmade import kick
+from numpy.typing import NDArray
 from wasm_driver import WasmLibrary
 from wasm_wrapper import OURS, TOOLS, wrapper
 
@@ -311,43 +301,3 @@ def test_components_need_zig(tmp_path, monkeypatch) -> None:
     with pytest.raises(BuildError, match="WebAssembly needs the compiler in the ziglang package: pip install ziglang"):
         build(kick(), tmp_path, fmi="3", platforms="wasm")
     assert not [*tmp_path.iterdir()]
-
-
-# ---- the table ---------------------------------------------------------------------------------------------------
-
-
-def seconds(library: Library, tolerance: float, size: float) -> float:
-    """The shortest of a few communication steps [s]."""
-    instance = library.start(tolerance=tolerance, **inputs(library, 0.0))
-    found = []
-    for i in range(5):
-        begin = time.perf_counter()
-        instance.step(i * size, size)
-        found.append(time.perf_counter() - begin)
-    return min(found)
-
-
-def table(names: Sequence[str]) -> None:
-    """These components, or the whole catalogue, as Markdown."""
-    columns = "component bytes deflated CS ME refusals roll-back 10_ms,_native wasmtime 10_s,_native wasmtime"
-    print(f"| {' | '.join(columns.split()).replace('_', ' ')} |\n|---|{'---:|' * 5}---|{'---:|' * 4}")  # noqa: T201
-    with tempfile.TemporaryDirectory() as folder:
-        for component in names or sorted(catalogue()):
-            library = WasmLibrary(build(assemble(catalogue()[component]), folder, fmi="3", platforms="wasm"))
-            native = Library(library.path)
-            motions = [(moved(library, kind), moved(native, kind)) for kind in (CO_SIMULATION, MODEL_EXCHANGE)]
-            said = refused(library), refused(native)
-            cells = [
-                component,
-                *map(str, (len(library.bytes), len(zlib.compress(library.bytes)))),
-                *(f"{difference(*pair):.0e}" for pair in motions),
-                f"{sum(same(*pair) for pair in zip(*said, strict=True))} of {len(said[0])}",
-                "to the bit" if all(found.rolls_back for found, _ in motions) else "no",
-                *(f"{1e6 * seconds(each, 1e-9, 0.01):.0f} µs" for each in (native, library)),
-                *(f"{1e6 * seconds(each, 1e-12, 10.0):.0f} µs" for each in (native, library)),
-            ]
-            print(f"| {' | '.join(cells)} |", flush=True)  # noqa: T201
-
-
-if __name__ == "__main__":
-    table(sys.argv[1:])

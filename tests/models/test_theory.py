@@ -193,14 +193,6 @@ def test_leaning_moves_by_the_derived_equations() -> None:
 ODD = {"J_xy": 1.0, "J_xz": -0.5, "J_yz": 0.3}
 
 
-def test_slew_torque_is_that_of_the_derived_equations() -> None:
-    push = np.array([3.0, -2.0, 0.5])
-    state = State(Satellite, ODD | {"q_w": 1.0, "J_wheel": 0.3} | {f"wheel_{k}_ddot": push[k - 1] for k in (1, 2, 3)})
-    found = Satellite.slew_torque(*push, J_wheel=0.3, **ODD)
-    forces = [found[f"wheel_{k}_force"] for k in (1, 2, 3)]
-    np.testing.assert_allclose(forces, state("operator_forces"), rtol=1e-12)  # algebra
-
-
 def test_satellite_steered_by_one_wheel_after_another_makes_a_product_of_turns() -> None:
     """sin² pulses of 5 s: each wheel turns by 2.5 s times its rate."""
 
