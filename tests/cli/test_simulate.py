@@ -89,8 +89,9 @@ def test_a_formula_is_longer_than_a_name_of_a_file(simulated: Simulated) -> None
 
 @pytest.mark.parametrize(("join", "largest"), [("quintic", 3.2), ("pchip", 3.0), ("linear", 3.0)])
 def test_a_table_is_joined_as_it_is_asked(simulated: Simulated, tmp_path: Path, join: str, largest: float) -> None:
-    (tmp_path / "steps.csv").write_text("time,length\n0,3\n1,3\n2,3\n3,2\n4,2\n5,2\n")
-    result = simulated("Pendulum", "--input", "steps.csv", "--join", join, "--stop", "5", "--set", "theta_0=0.5")
+    (tmp_path / "steps.csv").write_text("time,length\n-5,3\n-4,3\n-3,3\n-2,2\n-1,2\n0,2\n")
+    words = ("--input", "steps.csv", "--join", join, "--start=-5", "--stop", "0")
+    result = simulated("Pendulum", *words, "--set", "theta_0=0.5")
     assert result["length"].max() == pytest.approx(largest, abs=0.005)
     assert np.abs(result["energy_balance"]).max() < 1e-6
 

@@ -124,7 +124,8 @@ def test_triangles_go_round_their_normals_counter_clockwise(kind: str) -> None:
     a, b, c = places[corners].swapaxes(0, 1)
     areas = np.cross(b - a, c - a)
     assert np.all(np.sum(areas[:, None] * normals[corners], axis=2) > 0)
-    if kind != "spring":  # the others are convex
+    if kind != "spring":  # the others are closed and convex
+        assert areas.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
         assert np.all(np.sum(areas * (a + b + c - 3 * (places.min(axis=0) + places.max(axis=0)) / 2), axis=1) > 0)
 
 

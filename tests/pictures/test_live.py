@@ -193,6 +193,7 @@ def test_sliders_buttons_and_keys(opened: Opened) -> None:
         assert page.locator('[data-preset="length"]').input_value() == "by hand"
         page.click("#reset")
         assert live.time == 0
+        assert live.evaluate("[window.page.times.length, window.page.history.length]") == [1, 1]
         assert live.complaints == []
 
 
@@ -220,6 +221,14 @@ def test_the_view_is_that_of_the_camera(opened: Opened) -> None:
         for yaw, pitch in ((-0.6, 0.35), (0.9, -0.4)):
             live.evaluate("([yaw, pitch]) => Object.assign(window.page.view, { yaw, pitch })", [yaw, pitch])
             live.evaluate("window.page.paint()")
+            low, high, scale, *size = live.evaluate(
+                """() => {
+                const { low, high, scale, canvas } = window.page.view;
+                return [low, high, scale, canvas.clientWidth, canvas.clientHeight];
+            }"""
+            )
+            corners = Camera(yaw, pitch).see(np.array(list(product(*zip(low, high, strict=True)))))
+            assert np.max(scale * np.ptp(corners[:, :2], axis=0) / size) == pytest.approx(0.78)  # of the canvas
             for point in np.eye(3):
                 seen, scale, origin, centre = live.evaluate(
                     "p => { const v = window.page.view; return [v.see(p), v.scale, v.origin, v.centre]; }",
@@ -353,7 +362,7 @@ def test_a_refused_step_is_said_and_the_page_goes_on(opened: Opened) -> None:
         live.run(400)
         refused = live.time
         assert refused < 2
-        assert re.search("length.* (refused|Reset)", live.text("#said"))
+        assert re.search("^length.* (refused|Reset)", live.text("#said"))
         live.page.click("#run")
         live.wait_until(lambda: live.time > refused + 0.1)
         assert live.text("#said") == ""
@@ -460,6 +469,12 @@ def test_one_signal_over_another(opened: Opened) -> None:
         assert dot == curve[-1]
         live.page.locator("[data-over]").select_option("over time")
         assert drawn_in_the_plot(live)[0] == [over_time]
+        assert {"-2", "2"} <= set(drawn_in_the_plot(live)[2])
+        live.page.locator("[data-signals]").select_option("length")
+        live.page.locator("#signals button").first.click()
+        (constant,), _, _ = drawn_in_the_plot(live)
+        top, bottom = np.array(over_time)[:, 1].min(), np.array(over_time)[:, 1].max()
+        assert np.array(constant)[:, 1] == pytest.approx((top + bottom) / 2)
         assert live.complaints == []
 
 
@@ -477,6 +492,10 @@ def test_presets_suit_what_they_move(opened: Opened) -> None:
         tools.preset(live, "length", "Sinusoid")
         assert live.run_for(8)["work"] > 0.1
         assert live.evaluate("[window.page.times.length, window.page.history.length]") == [900, 900]
+        tools.preset(live, "length", "by hand")
+        length = live.run_for(4)["length"]
+        tools.preset(live, "length", "Ramp")
+        assert live.run_for(1)["length"] == pytest.approx(length + 0.1, rel=1e-3)  # a tenth of it a second
         tools.preset(live, "length", "by hand")
         live.enter("theta_0", 3)
         tools.preset(live, "pivot_z", "Sinusoid")
@@ -529,7 +548,7 @@ def test_what_is_not_connected_stands_side_by_side(browser: Any, fmu: Fmu, tmp_p
         )
     assert places[0] == 0
     assert all(right < left for (_, right), (left, _) in pairwise(extents))
-    assert np.diff(places).min() > 2.0  # pendulums of 1 m swing beside each other
+    assert np.diff(places) == pytest.approx(1.1 * (1 + 2), abs=1e-6)  # pendulums of 1 m and 2 m swing side by side
 
 
 MOVED = {
@@ -704,6 +723,7 @@ CONTACTS = [
     {"shape": "rope", "from": ["pivot_x", 0, "pivot_z"], "to": ["bob_x", 0, "bob_z"], "length": 1.5},
     {"shape": "floor", "at": [0.5, 0, -1], "normal": [1, 0, 2], "width": "length"},
     {"shape": "flash", "at": ["bob_x", 0, "bob_z"], "count": "theta"},
+    {"shape": "spring", "from": ["pivot_x", 0, "pivot_z"], "to": ["bob_x", 0, "bob_z"]},
 ]
 
 
@@ -720,7 +740,12 @@ def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: F
         live.run(1)
         values, curve, corners = live.evaluate(
             """() => {
-            const { machine, view, now } = window.page, [rope, floor] = view.shapes;
+            const { machine, view, now } = window.page, [rope, floor, , spring] = view.shapes, paths = [];
+            view.context.beginPath = () => paths.push([]);
+            view.context.moveTo = view.context.lineTo = (x, y) => paths.at(-1).push([x, y]);
+            window.page.paint();
+            for (const name of ["beginPath", "moveTo", "lineTo"]) delete view.context[name];
+            coils = paths.filter((path) => path.length > 9 && path.length != 17);
             return [machine.signals.map((name, i) => [name, now[i]]), rope.curve(now),
               [floor.at(now), ...floor.axes.map((axis) => axis(now)), floor.size.map((size) => size(now))]];
         }"""

@@ -7,7 +7,7 @@ import pytest
 
 from liaisons.pictures import Picture
 from liaisons.pictures.frames import RATE, frames
-from liaisons.pictures.stage import Stage
+from liaisons.pictures.stage import SIZES, Stage
 
 TURNS = np.linspace(0, 2 * np.pi, 7)
 
@@ -24,6 +24,11 @@ def test_everything_lies_within_what_is_seen(third: float | str) -> None:
         corners = np.concatenate([face.corners for k in range(len(time)) for face in stage.faces(k, turn)])
         assert np.all(np.abs(corners) <= stage.half)
         assert third or np.all(np.abs(corners).max(axis=0) >= 0.8 * stage.half)
+    if not third:  # the rod is as thick on both sides
+        rod, *_ = (face for face in stage.faces(2) if len(face.corners) == 14)
+        along = stage.frames.shapes[0].points[2, 1, ::2] / np.linalg.norm(stage.frames.shapes[0].points[2, 1])
+        aside = (rod.corners + stage.middle[2, ::2]) @ (-along[1], along[0])
+        assert [aside.min(), aside.max()] == pytest.approx([-SIZES["rod"] * stage.extent, SIZES["rod"] * stage.extent])
 
 
 @pytest.mark.parametrize("count", [40, 200])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -231,6 +232,7 @@ def test_plot_has_one_diagram_a_unit(result: Result, tmp_path: Path) -> None:
     assert [axes.get_ylabel() for axes in figure.axes] == ["[rad]", "[m]", "", "[rad/s]"]
     assert _drawn(figure) == [["swing.theta", "swing.phi"], ["arm.x[1,2]"], ["plain"], ["swing.theta_dot"]]
     assert figure.axes[-1].get_xlabel() == "time [s]"
+    assert figure.axes[0].get_shared_x_axes().joined(figure.axes[0], figure.axes[-1])
     np.testing.assert_array_equal(figure.axes[0].lines[1].get_ydata(), result["swing.phi"])
     assert path.read_text().startswith("<?xml")
 
@@ -354,7 +356,7 @@ def test_plot_draws_what_matters(tmp_path: Path) -> None:
     signals = {
         "q": (0.1 * wave, "rad"), "q_dot": (0.3 * np.cos(3 * t), "rad/s"), "q_ddot": (-0.9 * wave, "rad/s2"),
         "p_q": (0.3 * np.cos(3 * t), "kg.m2/s"), "q_force": (0 * t, "N.m"), "q_load": (0 * t, "N.m"),
-        "s": (1 + 0.1 * wave, "m"), "s_force": (-9.8 - wave, "N"), "s_power": (wave, "W"),
+        "s": (1 + 0.1 * wave, "m"), "s_power": (wave, "W"), "s_force": (-9.8 - wave, "N"),
         "again": (1 + 0.1 * wave, "m"),
         "kinetic_energy": (2 * wave**2, "J"), "potential_energy": (-540 - wave**2, "J"), "dissipated": (1e-5 * t, "J"),
         "balance": (1e-13 * wave, "J"), "level": (np.full_like(t, 0.9), "m"), "temperature": (293 + wave, "K"),
@@ -388,12 +390,16 @@ def test_a_figure_is_seen_once(result: Result, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_notebook_shows_a_table(result: Result, cases: Result, both: Result, parsed: Any) -> None:
-    _, tags, texts = parsed(result._repr_html_())
+    html = result._repr_html_()
+    _, tags, texts = parsed(html)
     assert texts[:9] == [
         *("Result of a swing: 4 points, t = 0 to 1 s, 5 signals", "signal", "unit", "start", "end", "smallest"),
         *("largest", "swing.theta", "rad"),
     ]
     assert "svg" in tags
+    for points in re.findall('points="(.*?)"', html):
+        across, down = np.array([point.split(",") for point in points.split()], dtype=float).T
+        assert [across.min(), across.max(), down.min(), down.max()] == [0, 120, 1, 23]  # of 120 × 24 pixels
     _, tags, texts = parsed(cases._repr_html_())
     assert texts[1:7] == ["mass [kg]", "theta [rad]", "all", "1", "0.1", "3"]
     assert texts[-1] == "case 1 failed: mass = 2, too much"

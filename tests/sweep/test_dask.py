@@ -8,12 +8,14 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import ExitStack
+from threading import get_ident
 from typing import Any
 
 import numpy as np
 import pytest
 
-from liaisons.sweeps import SweepError, grid, sweep
+from liaisons.sweeps import SweepError, cluster, grid, sweep
 
 pytest.importorskip("distributed")
 
@@ -24,12 +26,20 @@ CASES = grid({"theta_0": np.linspace(0.1, 3.0, 12), "length": [0.5, 1.0]})
 def test_two_workers_give_the_same_table_bit_by_bit(client, pendulum) -> None:
     cases = dict(CASES) | {"mass": np.where(np.arange(CASES.count) == 5, -1.0, 1.0)}
     keep = ["theta", "energy:max"]
+
+    def lose() -> None:
+        """Leave what a sweep leaves whose client has gone."""
+        cluster._pools["lost", get_ident()] = Any, ExitStack()
+
+    for worker in client.nthreads():
+        client.submit(lose, workers=[worker], pure=False).result()
     here = sweep(pendulum, cases, keep, **SPAN)
     there = sweep(pendulum, cases, keep, client=client, **SPAN)
     by_address = sweep(pendulum, cases, keep, client=client.scheduler.address, **SPAN)
     assert here.values.tobytes() == there.values.tobytes() == by_address.values.tobytes()
     assert here.failures == there.failures == by_address.failures
     assert here.failures.keys() == {5}
+    assert set(client.run(lambda: len(cluster._pools)).values()) == {0}  # all processes have ended
 
 
 def test_the_command_line_by_the_address(client, pendulum, tmp_path) -> None:

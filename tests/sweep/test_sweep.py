@@ -22,6 +22,7 @@ from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum
 from liaisons.sweeps import SweepError, grid, sweep
+from liaisons.sweeps.workers import _Worker
 
 SPAN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.05}
 CASES = grid({"theta_0": np.linspace(0.1, 3.0, 6), "length": [0.5, 1.0]})
@@ -67,7 +68,14 @@ def test_what_cases_are_warned_of_is_in_the_table(swing, where, tmp_path) -> Non
 
 
 def test_functions_of_the_result_and_settings_in_common(pendulum) -> None:
-    keep = {"swing": lambda result: np.ptp(result["theta"]), "end": "theta"}
+    maps = Path("/proc/self/maps")
+
+    def loaded(_: Result) -> bool:
+        """Whether the FMU is in the very process of the case."""
+        lines = maps.read_text().splitlines() if maps.exists() else [f"{tempfile.gettempdir()}.so"]
+        return any(tempfile.gettempdir() in line and line.endswith(".so") for line in lines)
+
+    keep = {"swing": lambda result: np.ptp(result["theta"]), "end": "theta", "loaded": loaded}
     table = sweep(
         pendulum, {"input_reconstruction": [0, 1]}, keep, start_values={"theta_0": 0.7, "length_dot": 0.1}, **SPAN
     )
@@ -75,6 +83,7 @@ def test_functions_of_the_result_and_settings_in_common(pendulum) -> None:
         alone = simulate(pendulum, **SPAN, theta_0=0.7, length_dot=0.1, input_reconstruction=number)
         assert (table["swing"][number], table["end"][number]) == (np.ptp(alone["theta"]), alone["theta"][-1])
     assert table["end"][0] != table["end"][1]
+    assert table["loaded"].tolist() == [1, 1]
 
 
 @pytest.mark.parametrize("coupling", [None, "jacobi"])
@@ -167,6 +176,24 @@ def test_a_case_that_never_ends_well_is_given_up(pendulum, tmp_path, where, fate
     assert table.failures[2] == reason
     assert np.count_nonzero(np.isnan(table["theta"])) == 2
     assert [pid for pid in {*map(int, log.read_text().split())} if _lives(pid)] == []
+
+
+def test_a_case_that_ends_as_its_time_is_up_is_done_again(pendulum, tmp_path, monkeypatch) -> None:
+    end, begun = _Worker.end, tmp_path / "begun"
+
+    def ended(worker: _Worker, patience: float) -> int | None:
+        worker.current[0] = np.inf  # no case is under way
+        return end(worker, patience)
+
+    def theta(result: Result) -> float:
+        if not begun.exists():
+            begun.touch()
+            time.sleep(1000)
+        return result["theta"][-1]
+
+    monkeypatch.setattr(_Worker, "end", ended)
+    table = sweep(pendulum, {"theta_0": [0.1, 0.3]}, {"theta": theta}, workers=1, time_limit=2.0, **SPAN)
+    assert (begun.exists(), table.failures) == (True, {})
 
 
 def _lives(pid: int) -> bool:
