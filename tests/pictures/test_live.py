@@ -10,7 +10,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator, show, tabulated
+from liaisons import Coordinate, Mechanism, Parameter, System, operator, show, tabulated
+from liaisons.base import compiler
 from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.structure.connections import connect_scalars
 from liaisons.errors import BuildError, SimulationError
@@ -28,6 +29,7 @@ from liaisons.live import live_page
 from liaisons.pictures import Picture
 from liaisons.pictures.camera import Camera
 from liaisons.pictures.frames import frames
+from liaisons.pictures.stage import COILS, SIZES, _zigzag
 
 from . import _browser as tools
 from .conftest import Fmu, Moved
@@ -542,13 +544,15 @@ def test_what_is_not_connected_stands_side_by_side(browser: Any, fmu: Fmu, tmp_p
         assert live.complaints == []
         live.page.screenshot(path=SCREENSHOTS / "side_by_side.png")
         places = live.evaluate("window.page.groups.map(({ shift }) => shift.x)")
-        extents = live.evaluate(
+        points = live.evaluate(
             "window.page.groups.map(({ shapes }) => shapes.flatMap((s) => [s.from, s.to, s.at].filter(Boolean))"
-            ".map((p) => p(window.page.now)[0])).map((x) => [Math.min(...x), Math.max(...x)])"
+            ".map((p) => p(window.page.now)))"
         )
+    ends = np.array([[np.min(group, axis=0), np.max(group, axis=0)] for group in points])  # group, end, axis
     assert places[0] == 0
-    assert all(right < left for (_, right), (left, _) in pairwise(extents))
-    assert np.diff(places) == pytest.approx(1.1 * (1 + 2), abs=1e-6)  # pendulums of 1 m and 2 m swing side by side
+    assert np.all(ends[:-1, 1, 0] < ends[1:, 0, 0])
+    sizes = np.ptp(ends, axis=1).max(axis=1)  # with a tenth of it as room, each swings on both sides of its centre
+    assert np.diff(ends.mean(axis=1)[:, 0]) == pytest.approx(1.1 * (sizes[:-1] + sizes[1:]))
 
 
 MOVED = {
@@ -738,16 +742,16 @@ def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: F
     with opened(turning) as live:
         live.enter("theta_dot_0", 9.0)
         live.run(1)
-        values, curve, corners = live.evaluate(
+        values, curve, corners, ends, coils, unit = live.evaluate(
             """() => {
             const { machine, view, now } = window.page, [rope, floor, , spring] = view.shapes, paths = [];
             view.context.beginPath = () => paths.push([]);
             view.context.moveTo = view.context.lineTo = (x, y) => paths.at(-1).push([x, y]);
             window.page.paint();
             for (const name of ["beginPath", "moveTo", "lineTo"]) delete view.context[name];
-            coils = paths.filter((path) => path.length > 9 && path.length != 17);
             return [machine.signals.map((name, i) => [name, now[i]]), rope.curve(now),
-              [floor.at(now), ...floor.axes.map((axis) => axis(now)), floor.size.map((size) => size(now))]];
+              [floor.at(now), ...floor.axes.map((axis) => axis(now)), floor.size.map((size) => size(now))],
+              [spring.from(now), spring.to(now)].map((end) => view.see(end)), paths.at(-1), view.scale * view.extent];
         }"""
         )
         lit, angles = live.evaluate(
@@ -765,12 +769,14 @@ def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: F
         )
         assert live.complaints == []
     seen = frames(Picture(tuple(CONTACTS)), np.zeros(1), lambda name: np.array([dict(values)[name]]), title="it")
-    rope, floor, _ = seen.shapes
+    rope, floor, *_ = seen.shapes
     assert np.array(curve) == pytest.approx(rope.points[0], abs=1e-12)
     assert floor.axes is not None
     assert floor.size is not None
     assert np.array(corners) == pytest.approx(np.array([floor.points[0, 0], *floor.axes[0], floor.size[0]]), abs=1e-12)
-    turns = frames(Picture(tuple(CONTACTS[2:])), np.arange(41.0), lambda _: np.array(angles), title="it")
+    zigzag = _zigzag(*np.array(ends), SIZES["spring"] * unit, max(COILS))
+    assert np.array(coils) == pytest.approx(zigzag[:, :2], abs=1e-9)
+    turns = frames(Picture(tuple(CONTACTS[2:3])), np.arange(41.0), lambda _: np.array(angles), title="it")
     assert turns.shapes[0].size is not None
     assert lit == (turns.shapes[0].size[1:, 0] > 0).tolist()
     assert 10 < sum(lit) < 40
