@@ -21,7 +21,7 @@ from liaisons.results import IncompleteError
 @pytest.mark.parametrize(
     ("name", "starts", "words"),
     [
-        ("Crashing", {}, r"loaded \(SIGABRT\)"),
+        ("Crashing", {}, r"instantiated \(SIGABRT\)"),
         ("Crashing_at_once", {}, r"instantiated \(SIGSEGV\)"),
         ("Crashing_later", {"when": 1}, r"initialized \(SIGSEGV\)"),
         ("Crashing_later", {"when": 2}, r"stepped \(SIGSEGV\)"),
@@ -70,7 +70,7 @@ def test_fmu_of_fmi_3_that_crashes_at_the_begin(tmp_path: Path, code: str, words
 
 
 @pytest.mark.parametrize("status", [0, 1, 3])
-@pytest.mark.parametrize(("place", "stage"), [("start", "instantiated"), ("event", "stepped")])
+@pytest.mark.parametrize(("place", "stage"), [("start", "instantiated"), ("event", "initialized")])
 def test_fmu_that_ends_its_process_at_the_begin(tmp_path: Path, status: int, place: str, stage: str) -> None:
     """With whatever exit status: it would end ours."""
     code = {place: f"exit({status});"}

@@ -22,7 +22,7 @@ from liaisons.cosim.instances import isolated
 from liaisons.errors import SimulationError
 from liaisons.sweeps import sweep
 
-pytestmark = pytest.mark.skipif(isolated.library() is None, reason="Linux and a C compiler")
+pytestmark = pytest.mark.skipif(not isolated.SUPPORTED, reason="Linux")
 APART: dict[str, Any] = {"isolated": True}
 
 
@@ -229,10 +229,10 @@ def test_no_process_of_its_own_is_left(fmu: FmuPaths, tmp_path: Path, how: str, 
 def test_elsewhere_it_runs_in_this_process(
     fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(instances, "library", lambda: None)
+    monkeypatch.setattr(instances, "SUPPORTED", False)
     with caplog.at_level(logging.WARNING, "liaisons.cosim"):
         simulate(fmu("Cubic"), stop_time=1.0, step_size=0.5, isolated=True)
-    assert "Cubic: to be isolated takes Linux and a C compiler; it runs in this process" in caplog.text
+    assert "Cubic: to be isolated takes Linux; it runs in this process" in caplog.text
 
 
 @pytest.mark.parametrize("value", [-1.0, float("inf"), float("nan"), "yes", None])
@@ -263,12 +263,12 @@ def test_what_it_says_before_it_crashes_is_heard(tmp_path: Path, caplog: pytest.
 
 
 def test_its_release_is_not_waited_for_as_long_as_a_step(fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, limits = isolated.Isolated._asked, dict[str, float]()
+    asked, limits = isolated.Isolated._ask, dict[str, float]()
 
-    def noted(instance: isolated.Isolated, task: str, *message: object) -> Any:
-        limits[task] = instance._far.limit
+    def noted(instance: isolated.Isolated, task: str, *message: Any) -> Any:
+        limits[task] = instance._limit
         return asked(instance, task, *message)
 
-    monkeypatch.setattr(isolated.Isolated, "_asked", noted)
+    monkeypatch.setattr(isolated.Isolated, "_ask", noted)
     simulate(fmu("Cubic"), stop_time=1.0, step_size=0.5, isolated=60.0)
     assert (limits["its initialization"], limits["its release"]) == (60.0, 5.0)  # [s]

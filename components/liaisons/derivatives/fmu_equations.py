@@ -22,7 +22,7 @@ from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.instances.model_exchange import ModelExchange
 from liaisons.cosim.messages import WARNING
-from liaisons.cosim.running.probe import try_to_start
+from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import LiaisonsError, RefusedError, SimulationError
 

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from liaisons.base.folders import passing_folder
 from liaisons.base.processes import die_with_parent
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.instances import extracted, isolated
+from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
 from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.session import Task, session
@@ -63,8 +63,7 @@ def simulate_locally(
     :param deliver: takes outcomes, in any order.
     :param time_limit: of a case [s].
     """
-    for library in (compiled.steps, isolated.library):
-        library()  # else each process would compile it
+    compiled.steps()  # else each process would compile it
     with passing_folder() as folder:
         task: Task | bytes = study, extracted(study.fmus(), folder), str(folder)
         if sys.platform != "linux":  # elsewhere a fork is not safe

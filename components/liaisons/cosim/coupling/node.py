@@ -236,7 +236,7 @@ class Node:
                 calls.append(self._instance.directional([self.outputs[i] for i in rows], [input_], _ALONG, buffer))
                 values.append(column)
                 pairs += [(i, k) for i in rows]
-        return pairs, list(self._instance.together(calls)), values
+        return pairs, calls, values
 
 
 _ALONG = (c_double * 1)(1.0)

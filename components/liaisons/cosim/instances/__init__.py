@@ -9,7 +9,7 @@ from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.fmi2 import CoSimulation2
 from liaisons.cosim.instances.fmi3 import CoSimulation3
-from liaisons.cosim.instances.isolated import Isolated, library
+from liaisons.cosim.instances.isolated import SUPPORTED, Isolated
 from liaisons.cosim.instances.model_exchange import ModelExchange2, ModelExchange3
 from liaisons.cosim.instances.protocol import Instance
 from liaisons.cosim.messages import logger
@@ -53,8 +53,7 @@ def make(
 
     if not isolated:
         return make_in_process()
-    code = library()
-    if code is None:
-        logger.warning("%s: to be isolated takes Linux and a C compiler; it runs in this process", name)
+    if not SUPPORTED:
+        logger.warning("%s: to be isolated takes Linux; it runs in this process", name)
         return make_in_process()
-    return Isolated(name, fmu, make_in_process, code, isolated)
+    return Isolated(name, fmu, make_in_process, isolated)

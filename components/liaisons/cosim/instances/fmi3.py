@@ -22,7 +22,6 @@ from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.buffer_layouts import Transfer, buffered, counted, layout, layouts
 from liaisons.cosim.instances.loading import FMU3CoSimulation
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
-from liaisons.cosim.instances.trial import NUMBERS
 from liaisons.cosim.messages import DISCARD
 from liaisons.errors import SimulationError
 
@@ -48,7 +47,14 @@ class Instance3(Loaded, ABC):
         "shape": "fmi3SetFloat64",  # along a motion, in Model Exchange
         "slope": "fmi3GetOutputDerivatives",
     }
-    types: ClassVar = NUMBERS | {"Boolean": c.c_bool, "String": c.c_char_p}
+    types: ClassVar = {
+        "Float32": c.c_float,
+        "Float64": c.c_double,
+        **{f"Int{bits}": getattr(c, f"c_int{bits}") for bits in (8, 16, 32, 64)},
+        **{f"UInt{bits}": getattr(c, f"c_uint{bits}") for bits in (8, 16, 32, 64)},
+        "Boolean": c.c_bool,
+        "String": c.c_char_p,
+    }
     flag = c.c_bool
     sized = True
     transfer = TRANSFER_3

@@ -92,10 +92,6 @@ class Instance(ABC):
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed."""
 
-    def together(self, calls: Sequence[Call]) -> Sequence[Call]:
-        """Calls that do the same in any order, where none depends on another; an isolated FMU overlaps them."""
-        return calls
-
     @abstractmethod
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""

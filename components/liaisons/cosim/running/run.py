@@ -43,7 +43,7 @@ from liaisons.cosim.running.input_reconstruction import (
 )
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
-from liaisons.cosim.running.probe import try_to_start
+from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.simulation import Simulation

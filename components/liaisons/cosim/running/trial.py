@@ -1,0 +1,138 @@
+"""A trial of every FMU in a process of its own, since a library that crashes ends the process that calls it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from ctypes import c_double
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from weakref import WeakSet
+
+from liaisons.base import cache
+from liaisons.base.processes import TIME_LIMIT, die_with_parent
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.instances import Instance, isolated, make
+from liaisons.cosim.messages import WARNING
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.errors import SimulationError
+
+_LAST = "done"
+"""Follows the stages."""
+_tried: WeakSet[Fmu] = WeakSet()
+
+
+def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float]) -> None:
+    """Load, instantiate, initialize and step an FMU in a process of its own, once a file.
+
+    Its inputs keep their start values, so a later crash is still possible.  FMUs that were built on this machine (by
+    their digests, for the name of the tool can be forged) and those tried before with the same start values are not
+    tried.
+
+    :param directory: where the FMU was extracted.
+    :param times: begin and first communication point of the simulation [s], at least.
+    :raises SimulationError: if that process crashes; what the FMU refuses is left to its own message.
+    """
+    fmu = part.fmu
+    if fmu in _tried:
+        return
+    try:
+        digest = cache.digest(fmu.path)
+    except OSError as error:
+        raise SimulationError(f"{fmu.path}: cannot be read: {error.strerror}") from None
+    begin, size = times[0], times[1] - times[0]
+    settings = digest, fmu.binary, begin, size, sorted(part.starts.items()), sys.version
+    key = sha256(repr(settings).encode()).hexdigest()
+    if not (cache.knows(digest) or cache.knows(key)):
+        stage, how = (_fork if isolated.SUPPORTED else _interpreter)(part, directory, begin, size)
+        if how:
+            raise SimulationError(
+                f"{part.name}: {fmu.path.name} crashes when it is {stage} ({how}); "
+                "build or copy it again, or ask its maker"
+            )
+        if stage == _LAST:
+            cache.remember(key)
+    _tried.add(fmu)
+
+
+def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin: float, size: float) -> Iterator[str]:
+    """Start an FMU and step it once; yields each stage before it begins, and :data:`_LAST` after all of them."""
+    yield "instantiated"
+    instance = make_instance()
+    try:
+        yield "initialized"
+        instance.initialize(part.starts, None, begin, begin + size)
+        instance.exit_initialization()
+        yield "stepped"
+        step = instance.stepper(c_double(begin), c_double(size))
+        if (status := step()) > WARNING:
+            raise instance.failure("step", status, "")
+        yield "released"
+        if isinstance(instance, isolated.Isolated):
+            instance.release()
+    finally:
+        instance.close()
+    yield _LAST
+
+
+def _fork(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
+    """Start an FMU in a forked process; returns the last stage, and how the process crashed, if it did."""
+
+    def make_silently() -> Instance:
+        logging.disable()
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        for stream in (1, 2):
+            os.dup2(nothing, stream)
+        return make(part.name, part.fmu, directory)
+
+    isolate = partial(isolated.Isolated, part.name, part.fmu, make_silently, TIME_LIMIT)
+    stage, stages = "", _stages(isolate, part, begin, size)
+    try:
+        while stage != _LAST:
+            stage = next(stages)
+    except isolated.ProcessEndedError as error:
+        return stage, error.how
+    except SimulationError:
+        return "", ""
+    return stage, ""
+
+
+def _interpreter(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
+    """The same in a new interpreter, where processes cannot be forked."""
+    task = part, directory, begin, size
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", f"from {__name__} import _print_stages; _print_stages()"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},  # FMUs in Python look there
+        input=pickle.dumps((os.getpid(), *task)),
+        capture_output=True,
+        check=False,
+    )
+    stages = re.findall(r"^STAGE (\w+)$", done.stdout.decode(errors="replace"), re.MULTILINE)
+    stage, status = stages[-1] if stages else "", done.returncode
+    if stage in {"", "refused", _LAST}:
+        return stage, ""
+    return stage, signal.Signals(-status).name if status < 0 else f"exit status {status}"
+
+
+def _print_stages() -> None:
+    """Start the FMU of the task that comes by stdin, and print each stage."""
+    parent, part, directory, begin, size = pickle.load(sys.stdin.buffer)
+    die_with_parent(parent)
+    try:
+        for stage in _stages(partial(make, part.name, part.fmu, directory), part, begin, size):
+            _say(stage)
+    except SimulationError:
+        _say("refused")
+    os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
+
+
+def _say(stage: str) -> None:
+    sys.stdout.write(f"\nSTAGE {stage}\n")
+    sys.stdout.flush()
