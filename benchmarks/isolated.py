@@ -3,8 +3,8 @@
     python benchmarks/isolated.py [--quick]
 
 A pendulum, all outputs of which are recorded, alone and with an operator that sets its length: to set, to step and to
-get are three messages to the other process and three answers.  By the clock on the wall, since the processes take turns;
-the machine has to be idle.
+get are three messages to the other process and three answers.  By the clock on the wall, since the processes
+take turns; the machine has to be idle.
 """
 
 from __future__ import annotations

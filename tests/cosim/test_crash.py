@@ -14,6 +14,7 @@ from equations import equations
 from making import FmuPaths, packed, wired
 
 from liaisons.cosim import simulate
+from liaisons.cosim.instances import isolated
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError
 
@@ -31,6 +32,18 @@ def test_fmu_that_crashes_at_the_begin(fmu: FmuPaths, name: str, starts: dict[st
     system = wired(good=fmu("Cubic"), bad=(fmu(name), starts))
     with pytest.raises(SimulationError, match=rf"^bad: {name}\.fmu crashes when it is {words}; .* ask its maker$"):
         system.simulate(1.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "when", "stage"), [("Crashing_at_once", 0, "instantiated"), ("Crashing_later", 2, "stepped")]
+)
+def test_crash_where_processes_cannot_be_forked(
+    fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch, name: str, when: int, stage: str
+) -> None:
+    monkeypatch.setattr(isolated, "SUPPORTED", False)
+    starts = {"when": when} if when else {}
+    with pytest.raises(SimulationError, match=rf"crashes when it is {stage} \(SIGSEGV\)"):
+        simulate(fmu(name), stop_time=1.0, step_size=0.5, **starts)
 
 
 def test_fmu_that_would_crash_with_other_start_values_runs(fmu: FmuPaths) -> None:
@@ -94,36 +107,36 @@ def test_fmu_that_cannot_be_released(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.usefixtures("either_loop")
 @pytest.mark.parametrize("status", [-1, -2, -(2**31), 3, 6, 101, 103, 2**31 - 1])
-@pytest.mark.parametrize("isolated", [False, True])
-def test_of_a_step_alone(fmu: FmuPaths, status: int, isolated: bool) -> None:
+@pytest.mark.parametrize("apart", [False, True])
+def test_of_a_step_alone(fmu: FmuPaths, status: int, apart: bool) -> None:
     with pytest.raises(IncompleteError, match=r"^Hasty: fmi2DoStep from t = 0 s to t = 0\.2 s returned") as it:
-        simulate(fmu("Hasty"), stop_time=1.0, step_size=0.2, status=status, isolated=isolated)
+        simulate(fmu("Hasty"), stop_time=1.0, step_size=0.2, status=status, isolated=apart)
     assert it.value.result.time.tolist() == [0.0]
 
 
 @pytest.mark.parametrize("status", [-1, -2, 3, 103])
-@pytest.mark.parametrize("isolated", [False, True])
-def test_of_a_coupled_step(fmu: FmuPaths, status: int, isolated: bool) -> None:
-    bad = fmu("Hasty"), {"status": status, "isolated": isolated}
+@pytest.mark.parametrize("apart", [False, True])
+def test_of_a_coupled_step(fmu: FmuPaths, status: int, apart: bool) -> None:
+    bad = fmu("Hasty"), {"status": status, "isolated": apart}
     system = wired("mass.q -> buffer.length", mass=(fmu("Cart"), {"q_0": 1.0}), buffer=fmu("Buffer"), bad=bad)
     with pytest.raises(IncompleteError, match=r"^bad: fmi2DoStep from t = 0 s to t = 0\.2 s returned"):
         system.simulate(1.0, 0.2, coupling="implicit")
 
 
 @pytest.mark.usefixtures("either_loop")
-@pytest.mark.parametrize("isolated", [False, True])
-def test_of_equations_alone(tmp_path: Path, isolated: bool) -> None:
+@pytest.mark.parametrize("apart", [False, True])
+def test_of_equations_alone(tmp_path: Path, apart: bool) -> None:
     fmu = equations(tmp_path, 1, rates="f[0] = 1; if (t > 0.45) return 3;")
     with pytest.raises(IncompleteError, match=r"x: fmi2GetDerivatives at t = \S+ s returned Error") as it:
-        simulate(fmu, stop_time=1.0, step_size=0.2, isolated=isolated)
+        simulate(fmu, stop_time=1.0, step_size=0.2, isolated=apart)
     assert it.value.result.time[-1] == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize("isolated", [False, True])
-def test_of_equations_in_a_coupled_step(tmp_path: Path, isolated: bool) -> None:
+@pytest.mark.parametrize("apart", [False, True])
+def test_of_equations_in_a_coupled_step(tmp_path: Path, apart: bool) -> None:
     """Their derivatives are refused from t = 0.45 s on."""
     fmu = equations(tmp_path, 1, rates="f[0] = u; if (t > 0.45) return 3;", output="y = x[0];")
-    system = wired("a.y -> b.u", a=(fmu, {"isolated": isolated}), b=fmu)
+    system = wired("a.y -> b.u", a=(fmu, {"isolated": apart}), b=fmu)
     system.connect(system.parts["b"]["y"], system.parts["a"]["u"])
     with pytest.raises(SimulationError, match=r"[ab]: fmi2GetDerivatives at t = \S+ s returned Error") as it:
         system.simulate(1.0, 0.2, coupling="implicit")

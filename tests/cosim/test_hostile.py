@@ -20,6 +20,7 @@ from making import FmuPaths, rewritten, wait_for
 from liaisons.base import cache
 from liaisons.cosim import System, simulate
 from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.running import trial
 from liaisons.errors import SimulationError
 from liaisons.mechanics import assemble
 
@@ -273,13 +274,14 @@ def test_name_of_our_tool_is_no_letter_of_safe_conduct(fmu: FmuPaths, tmp_path: 
 def trials(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> list[object]:  # noqa: ARG001 - its cache is empty
     """A list that grows by every trial; nothing is remembered at the begin."""
     made: list[object] = []
-    run = subprocess.run
+    names = "_in_fork", "_in_interpreter"
+    for name, start in ((name, getattr(trial, name)) for name in names):
 
-    def counted(*arguments: object, **options: object) -> object:
-        made.extend(arguments[:1] if "-P" in str(arguments[0]) else [])
-        return run(*arguments, **options)  # type: ignore[call-overload]
+        def counted(*arguments: object, start: Any = start) -> object:
+            made.append(arguments[0])
+            return start(*arguments)
 
-    monkeypatch.setattr("liaisons.cosim.running.probe.subprocess.run", counted)
+        monkeypatch.setattr(trial, name, counted)
     monkeypatch.setattr(cache, "_remembered", set())
     return made
 

@@ -56,6 +56,10 @@ class ProcessEndedError(SimulationError):
         self.how = how
 
 
+class _LostError(Exception):
+    """The process does not answer."""
+
+
 @final
 class Isolated(Instance):
     """An instance in a process of its own.
@@ -78,6 +82,7 @@ class Isolated(Instance):
         try:
             self._functions: Mapping[Action, str] = self._ask("its instantiation", "functions")
         except BaseException:
+            self._fate = self._fate or "has made no instance"
             self.close()
             raise
 
@@ -177,13 +182,10 @@ class Isolated(Instance):
 
         def call() -> int:
             self._function = function
-            answer = self._answer("call", number, b"".join(sent))
-            if answer is None:
+            try:
+                status, data = self._answer("call", number, b"".join(sent))
+            except _LostError:
                 return FATAL
-            error, value = answer
-            if error is not None:
-                raise error
-            status, data = value
             if received is not None:
                 c.memmove(received, data, len(data))
             return status if status in range(len(STATUSES)) else FATAL  # the others are those of compiled code
@@ -199,34 +201,38 @@ class Isolated(Instance):
         :param task: for messages.
         :raises SimulationError: as the method does, or if there is no answer.
         """
-        answer = self._answer(method, *arguments)
-        if answer is None:
-            raise self._lost(task)
-        error, value = answer
-        if error is not None:
-            raise error
-        return value
+        try:
+            return self._answer(method, *arguments)
+        except _LostError:
+            raise self._lost(task) from None
 
-    def _answer(self, *message: object) -> tuple[LiaisonsError | None, Any] | None:
-        """Send a message; returns the error that it has raised, and its value, or None where the process is lost."""
+    def _answer(self, *message: object) -> Any:
+        """Send a message; returns what the method returns.
+
+        :raises LiaisonsError: as the method does.
+        :raises _LostError: if there is no answer.
+        """
         if self._fate:
-            return None
+            raise _LostError
         self._fate = "was interrupted"  # if this is, nobody will know where the process is
         with suppress(OSError):  # it has just ended, as the answer will tell
             self._pipe.send_bytes(dumps(message))
         with suppress(EOFError, OSError):
             while self._answers.poll(math.ceil(1000 * min(self._limit, _LONGEST_LIMIT))):
-                error, value = loads(self._pipe.recv_bytes())
-                if not isinstance(error, int):
-                    self._fate = ""
-                    return error, value
-                logger.log(error, "%s", value)
+                answer = list(loads(self._pipe.recv_bytes()))
+                if isinstance(answer[0], int):
+                    logger.log(answer[0], "%s", answer[1])
+                    continue
+                self._fate = ""
+                if answer[0] is not None:
+                    raise answer.pop(0)  # by a name it would refer to itself, and to all that this frame does
+                return answer[1]
             self._fate = f"has not returned within {self._limit:g} s; give isolated more seconds if it needs them"
             self._end()
-            return None
+            raise _LostError
         self._how = self._end()
         self._fate = f"crashed ({self._how})"
-        return None
+        raise _LostError
 
     def _lost(self, task: str) -> SimulationError:
         words = f"{self.name}: {task} {self._fate}"

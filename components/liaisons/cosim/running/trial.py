@@ -51,7 +51,7 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
     settings = digest, fmu.binary, begin, size, sorted(part.starts.items()), sys.version
     key = sha256(repr(settings).encode()).hexdigest()
     if not (cache.knows(digest) or cache.knows(key)):
-        stage, how = (_fork if isolated.SUPPORTED else _interpreter)(part, directory, begin, size)
+        stage, how = (_in_fork if isolated.SUPPORTED else _in_interpreter)(part, directory, begin, size)
         if how:
             raise SimulationError(
                 f"{part.name}: {fmu.path.name} crashes when it is {stage} ({how}); "
@@ -82,7 +82,7 @@ def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin:
     yield _LAST
 
 
-def _fork(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
+def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
     """Start an FMU in a forked process; returns the last stage, and how the process crashed, if it did."""
 
     def make_silently() -> Instance:
@@ -104,7 +104,7 @@ def _fork(part: SystemComponent, directory: Path, begin: float, size: float) -> 
     return stage, ""
 
 
-def _interpreter(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
+def _in_interpreter(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
     """The same in a new interpreter, where processes cannot be forked."""
     task = part, directory, begin, size
     done = subprocess.run(
