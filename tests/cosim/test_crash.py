@@ -6,6 +6,7 @@ import logging
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import equations as equations_module
 import fmpy
@@ -41,7 +42,7 @@ def test_crash_where_processes_cannot_be_forked(
     fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch, name: str, when: int, stage: str
 ) -> None:
     monkeypatch.setattr(isolated, "SUPPORTED", False)
-    starts = {"when": when} if when else {}
+    starts: dict[str, Any] = {"when": when} if when else {}
     with pytest.raises(SimulationError, match=rf"crashes when it is {stage} \(SIGSEGV\)"):
         simulate(fmu(name), stop_time=1.0, step_size=0.5, **starts)
 

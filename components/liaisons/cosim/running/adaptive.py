@@ -1,10 +1,9 @@
-"""Communication steps of adapted size, taken back where their error is too large.
+"""Communication steps of adapted size, repeated where the estimate of their error is too large.
 
-* ``error_tolerance``: one step of H beside two of H/2 tells the error; then the two are kept.  Step doubling (Hairer,
-  Norsett, Wanner, Solving ODEs I, II.4): if the error of a step is C H^(p+1), the results differ by (2^p - 1) times the
-  error of the two.
-* no ``step_size``: between any two communication points as many equal steps as the estimate of their error asks for
-  (:mod:`liaisons.cosim.running.estimate`), which costs no step.
+The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the points before it, and costs no step.
+
+* ``error_tolerance``: each step adds less than this error.
+* no ``step_size``: equal steps between two communication points, as many as keep the sum of their errors small.
 """
 
 from __future__ import annotations
@@ -81,9 +80,9 @@ class Stepper:
         self.bus.perform(self.calls)
         return self.bus.values.copy()
 
-    def keep(self) -> Callable[[], None]:
-        """Save the present state; returns a function that restores it."""
-        values, coupled = self.bus.values.copy(), self.coupled
+    def keep(self, estimate: Estimate) -> Callable[[], None]:
+        """Save the present state, and that of the estimate; returns a function that restores both."""
+        values, coupled, estimated = self.bus.values.copy(), self.coupled, estimate.snapshot()
         snapshot = None if coupled is None else coupled.snapshot()
 
         def go_back() -> None:
@@ -91,6 +90,7 @@ class Stepper:
             self.bus.values[:] = values
             if coupled is not None and snapshot is not None:
                 coupled.rewind(snapshot)
+            estimate.rewind(estimated)
 
         saves, restores = self._states
         self.bus.perform(saves)
@@ -116,67 +116,55 @@ class Stepper:
                 return stop
             self.breaks.next = instant
 
+    def cross_break(self, now: float, end: float) -> Point:
+        """Advance across the next break; returns the point, which is in the result only if the break is at the end."""
+        stop = self.breaks.next
+        result_time = end if stop >= end - rounding(end) else None
+        stop = stop if result_time is None else max(stop, end)
+        return Point(stop, self.cross(now, stop).copy(), result_time, after_break=True)
 
-def adapted(stepper: Stepper) -> Iterator[Point]:
-    """Steps whose error stays below the tolerance, relative to the largest value of the signal's unit so far.
 
-    What is connected or recorded counts.
+def adapted(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
+    """Step by sizes that keep the error of each step below the tolerance.
 
     :returns: communication points after the start.
     :raises RefusedError: if even the smallest step fails, or its error is too large.
     """
-    simulation, bus, coupled = stepper.simulation, stepper.bus, stepper.coupled
+    simulation, coupled = stepper.simulation, stepper.coupled
     tolerance = simulation.error_tolerance
     assert tolerance is not None
-    order = 1 if coupled is None else coupled.order  # p, the error of a step being of order p + 1 in its size
-    numbers = kinds(simulation, bus)
-    sizes = np.zeros(int(numbers.max(initial=-1)) + 1)
+    power = 2 if coupled is None else coupled.order + 1  # of the size of a step, in its error
     now, first, end = simulation.times
     size, shortest = min(first - now, end - now), _SHORTEST * (end - now)
+    points = [Point(now, stepper.bus.values.copy(), now)]
     while now < end:
-        np.maximum.at(sizes, numbers, np.abs(bus.values[: len(numbers)]))
         target = end if end - now <= size * (1 + 1e-9) else now + size
         stop = stepper.until(now, target, size)
         if stop is None:
-            point = _crossed(stepper, now, end)
+            point = stepper.cross_break(now, end)
             now = end if point.result_time == end else point.time
+            points = [point]
             yield point._replace(result_time=now)
             continue
-        middle = (now + stop) / 2
-        go_back = stepper.keep()
-        try:
-            whole = stepper.step(now, stop)
-            go_back()
-            half, last = stepper.step(now, middle), stepper.step(middle, stop)
-            scales = np.where(sizes > 0, sizes, 1.0)[numbers]
-            off = np.abs(last - whole)[: len(numbers)]
-            error = float(np.max(off / scales, initial=0.0)) / (2**order - 1) / tolerance
-            reason = f"the error of a step of {stop - now:.3g} s is {error:.3g} times error_tolerance"
-        except RefusedError as failure:
-            half = last = bus.values
-            error, reason = np.inf, str(failure)
-        factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / (order + 1)), _SMALLEST_FACTOR), _LARGEST_FACTOR)
-        size = max((stop - now) * factor, size if error <= 1 and stop < target else 0.0)
+        count = 2 if len(points) == 1 and estimate.looks else 1  # of one step alone there is no estimate
+        go_back = stepper.keep(estimate)
+        ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
+        error /= tolerance
+        factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / power), _SMALLEST_FACTOR), _LARGEST_FACTOR)
+        size = max((stop - now) / count * factor, size if error <= 1 and stop < target else 0.0)
         if error <= 1:
-            yield Point(middle, half, middle)
-            yield Point(stop, last, stop if stop == target else None)
-            now = stop
+            yield from (point._replace(result_time=point.time) for point in ends[:-1])
+            yield ends[-1]._replace(result_time=stop if stop == target else None)
+            now, points = stop, [*points, *ends][-_MEMORY:]
         elif size > shortest:
             go_back()
         else:
+            reason = refusal or f"the error of a step of {stop - now:.3g} s is {error:.3g} times error_tolerance"
             raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
 
 
-def _crossed(stepper: Stepper, now: float, end: float) -> Point:
-    """Cross the next break; it is in the result if it is the end [s]."""
-    stop = stepper.breaks.next
-    result_time = end if stop >= end - rounding(end) else None
-    stop = stop if result_time is None else max(stop, end)
-    return Point(stop, stepper.cross(now, stop).copy(), result_time, after_break=True)
-
-
 def divided(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
-    """Steps between the communication points, so short that their estimated errors add up to less than the tolerance.
+    """Step between the communication points by equal steps, whose errors add up to less than the tolerance.
 
     :returns: communication points after the start.
     :raises RefusedError: if even the smallest steps fail.
@@ -188,46 +176,56 @@ def divided(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
         while now < end:
             stop = stepper.until(now, end, end - start)
             if stop is None:
-                point = _crossed(stepper, now, end)
+                point = stepper.cross_break(now, end)
                 now, count = end if point.result_time else point.time, max(count, _FIRST)
                 points = [point]
                 yield point._replace(error=error if point.result_time else None)
                 continue
             if len(points) == 1:
                 count = max(count, 2)  # of one step alone there is no estimate
-            added, more, factor = _divided(stepper, estimate, points, stop, count)
+            ends, added, factor = _divide(stepper, estimate, points, stop, count)
             error, now = error + added, stop
-            points = [*points, *more][-_MEMORY:]
-            count = max(1, math.ceil(len(more) * max(factor, 0.5)))
-            yield more[-1]._replace(result_time=stop, error=error) if stop == end else more[-1]
+            points = [*points, *ends][-_MEMORY:]
+            count = max(1, math.ceil(len(ends) * max(factor, 0.5)))
+            yield ends[-1]._replace(result_time=stop, error=error) if stop == end else ends[-1]
 
 
-def _divided(
+def _divide(
     stepper: Stepper, estimate: Estimate, points: Sequence[Point], stop: float, count: int
-) -> tuple[float, list[Point], float]:
-    """Steps to an instant [s].
+) -> tuple[list[Point], float, float]:
+    """Step to an instant [s] by as many equal steps as it takes.
 
     :param points: those since the last break, or the last few of them.
-    :param count: how many steps to try first.
-    :returns: the sum of their errors, their ends, and by what factor their number should grow.
+    :param count: number of steps to try first.
+    :returns: the ends of the steps, the sum of their errors, and the factor by which their number should grow.
     """
-    now, snapshot, go_back = points[-1].time, estimate.snapshot(), stepper.keep()
+    go_back = stepper.keep(estimate)
     while True:
-        instants = [*(now + (stop - now) * k / count for k in range(1, count)), stop]
-        try:
-            ends = [Point(last, stepper.step(first, last), None) for first, last in pairwise((now, *instants))]
-            rows, times = (np.array([point[k] for point in (*points, *ends)]) for k in (1, 0))
-            error = float(np.sum(estimate.latest(rows, times, count)))
-        except RefusedError:
-            if count > _MOST:
-                raise
-            ends, error = [], np.inf
+        ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
+        if refusal is not None and count > _MOST:
+            raise refusal
         factor = (max(error, 1e-30) / stepper.simulation.step_tolerance) ** (1 / 4) / _SAFETY
         if ends and (factor <= 1 / _SAFETY or count > _MOST):
-            return error, ends, factor
+            return ends, error, factor
         count = min(max(math.ceil(count * min(factor, 4.0)), count + 1), 2 * _MOST)
         go_back()
-        estimate.rewind(snapshot)
+
+
+def _attempt(
+    stepper: Stepper, estimate: Estimate, points: Sequence[Point], stop: float, count: int
+) -> tuple[list[Point], float, RefusedError | None]:
+    """Step to an instant [s] by this number of equal steps.
+
+    :returns: the ends of the steps, and the sum of their errors; where a step is refused none, infinity, and why.
+    """
+    now = points[-1].time
+    instants = [*(now + (stop - now) * k / count for k in range(1, count)), stop]
+    try:
+        ends = [Point(last, stepper.step(first, last), None) for first, last in pairwise((now, *instants))]
+        rows, times = (np.array([point[k] for point in (*points, *ends)]) for k in (1, 0))
+        return ends, float(np.sum(estimate.latest(rows, times, count))), None
+    except RefusedError as refusal:
+        return [], math.inf, refusal
 
 
 def kinds(simulation: Simulation, bus: Bus) -> Indices:

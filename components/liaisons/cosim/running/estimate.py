@@ -224,8 +224,9 @@ class Estimate:
         return self._sizes.copy(), self.worst
 
     def rewind(self, snapshot: tuple[Vector, Worst | None]) -> None:
-        """Forget what was since the snapshot."""
-        self._sizes[:], self.worst = snapshot
+        """Forget what was since the snapshot, but for sizes of what was 0 until then."""
+        sizes, self.worst = snapshot
+        np.copyto(self._sizes, sizes, where=sizes > 0)
 
     def _of_block(self, signals: Vector, times: Vector, first: int, crossing: Flags) -> Vector:
         """Errors of a few steps, from the one that ends at the point ``first`` on.

@@ -190,9 +190,8 @@ class Run:
             self._deviations,
             self._cross,
         )
-        if simulation.adapts:
-            self._estimate.reset(self._initial_derivatives.values)
-        points = divided(stepper, self._estimate) if simulation.adapts else adapted(stepper)
+        self._estimate.reset(self._initial_derivatives.values)
+        points = (divided if simulation.adapts else adapted)(stepper, self._estimate)
         for point in points:  # steps as long as their error allows
             self._loop.add(point.time, point.values, result_time=point.result_time, after_break=point.after_break)
             if point.error is not None:
