@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import svd
 
+from liaisons.base.hermite import coefficients
 from liaisons.errors import PlanError
 from liaisons.holding.feedback import Step
 from liaisons.language import Orientation
@@ -27,9 +28,7 @@ from liaisons.planning.symbols import column, goal_symbols
 _POWERS = np.arange(6)
 _DERIVATIVE = ca.DM(np.diag(_POWERS[1:], 1))
 """Of a row of powers, by multiplication from the right."""
-_UNIT = np.linalg.inv(
-    np.vstack([np.diag([1.0, 1.0, 2.0, 0.0, 0.0, 0.0])[:3], _POWERS**0, _POWERS, _POWERS * (_POWERS - 1.0)])
-)
+_UNIT = coefficients(3)
 """Value, rate and acceleration at 0 and 1 -> coefficients of the polynomial of degree five."""
 _PARTS = 32
 """Into so many parts a step is divided: of fourth order, these leave 1e-10."""

@@ -9,6 +9,7 @@ from typing import final
 
 import numpy as np
 
+from liaisons.base.hermite import upper_coefficients
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call
 from liaisons.cosim.coupling.bus import Bus
@@ -213,5 +214,5 @@ class Coupled:
 
 def _jerk(end: Vector, start: Vector, size: float) -> float:
     """Third derivative at the end of the quintic through value, rate and acceleration at both ends, ``size`` apart."""
-    change = (60 * (end[0] - start[0]) / size - 36 * end[1] - 24 * start[1]) / size
-    return float((change + 9 * end[2] - 3 * start[2]) / size)
+    c_3, c_4, c_5 = upper_coefficients(start, end, size)
+    return float((6 * c_3 + 24 * c_4 + 60 * c_5) / size**3)

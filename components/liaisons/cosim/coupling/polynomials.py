@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
 
+from liaisons.base.hermite import coefficients
 from liaisons.cosim.coupling.signals import Curve, Indices, Vector
 
 HIGHEST = 5
@@ -17,26 +18,6 @@ HIGHEST = 5
 
 _MOST = 6
 """Data at both ends, of a port."""
-
-# Coefficients of the powers m+1 ... 2m+1 of θ = (τ - t)/H, for a polynomial that has value and m derivatives 0 at
-# θ = 0, from its value and derivatives at θ = 1 (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
-_LAST = {
-    1: np.array([[1.0]]),
-    2: np.array([[3.0, -1.0], [-2.0, 1.0]]),
-    3: np.array([[10.0, -4.0, 0.5], [-15.0, 7.0, -1.0], [6.0, -3.0, 0.5]]),
-}
-
-
-@cache
-def coefficients(count: int) -> Vector:
-    """Coefficients of the powers of θ, shape (2 count, 2 count), from ``count`` data at θ = 0 and as many at θ = 1.
-
-    The data are derivatives with respect to θ, those of order 0 first.
-    """
-    first = np.diag([1 / math.factorial(i) for i in range(count)])
-    taylor = np.array([[1 / math.factorial(n - i) if n >= i else 0.0 for n in range(count)] for i in range(count)])
-    last = _LAST[count]
-    return np.block([[first, np.zeros((count, count))], [-last @ taylor, last]])
 
 
 @final

@@ -17,6 +17,7 @@ from typing import final
 
 import numpy as np
 
+from liaisons.base.hermite import upper_coefficients
 from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
@@ -108,8 +109,9 @@ def _accelerations(rates: Vector, steps: Vector, struck: Vector) -> Vector:
 def _lowest(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -> Vector:
     """Smallest distance within each step, by the cubic through its ends, less what that is off; else infinite."""
     x = np.linspace(0, 1, 17)[:, None, None]
-    g, h, v, w = gaps[:, :-1], gaps[:, 1:], rates[:, :-1] * steps, rates[:, 1:] * steps
-    cubic = g + x * v + x**2 * (3 * (h - g) - 2 * v - w) + x**3 * (2 * (g - h) + v + w)
+    g, v = begin = gaps[:, :-1], rates[:, :-1]
+    c_2, c_3 = upper_coefficients(begin, (gaps[:, 1:], rates[:, 1:]), steps)
+    cubic = g + x * v * steps + x**2 * c_2 + x**3 * c_3
     bend = np.abs(np.diff(accelerations, prepend=accelerations[:, :1]))
     slack = bend * steps / 8
     falls_and_rises = (rates[:, :-1] < slack) & (rates[:, 1:] > -slack)

@@ -14,8 +14,8 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons.base.hermite import coefficients
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.polynomials import coefficients
 from liaisons.cosim.structure.sources import Drive, Vector, rounding
 from liaisons.errors import SimulationError
 

@@ -18,7 +18,7 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.coupling.polynomials import coefficients
+from liaisons.base.hermite import coefficients
 from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.cosim.messages import logger
 from liaisons.cosim.running.contacts import ContactMechanism, accumulated

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import shown
+from liaisons.base.hermite import upper_coefficients
 from liaisons.errors import SimulationError, suggestion
 
 if TYPE_CHECKING:
@@ -116,8 +117,6 @@ def curve(table: NDArray[np.float64]) -> PPoly:
     t, y, v, a = table
     lasting = np.diff(t) > 0
     h = np.diff(t)[lasting]
-    (y, y_1), (v, v_1), (a, a_1) = ((column[:-1][lasting], column[1:][lasting]) for column in (y, v, a))
-    # Residuals of the Taylor parabola from the start of an interval at its end: value, rate, acceleration.
-    lacks = [y_1 - (y + v * h + a * h**2 / 2), (v_1 - v - a * h) * h, (a_1 - a) * h**2]
-    upper = np.array([[6, -3, 0.5], [-15, 7, -1], [10, -4, 0.5]]) @ lacks / h ** np.array([[5], [4], [3]])
-    return PPoly(np.vstack([upper, a / 2, v, y]), np.append(t[:-1][lasting], t[-1]))
+    begin, end = ([column[part][lasting] for column in (y, v, a)] for part in (slice(None, -1), slice(1, None)))
+    upper = [c / h**power for power, c in enumerate(upper_coefficients(begin, end, h), 3)]
+    return PPoly(np.array([*upper[::-1], begin[2] / 2, begin[1], begin[0]]), np.append(t[:-1][lasting], t[-1]))

@@ -1,0 +1,55 @@
+"""Hermite polynomials: value and derivatives at both ends of an interval determine them.
+
+Hairer, Norsett, Wanner, Solving ODEs I, II.6.  Plain arithmetic: data may be numbers, arrays or CasADi's symbols.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Data = Sequence[Any] | NDArray[Any]
+_UPPER = {1: [[1]], 2: [[3, -1], [-2, 1]], 3: [[10, -4, 0.5], [-15, 7, -1], [6, -3, 0.5]]}
+"""Number m of data at each end -> coefficients of the powers m ... 2m - 1, by what the Taylor polynomial from the begin
+lacks of the data at the end.
+"""
+
+
+def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
+    """Coefficients of the powers m ... 2m - 1 of θ, which is 0 at the begin of the interval and 1 at its end.
+
+    Those of lower powers are the Taylor polynomial's.
+
+    :param begin: value and derivatives by time at θ = 0, m of them, at most 3; ``end`` those at θ = 1.
+    :param size: of the interval.
+    """
+    count = len(begin)
+    lacks: list[Any] = []
+    for order in range(count):
+        taylor = begin[order]
+        for n in range(order + 1, count):
+            taylor = taylor + begin[n] * size ** (n - order) / math.factorial(n - order)
+        lacks.append((end[order] - taylor) * size**order)
+    rows: list[Any] = []
+    for first, *factors in _UPPER[count]:
+        row = first * lacks[0]
+        for factor, lack in zip(factors, lacks[1:], strict=True):
+            row = row + factor * lack
+        rows.append(row)
+    return rows
+
+
+@cache
+def coefficients(count: int) -> NDArray[np.float64]:
+    """Coefficients of all powers of θ as linear functions of the data, shape (2 count, 2 count).
+
+    The data are derivatives with respect to θ, those at θ = 0 first.
+    """
+    data = np.eye(2 * count)
+    lower = [row / math.factorial(order) for order, row in enumerate(data[:count])]
+    return np.array([*lower, *upper_coefficients(data[:count], data[count:], 1.0)])
