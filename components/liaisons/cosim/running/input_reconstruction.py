@@ -80,14 +80,14 @@ def contacts_of_fed(simulation: Simulation) -> dict[str, list[list[VariableRefer
     return {name: variables for name, variables in contacts.items() if variables}
 
 
-def input_reconstructions(  # noqa: C901 - one case after the other
+def input_reconstructions(
     simulation: Simulation,
     bus: Bus,
     slopes: Mapping[VariableReference, int],
     gains: Gains,
     deviations: Mapping[VariableReference, tuple[int, int]],
 ) -> list[InputReconstruction]:
-    """What every connected input follows within a step.
+    """What every connected input follows within a step: the first row of the table that applies to it.
 
     :param slopes: columns of the derivatives of outputs that FMUs give.
     :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
@@ -96,12 +96,7 @@ def input_reconstructions(  # noqa: C901 - one case after the other
     parts, feeds = simulation.parts, simulation.feeds
     group = {name: k for k, names in enumerate(simulation.groups) for name in names}
     late = set(schedule.late_inputs(bus.order, feeds, simulation.coupling))
-    effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
-    for (output, input_), column in gains.items():
-        motion = _acceleration(parts[output[0]], output[1])
-        if motion is not None:
-            rate, value = (bus.index.get(port.place, -1) for port in motion)
-            effects.setdefault(input_, []).append((column, rate, value))
+    effects = _effects(parts, bus, gains)
     recorded = {source: bus.index[target] for target, source in feeds.items() if source[0] == SIGNALS}
     columns = {**bus.index, **recorded}  # functions of time are recorded as the inputs that they drive
     reconstructions: list[InputReconstruction] = []
@@ -114,27 +109,32 @@ def input_reconstructions(  # noqa: C901 - one case after the other
         if signal.type != "Real" or moves_nothing or approximation.samples:
             continue
         own, cyclic, method = columns[source], name in simulation.cyclic, approximation.method
-        references, order = curve(parts, feeds, source)
-        data = [columns[reference] for reference in references if reference in columns]
-        within = simulation.iterates and cyclic and group.get(source[0]) == group[name]
-        shape: Shape = "hermite"
-        straight = False
-        if (approximation.is_prescribed and not cyclic) or not (simulation.iterates or approximation.interpolates):
-            data, order = _extrapolated(part, target, bus, own)
-            shape = "newest" if method is None and target not in late else "taylor"
-        elif straight := approximation.interpolates and triple is None:
-            data, order = [own], 0
-        elif approximation.interface == "mean value":
-            shape, data, order = "mean", [own], 0
-        elif len(data) < 3 or len(data) < len(references) or method is None:
-            follows = approximation.follows_polynomials
-            sloped = follows and source in slopes
-            shape = "hermite" if sloped or within or not follows else "points"
-            data, order = [own, slopes[source]] if sloped else [own], 0
-        column, numbers = deviations.get(target, (0, 0))
-        if shape in {"hermite", "points"} and not straight and numbers == len(references):
-            shape, data = "quintic" if len(data) == 3 else "cubic", [column, column + 1]
-        elif not signal.continuous and shape != "newest":
+        references, port_order = curve(parts, feeds, source)
+        port = [columns[reference] for reference in references if reference in columns]
+        past = _extrapolated(part, target, bus, own)
+        integral, numbers = deviations.get(target, (0, 0))
+        integrals = [integral, integral + 1]
+
+        extrapolates = approximation.is_prescribed and not cyclic
+        extrapolates |= not (simulation.iterates or approximation.interpolates)
+        is_port = len(port) == len(references) > 2 and method is not None
+        is_integrated = numbers == len(references)
+        follows = approximation.follows_polynomials
+        is_solved_with_source = simulation.iterates and cyclic and group.get(source[0]) == group[name]
+        table: list[tuple[bool, Shape, list[int], int]] = [  # whether the row applies; shape, data, order
+            (extrapolates and method is None and target not in late, "newest", *past),
+            (extrapolates, "taylor", *past),
+            (approximation.interpolates and triple is None, "hermite", [own], 0),
+            (approximation.interface == "mean value", "mean", [own], 0),
+            (is_port and is_integrated, "quintic", integrals, port_order),
+            (is_port, "hermite", port, port_order),
+            (is_integrated, "cubic", integrals, 0),
+            (follows and source in slopes, "hermite", [own, slopes.get(source, own)], 0),
+            (follows and not is_solved_with_source, "points", [own], 0),
+            (True, "hermite", [own], 0),
+        ]
+        _, shape, data, order = next(row for row in table if row[0])
+        if not signal.continuous and shape not in {"newest", "quintic", "cubic"}:
             continue  # it is held until the communication point at which it jumps
         reconstructions.append(
             InputReconstruction(
@@ -148,6 +148,19 @@ def input_reconstructions(  # noqa: C901 - one case after the other
             )
         )
     return reconstructions
+
+
+def _effects(
+    parts: Mapping[str, SystemComponent], bus: Bus, gains: Gains
+) -> dict[VariableReference, list[tuple[int, int, int]]]:
+    """Input -> columns of each ∂(acceleration)/∂(input), and of the rate and the value of that acceleration."""
+    effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
+    for (output, input_), column in gains.items():
+        motion = _acceleration(parts[output[0]], output[1])
+        if motion is not None:
+            rate, value = (bus.index.get(port.place, -1) for port in motion)
+            effects.setdefault(input_, []).append((column, rate, value))
+    return effects
 
 
 def _extrapolated(part: SystemComponent, target: VariableReference, bus: Bus, own: int) -> tuple[list[int], int]:
