@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons import System, modelica, modelica_files
+from liaisons import System, modelica
 from liaisons.cli import main
 from liaisons.cosim import Result, simulate
 from liaisons.errors import ComponentError, SimulationError
@@ -31,6 +31,7 @@ from liaisons.language import (
 )
 from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
+from liaisons.library import modelica_files
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import contact_names
 from liaisons.modelica_text import Composition, system_text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -140,12 +139,6 @@ class Controller:
         For a plan that ends elsewhere the singular values: factors of deviations from start to end.
         """
         return self.prediction.multipliers(self.loop)
-
-    @property
-    def multipliers(self) -> NDArray[np.complex128]:
-        """Deprecated name of :attr:`floquet_multipliers`."""
-        warnings.warn("multipliers is called floquet_multipliers", DeprecationWarning, stacklevel=2)
-        return self.floquet_multipliers
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
