@@ -54,6 +54,16 @@ def test_layers() -> None:
     assert done.returncode == 0, done.stdout
 
 
+def test_dataclasses_are_frozen() -> None:
+    """But for these, to which their makers add."""
+    changing = {"_Node", "_Elements", "Section", "Drawing", "_Link"}
+    for path in (ROOT / "components/liaisons").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and node.name not in changing:
+                decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
+                assert all("frozen=True" in text for text in decorators if text.startswith("dataclass")), node.name
+
+
 def test_one_name_is_one_thing() -> None:
     """No class is called like another one, no module like what its package exports."""
     package, defined = ROOT / "components/liaisons", Counter[str]()

@@ -72,7 +72,7 @@ def test_where_derivatives_are_missing_the_value_is_there() -> None:
     ("text", "words"),
     [
         ("sn(5*t)", "at character 1: there is no function 'sn'; did you mean 'sin'"),
-        ("1 + 0.1*length", "at character 9: there is no 'length'; known: "),
+        ("1 + 0.1*length", "at character 9: there is no 'length'; known: abs, atan2, "),
         ("1 + sin", "at character 5: sin is a function: write sin(...)"),
         ("5t", "write 5*t, not 5t"),
         ("5*t^2", "at character 5: powers are written **, not ^"),
