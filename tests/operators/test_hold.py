@@ -14,8 +14,8 @@ from liaisons import Plan, hold, plan
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
 from liaisons.holding.controllers import ReferenceTrajectory
-from liaisons.holding.feedback import backward, periodic, reachable, riccati, steady
-from liaisons.holding.holding import _beside
+from liaisons.holding.feedback import periodic_riccati, reachable_subspace, riccati, riccati_recursion, steady_targets
+from liaisons.holding.holding import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
@@ -54,7 +54,7 @@ def test_the_recursion_finds_the_least_sum() -> None:
     rng = np.random.default_rng(1)
     steps = [(rng.normal(size=(3, 3)), rng.normal(size=(3, 1))) for _ in range(6)]
     Q, R, end = np.diag([1.0, 0.2, 0.5]), np.array([[0.1]]), np.diag([2.0, 1.0, 3.0])
-    gains, P = backward(steps, [Q] * 6, R, end)
+    gains, P = riccati_recursion(steps, [Q] * 6, R, end)
     x_0 = np.array([1.0, -2.0, 0.5])
 
     def cost(off: Any) -> float:
@@ -70,14 +70,14 @@ def test_the_recursion_finds_the_least_sum() -> None:
     for off in np.eye(6)[:, :, None]:  # the sum is quadratic
         assert cost(off) == pytest.approx(cost(-off), rel=1e-9)
         assert cost(off) > cost(0 * off)
-    repeated = periodic(steps[:1], [Q], R)
+    repeated = periodic_riccati(steps[:1], [Q], R)
     assert repeated is not None
     np.testing.assert_allclose(repeated[0][0], riccati(*steps[0], Q, R), rtol=1e-8)
 
 
 def test_the_staircase_ends_where_control_does() -> None:
     A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]])
-    V, U = reachable(A, np.array([[0.0], [1], [0], [0]]))
+    V, U = reachable_subspace(A, np.array([[0.0], [1], [0], [0]]))
     assert V.shape == U.shape == (4, 2)
     np.testing.assert_allclose(V[2:], 0, atol=1e-15)
     np.testing.assert_allclose(np.hstack([V, U]) @ np.hstack([V, U]).T, np.eye(4), atol=1e-15)
@@ -85,7 +85,7 @@ def test_the_staircase_ends_where_control_does() -> None:
 
 def test_what_cannot_be_moved_is_made_up_for() -> None:
     V, U = np.eye(2)[:, :1], np.eye(2)[:, 1:]
-    target, missed = steady(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
+    target, missed = steady_targets(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
     assert (target.item(), missed.item()) == pytest.approx((-2, 0))
 
 
@@ -340,7 +340,7 @@ def test_motors_give_no_more_than_they_can() -> None:
 
 def test_what_acts_on_a_bounded_force_shares_it() -> None:
     motion = planned("cat")
-    regulator, sampled = hold(motion, bounds={"psi_1_force": (-20, 20)}), _beside(motion)
+    regulator, sampled = hold(motion, bounds={"psi_1_force": (-20, 20)}), sampled_mechanism(motion)
     trajectory, limits = regulator.trajectory, regulator.correction_limits
     least, most = limits["lowest"].T, limits["highest"].T
     for (x, sigma), low, high in zip(trajectory.points, least, most, strict=True):

@@ -1,4 +1,4 @@
-"""A mechanism and its regulators: the system that they are, what was predicted of it, and what its FMUs show."""
+"""A mechanism with its regulators: the system of FMUs, the linear prediction, and the verdicts on both."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
 from liaisons.library import Target, component, fmu_file, fmu_path, model
 from liaisons.models import regulator
-from liaisons.planning.goals import Array, chain_size, motion_names
+from liaisons.planning.goals import Array, by_name, chain_size, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 
-_NEAR = 1e-5
-"""Size of the differences by which the FMUs' multipliers are measured."""
-_CONTRACTED = 0.1
-"""Of a deviation: where no more is left, what differs is a solver's tolerance over the differences' size."""
-_STILL = 1e-6
-"""What is off by less, relative to its size, has not moved."""
-_RADIANS = 20
-"""Of the free motion: so long is seen whether something comes back."""
+_DIFFERENCE = 1e-5
+"""Differences of states, relative to sizes, by which the FMUs' multipliers are measured: their squares are 1e-10."""
+_LEAST_SCALE = 0.1
+"""Least scale of the error of a measured matrix, beside 1 of a deviation that stays: solvers leave 1e-11 / 1e-5."""
+_AT_REST = 1e-6
+"""Deviations below this, relative to sizes, count as none."""
+_SETTLING = 20
+"""Duration of the settling that is simulated, in radians of the free motion: 2e-9 is left of exp(-t)."""
 _DOUBLINGS = 60
-"""Of the first force tried."""
-_PAIR = 1e-6
-"""Two knots that are nearer than this part of a step are both sides of a jump, for a Regulator, too."""
+"""Most doublings of the first force tried: to 1e18 times as much."""
+_JUMP = 1e-6
+"""Two knots nearer than this part of a step are the two sides of a jump, as in :class:`liaisons.models.Regulator`."""
 _NEVER = 1e30
-_SAME = 1e-10
-"""Part of a round that is owed to rounding."""
+_ROUNDING = 1e-10
+"""Rounding of a time, relative to the duration of a round."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class ReferenceTrajectory:
-    """A motion at its communication points; an equilibrium has one."""
+    """The motion to be held, at its communication points; an equilibrium has one point."""
 
     times: Array
     motion: Array  # σ, σ̇, σ̈ (moves, 3, times)
@@ -57,13 +57,13 @@ class ReferenceTrajectory:
 
     @property
     def points(self) -> Iterator[tuple[Array, Array]]:
-        """States and motion at each of the times."""
+        """States, and σ with its rates, at each communication point."""
         return zip(self.states.T, self.motion.transpose(2, 0, 1), strict=True)
 
     def next_jump(self, apart: float) -> Array:
-        """The first instant after each of the times [s] at which σ or a rate jumps; 1e30 if there is none.
+        """The first jump of σ or a rate after each communication point [s]; 1e30 if there is none.
 
-        :param apart: two times that are less apart [s], where σ or a rate differs, are a jump.
+        :param apart: two points less apart [s] whose motion differs are the two sides of a jump.
         """
         differs = np.any(np.diff(self.motion, axis=2) != 0, axis=(0, 1))
         jumps = self.times[1:][differs & (np.diff(self.times) < apart)]
@@ -73,17 +73,17 @@ class ReferenceTrajectory:
 @final
 @dataclass(frozen=True, eq=False)
 class LinearPrediction:
-    """Deviations over one step, or over the whole reference trajectory, to first order."""
+    """First-order prediction of deviations over one step, or over the whole reference trajectory."""
 
-    loop: Array  # in the directions in which the states can differ
-    directions: Array  # (states, directions) at the start
-    final_directions: Array  # and at the end
+    loop: Array  # matrix of the closed loop, in the directions
+    directions: Array  # of deviations at the start (states, directions)
+    final_directions: Array  # the same at the end
     reach: Array  # (directions, ·) basis of the controllable ones
-    conserved: tuple[str, ...]  # states, or sums of them, that no move can change
+    conserved: tuple[str, ...]  # states, or sums of them, that no input changes
     returns: bool  # whether the trajectory ends where it starts, up to the mechanism's orientation
 
     def multipliers(self, matrix: Array) -> NDArray[np.complex128]:
-        """Eigenvalues of a matrix, greatest first; singular values where the trajectory ends elsewhere."""
+        """Eigenvalues of a matrix, greatest first; its singular values unless the trajectory returns."""
         if not self.returns:
             return np.linalg.svd(matrix, compute_uv=False).astype(complex)
         eigenvalues = np.linalg.eigvals(matrix).astype(complex)
@@ -93,24 +93,24 @@ class LinearPrediction:
 @final
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """A mechanism with sampled feedback, from :func:`liaisons.hold`: accelerations are -gains (x - x_0) once a step."""
+    """A mechanism with sampled feedback, from :func:`liaisons.hold`: once a step w = -gains (x - x_0)."""
 
     name: str  # of the component
     component: Target
     moves: tuple[str, ...]
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
-    states: tuple[str, ...]  # what is read: the mechanism's, σ where it is held, σ̇, σ̈
+    states: tuple[str, ...]  # that are read: the mechanism's, σ if it is held, σ̇, σ̈
     trajectory: ReferenceTrajectory
-    gains: Array  # (times, moves, states); the last ones after the end
-    correction_limits: Mapping[str, Array]  # for corrections, by the names of a Regulator: (moves, times)
+    gains: Array  # (times, moves, states); after the end the last ones
+    correction_limits: Mapping[str, Array]  # bounds of corrections by names of a Regulator: (moves, times)
     prediction: LinearPrediction
     sizes: Array  # of the states, by which the prediction is divided
-    energy: float  # kinetic, of what moves by its size in that time [J]
+    energy: float  # kinetic energy of a motion by these sizes in the time below [J]
     time: float  # in which states change by their sizes [s]
-    values: Mapping[str, float]  # of parameters, as they were given
-    starts: Mapping[str, float]  # start values of the FMU, σ, σ̇ and σ̈ among them
-    perturbations: tuple[Mapping[str, float], ...]  # of these, by which the states are made to differ
+    values: Mapping[str, float]  # of parameters, as given
+    starts: Mapping[str, float]  # start values of the FMU, including σ, σ̇ and σ̈
+    perturbations: tuple[Mapping[str, float], ...]  # differences of start values that span the directions
 
     @property
     def duration(self) -> float:
@@ -119,12 +119,12 @@ class Controller:
 
     @property
     def loop(self) -> Array:
-        """Matrix of deviations over one step or the whole trajectory, divided by sizes."""
+        """Matrix of deviations, divided by sizes, over one step or the whole trajectory."""
         return self.prediction.loop
 
     @property
     def conserved(self) -> tuple[str, ...]:
-        """States, or sums of them, that no move can change."""
+        """States, or sums of them, that no input changes."""
         return self.prediction.conserved
 
     @property
@@ -136,31 +136,31 @@ class Controller:
     def floquet_multipliers(self) -> NDArray[np.complex128]:
         """Eigenvalues of the closed loop over one step or one round, greatest first; 1 for conserved quantities.
 
-        For a plan that ends elsewhere the singular values: factors of deviations from start to end.
+        For a plan that does not return the singular values: factors of deviations from start to end.
         """
         return self.prediction.multipliers(self.loop)
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
-        """Multipliers of the controllable directions: inside the unit circle."""
+        """Multipliers of the controllable directions, which lie inside the unit circle."""
         reach = self.prediction.reach
         return self.prediction.multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
 
     def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
-        """The mechanism and one regulator FMU a coordinate, wired; communication points are those of :meth:`times`.
+        """The mechanism connected with one regulator FMU for each moved coordinate.
 
-        :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
-            what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
+        :param start_values: start values that differ from the reference trajectory: of the mechanism, ``theta_0=3.3``,
+            and of σ, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
         return self._system(merged(self.name, start_values, keywords, PlanError), announced=True)
 
     def _system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
-        """The same; samples are announced to importers that choose their communication points."""
+        """:meth:`system`; if announced, regulators tell samples to importers that choose their communication points."""
         system = System(f"held_{self.name}")
         starts: dict[str, Any] = {**self.starts, **start_values}
         trajectory, sources, regulators = self.trajectory, {}, []
         for i, move in enumerate(self.moves):
-            # What is read is a sample: it stays until the next communication point.
+            # Readings are samples: constant until the next communication point.
             settings: dict[str, Any] = {
                 "period": self.step_size,
                 "input_reconstruction": 0,
@@ -192,24 +192,26 @@ class Controller:
 
     @property
     def _settling(self) -> float:
-        """How long is seen what comes back [s], in whole steps."""
-        return self.step_size * float(np.ceil(_RADIANS * self.time / self.step_size))
+        """Duration of the settling that is simulated [s], in whole steps."""
+        return self.step_size * float(np.ceil(_SETTLING * self.time / self.step_size))
 
     @property
     def _stop(self) -> float:
-        """Until when what is held is seen [s]: the end of the plan."""
+        """Default end of a simulation [s]: the end of the plan, or of the settling at an equilibrium."""
         return self._settling if self.trajectory.times.size == 1 else self.duration
 
     def _regulator(self, i: int) -> tuple[Path, dict[str, Array]]:
-        """The FMU for one of what moves, with its table in a file if it is long, else in its parameters."""
+        """The regulator FMU of a moved coordinate, and its table as parameters, unless a file has it."""
         trajectory, gains = self.trajectory, self.gains[:, i]
-        columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i], strict=True))
-        columns |= {"next_jump": trajectory.next_jump(_PAIR * self.step_size)}
-        columns |= {"instant": trajectory.times, "offset": np.sum(gains.T * trajectory.states, axis=0)}
-        columns |= {"advance": self._shift @ gains.T} | {
-            name: values[i] for name, values in self.correction_limits.items()
+        columns = by_name(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i])
+        columns |= {name: values[i] for name, values in self.correction_limits.items()}
+        columns |= {f"gain_{j}": gain for j, gain in enumerate(gains.T, start=1)}
+        columns |= {
+            "instant": trajectory.times,
+            "next_jump": trajectory.next_jump(_JUMP * self.step_size),
+            "offset": np.sum(gains.T * trajectory.states, axis=0),
+            "advance": self._shift @ gains.T,
         }
-        columns |= {f"gain_{j}": gains[:, j - 1] for j in range(1, len(self.states) + 1)}
         fmu, missing = fmu_file("Regulator"), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
             return fmu, {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
@@ -219,21 +221,21 @@ class Controller:
 
     @property
     def _shift(self) -> Array:
-        """By how much coordinates that enter nothing move on in a round."""
+        """Change of each cyclic coordinate in a round, 0 for other states."""
         gap = self.trajectory.states[:, -1] - self.trajectory.states[:, 0]
         return np.where([name in self.free for name in self.states], gap, 0.0)
 
     def times(self, stop_time: float) -> Array:
-        """Communication points until then [s].
+        """Communication points until a stop time [s].
 
-        :raises PlanError: if it is no number greater than 0.
-        :raises SimulationError: if they are more than fit into memory.
+        :raises PlanError: unless it is a number greater than 0.
+        :raises SimulationError: if they do not fit into memory.
         """
         positive("stop_time", stop_time, PlanError)
         check_memory(0.0, stop_time, self.step_size, len(self.states))
         trajectory = self.trajectory
         if trajectory.after == "repeats":
-            rounds = np.arange(int(np.ceil(stop_time / self.duration - _SAME)))
+            rounds = np.arange(int(np.ceil(stop_time / self.duration - _ROUNDING)))
             points = np.append((rounds[:, None] * self.duration + trajectory.times[:-1]).ravel(), stop_time)
         else:
             last = trajectory.times[-1]
@@ -252,9 +254,9 @@ class Controller:
     ) -> Result:
         """Run :meth:`system`.
 
-        :param stop_time: end [s]; unless given that of the plan, of an equilibrium twenty radians of the free motion.
-        :param inputs: input of the mechanism -> function of time: a disturbance.
-        :param start_values: as of :meth:`system`; ``keywords`` are further ones.
+        :param stop_time: end [s]; unless given that of the plan, at an equilibrium twenty radians of the free motion.
+        :param inputs: disturbances: input of the mechanism -> function of time.
+        :param start_values: as for :meth:`system`; ``keywords`` are further ones.
         :raises PlanError: if a time or a start value is no finite number, or the end is not after the start.
         """
         ports = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
@@ -277,16 +279,14 @@ class Controller:
         return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
 
     def deviation(self, run: Result) -> Array:
-        """By how much the states of a run differ from those that are held, (states, times)."""
-        outputs = {
-            name: f"{self.name}_{move}.{output}"
-            for move in self.moves
-            for name, output in zip(motion_names(move), TRIPLE, strict=True)
-        }
+        """Deviations of the states of a run from the reference trajectory, (states, times)."""
+        outputs: dict[str, str] = {}
+        for move in self.moves:
+            outputs |= by_name(motion_names(move), (f"{self.name}_{move}.{output}" for output in TRIPLE))
         names = [outputs.get(name, f"{self.name}.{name}") for name in self.states]
         repeats = self.trajectory.after == "repeats"
-        rounds = np.floor(run.time / self.duration + _SAME) * repeats
-        late = run.time - rounds * self.duration + _SAME * self.duration
+        rounds = np.floor(run.time / self.duration + _ROUNDING) * repeats
+        late = run.time - rounds * self.duration + _ROUNDING * self.duration
         knots = np.maximum(0, np.searchsorted(self.trajectory.times, late, side="right") - 1)
         states = np.array([run[name] for name in names])
         return states - self.trajectory.states[:, knots] - np.outer(self._shift, rounds)
@@ -294,16 +294,16 @@ class Controller:
     def survives(
         self, port: str, duration: float, *, stop_time: float | None = None, first: float | None = None
     ) -> float:
-        """Greatest of the forces tried at a port, from 0 on, after which what is held came back.
+        """Greatest of the forces tried at a port after which the mechanism returned to its reference trajectory.
 
-        The force is doubled until the mechanism falls, sixty times at most; then the interval is bisected twelve
-        times.  Forces that were not tried may give another result.
+        The force is doubled until the mechanism falls, at most sixty times; then the interval is bisected twelve times.
+        A force between those that were tried may give another result.
 
         :param port: input of the mechanism, ``"theta_force"``.
-        :param duration: how long the force acts [s].
-        :param stop_time: in the last radian of the free motion before it [s] the free coordinates are back to 5 % of
-            where they were most; unless given twenty radians after the push and the plan.
-        :param first: the first force tried; unless given a thousandth of one whose work is a usual energy.
+        :param duration: of the force [s].
+        :param stop_time: end of the runs [s].  In the last radian of the free motion the deviations of free coordinates
+            have to be below 5 % of their maxima.  Unless given, twenty radians after the force and the plan.
+        :param first: the first force tried; unless given a thousandth of one whose work is a typical kinetic energy.
         :raises PlanError: if the port is no free input, or a number is not finite and greater than 0.
         """
         inputs = model(component(self.component), **chain_size(self.component, self.values)).flat().inputs
@@ -312,23 +312,24 @@ class Controller:
         if port not in ports:
             raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
         positive("survives: duration", duration, PlanError)
-        ends = self.trajectory.after == "ends"
-        settled = self.duration if ends else max(self.duration, duration) + self._settling
-        stop = settled if stop_time is None else stop_time
+        stop = stop_time
+        if stop is None:
+            ends = self.trajectory.after == "ends"
+            stop = self.duration if ends else max(self.duration, duration) + self._settling
         positive("survives: stop_time", stop, PlanError)
         if stop <= duration:
             raise PlanError(
                 f"survives: stop_time = {stop:g} s: must be greater than the push, duration = {duration:g} s"
             )
         coordinate = port.removesuffix("_force").removesuffix("_load")
-        usual = self.energy / dict(zip(self.states, self.sizes, strict=True)).get(coordinate, 1.0)
+        usual = self.energy / by_name(self.states, self.sizes).get(coordinate, 1.0)
         high = 1e-3 * usual if first is None else first
         positive("survives: first", high, PlanError)
         free = [self.states.index(name) for name in self.free if name not in self.moves]
 
-        def comes_back(force: float) -> bool:
+        def returns(force: float) -> bool:
             try:
-                with ignored_warnings():  # of a push that begins and ends between two points, as it is meant
+                with ignored_warnings():  # of the intended jump of the force between two points
                     run = self.simulate(stop, inputs={port: lambda t: force if t < duration else 0.0})
             except LiaisonsError:
                 if force == 0:
@@ -336,41 +337,44 @@ class Controller:
                 return False
             off = np.abs(self.deviation(run)[free]) / self.sizes[free, None]
             after = off[:, run.time >= max(duration, stop - self.time)]
-            return bool(np.all(after <= max(0.05 * np.max(off, initial=0.0), _STILL)))
+            return bool(np.all(after <= max(0.05 * np.max(off, initial=0.0), _AT_REST)))
 
         low = 0.0
-        if not comes_back(low):
+        if not returns(low):
             return low
         for _ in range(_DOUBLINGS):
-            if not comes_back(high):
+            if not returns(high):
                 break
             low, high = high, 2 * high
         for _ in range(12):
             middle = (low + high) / 2
-            low, high = (middle, high) if comes_back(middle) else (low, middle)
+            low, high = (middle, high) if returns(middle) else (low, middle)
         return low
 
     def measured(self) -> Array:
-        """The matrix of one step, or of the whole course, as the FMUs perform it, from runs on both sides of it.
+        """The matrix of one step, or of the whole trajectory, from central differences of runs of the FMUs.
 
-        Without bounds: where the course lies on one, a correction that it stops is none of first order.
+        The corrections have no bounds there: at a bound the motion has no derivative.
         """
         unbounded = replace(self, correction_limits={})
         first = np.linalg.pinv(self.prediction.directions)
         last = np.linalg.pinv(self.prediction.final_directions)
         starts, ends = [], []
         for direction in self.perturbations:
-            shifted = [{name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)]
-            with ignored_warnings():  # of steps too long for a continuous feedback: that is in the matrix
+            shifted = [
+                {name: self.starts[name] + by * x for name, x in direction.items()}
+                for by in (_DIFFERENCE, -_DIFFERENCE)
+            ]
+            with ignored_warnings():  # of long steps: the matrix contains the sampling
                 times = self.times(self.duration)
                 runs = [self._run(unbounded._system(values), times) for values in shifted]  # noqa: SLF001
-            change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
+            change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _DIFFERENCE * self.sizes[:, None])
             starts.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])
         return np.linalg.lstsq(np.array(starts), np.array(ends), rcond=None)[0].T
 
     def verify(self) -> list[Verdict]:
-        """Verdicts on the linear prediction and on the undisturbed motion, as the FMUs perform them.
+        """Verdicts: runs of the FMUs agree with the linear prediction, and follow the undisturbed motion.
 
         The measured matrix of one step, or of the whole trajectory, and its multipliers are the predicted ones;
         controllable deviations decay; without disturbance the mechanism follows the trajectory, for two rounds or
@@ -378,7 +382,7 @@ class Controller:
         """
         measured = self.measured()
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
-        error = float(np.max(np.abs(measured - self.loop)) / max(_CONTRACTED, np.max(np.abs(self.loop))))
+        error = float(np.max(np.abs(measured - self.loop)) / max(_LEAST_SCALE, np.max(np.abs(self.loop))))
         far = np.abs(self.floquet_multipliers[:, None] - self.prediction.multipliers(measured))
         apart = float(np.max(far[linear_sum_assignment(far)]))
         why = "differences of 1e-5, solver tolerance 1e-11"

@@ -1,4 +1,4 @@
-"""Linear feedback of sampled systems: what can be reached, and the gains of least cost."""
+"""Linear feedback of sampled systems: controllable subspaces, and gains of least quadratic cost."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ Step = tuple[Array, Array]
 """A and B of x' = A x + B u, from one communication point to the next."""
 
 RANK = 1e-8
-"""Directions that inputs reach by less than this, relative to the largest, are not controllable."""
-_ROUNDS = 20000
-"""So often the recursion goes back at most until its gains stay."""
+"""Controllable directions have singular values above this, relative to the largest."""
+_MOST_STEPS = 20000
+"""Limit of the steps that the periodic recursion takes until its gains are constant."""
 
 
-def reachable(A: Array, B: Array) -> tuple[Array, Array]:
-    """Orthonormal bases of what x' = A x + B u can reach, and of what is perpendicular to it: the staircase."""
+def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
+    """Orthonormal bases of the controllable subspace of x' = A x + B u, and of its complement, by the staircase."""
     n, new = len(A), B
     V: Array = np.zeros((n, 0))
     while new.size and V.shape[1] < n:
-        new = new - V @ (V.T @ new)
-        new = new - V @ (V.T @ new)
+        for _ in range(2):  # once more, against rounding
+            new = new - V @ (V.T @ new)
         decomposition: Any = svd(new, full_matrices=False)
         directions, sizes, _ = decomposition
         new = np.asarray(directions[:, sizes > RANK * max(1.0, float(np.linalg.norm(A)))], dtype=float)
@@ -36,8 +36,8 @@ def reachable(A: Array, B: Array) -> tuple[Array, Array]:
     return V, whole[:, V.shape[1] :]
 
 
-def steady(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
-    """Where V has to rest so that C x = 0 remains while each direction of U stays, and what that misses."""
+def steady_targets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
+    """Coordinates along V at which x rests with C x = 0 while one direction of U persists, and the residual norms."""
     left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
     right = np.vstack([V.T @ A @ U, -C @ U])
     solution: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
@@ -45,16 +45,23 @@ def steady(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
 
 
 def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
-    """Gains K of u = -K x for which Σ xᵀQx + uᵀRu is least, x' = A x + B u step by step."""
-    P = solve_discrete_are(A, B, Q, R)
-    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    """Gains K of u = -K x that minimise Σ xᵀQx + uᵀRu over all steps x' = A x + B u."""
+    return _gains(A, B, solve_discrete_are(A, B, Q, R), R)
 
 
-def backward(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) -> tuple[list[Array], Array]:
-    """Gains of each step and the cost of what is off at the start, from the cost P of what is off at the end."""
+def _gains(A: Array, B: Array, P: Array, R: Array) -> Array:
+    """Gains of one step, if the deviation after it costs xᵀPx."""
+    return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), dtype=float)
+
+
+def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) -> tuple[list[Array], Array]:
+    """Gains of each step, and the matrix of the cost of initial deviations.
+
+    :param P: the matrix of the cost of final deviations.
+    """
     gains: list[Array] = []
     for (A, B), Q in zip(reversed(steps), reversed(costs), strict=True):
-        K = np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), dtype=float)
+        K = _gains(A, B, P, R)
         closed = A - B @ K
         P = Q + K.T @ R @ K + closed.T @ P @ closed
         P = (P + P.T) / 2
@@ -62,14 +69,14 @@ def backward(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) 
     return gains[::-1], P
 
 
-def periodic(steps: Sequence[Step], costs: Sequence[Array], R: Array) -> tuple[list[Array], Array] | None:
-    """The same of steps that follow each other for ever, their gains repeating; None if there are no such gains.
+def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) -> tuple[list[Array], Array] | None:
+    """Periodic gains for steps that repeat without end, and the matrix of the cost; None if they do not converge.
 
-    What cannot be reached may stay, at a cost that grows without acting on the gains.
+    Uncontrollable deviations may persist: their cost grows, and does not act on the gains.
     """
     P, last = costs[0], np.zeros(0)
-    for _ in range(max(2, _ROUNDS // len(steps))):
-        gains, P = backward(steps, costs, R, P)
+    for _ in range(max(2, _MOST_STEPS // len(steps))):
+        gains, P = riccati_recursion(steps, costs, R, P)
         flattened = np.concatenate([K.ravel() for K in gains])
         if last.size and np.max(np.abs(flattened - last)) <= 1e-11 * np.max(np.abs(flattened)):
             return gains, P
@@ -77,14 +84,14 @@ def periodic(steps: Sequence[Step], costs: Sequence[Array], R: Array) -> tuple[l
     return None
 
 
-def through(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Array:
-    """The matrix of all steps, with feedback if there are gains."""
+def transition_matrix(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Array:
+    """Matrix from deviations before the first step to those after the last; with gains that of the closed loop."""
     matrices = [A if gains is None else A - B @ gains[k] for k, (A, B) in enumerate(steps)]
     return reduce(lambda before, A: A @ before, matrices)
 
 
 def least_defects(matrices: Sequence[Array], end: Array) -> Array:
-    """What starts at 0 and ends there, column by column, with the least sum of squares of what it is off each step."""
+    """Columns from 0 to ``end`` under the matrices, with the least sum of squares of the defects of all steps."""
     to_end = [np.eye(len(end))]
     for A in reversed(matrices[1:]):
         to_end.append(to_end[-1] @ A)
@@ -95,8 +102,8 @@ def least_defects(matrices: Sequence[Array], end: Array) -> Array:
     return np.transpose(columns)
 
 
-def pushes(steps: Sequence[Step]) -> Array:
-    """What each of the inputs of all steps does at the end of the last one, column by column."""
+def input_matrix(steps: Sequence[Step]) -> Array:
+    """Effect of the inputs of all steps on the state after the last one: the controllability matrix."""
     columns: Array = np.zeros((len(steps[0][0]), 0))
     for A, B in steps:
         columns = np.hstack([A @ columns, B])

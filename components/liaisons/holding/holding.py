@@ -1,9 +1,9 @@
-"""``hold``: feedback that keeps a mechanism at an equilibrium, or at what was planned, once a communication step.
+"""``hold``: sampled feedback that keeps a mechanism at an equilibrium, or at a planned motion.
 
-The regulators read the mechanism's states at each communication point, and add corrections to the motion that they
-know; these are integrators of third order (see :class:`liaisons.models.Regulator`).  What happens over one step to
-first order, x(t + H) = A x(t) + B w, is what the FMUs do, see :mod:`liaisons.holding.sampling`.  The gains solve
-Riccati's equation of this discrete system, of a periodic one round by round; what cannot be controlled is left alone.
+At each communication point the regulators read the mechanism's states and add corrections to σ, which third-order
+integrators generate (see :class:`liaisons.models.Regulator`).  To first order the FMUs perform x(t + H) = A x(t) + B w
+over one step, see :mod:`liaisons.holding.sampling`.  The gains solve Riccati's equation of this discrete system, or of
+a periodic one; uncontrollable directions have none.
 """
 
 from __future__ import annotations
@@ -25,52 +25,66 @@ from liaisons.holding.feedback import (
     RANK,
     Array,
     Step,
-    backward,
+    input_matrix,
     least_defects,
-    periodic,
-    pushes,
-    reachable,
+    periodic_riccati,
+    reachable_subspace,
     riccati,
-    steady,
-    through,
+    riccati_recursion,
+    steady_targets,
+    transition_matrix,
 )
 from liaisons.holding.sampling import SampledMechanism, reduced
 from liaisons.language import Orientation
 from liaisons.library import Target, component
-from liaisons.planning.goals import Goal, duration_range, is_expression, motion_names, move_names
-from liaisons.planning.plans import Plan
+from liaisons.planning.goals import Goal, by_name, duration_range, is_expression, motion_names, move_names
+from liaisons.planning.plans import JUMP_LEAD, Plan
 from liaisons.planning.symbols import ROUNDING, goal_symbols
 
-_PAIRS = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
-"""Bounds of a correction, its rate and its acceleration, as a Regulator calls them."""
-_FAR = 1e30
-_MASSLESS = 1e-3
-"""An effective mass that is less than this, of the greatest on the way, is none."""
-_DRIFT = 1e-3
-"""Weight of the rate of what moves without being held, beside 1 for what is: it must be weighted, or nothing stops it;
-alone, v' = w, it comes back by exp(-t √(_DRIFT / effort)), in 30 radians of the free motion, after what is held."""
-_STEPS, _LONGEST = 40, 0.25
-"""Communication steps of a plan, and how long they are at most, in radians of the free motion, unless said: of samples
-25 a period, the usual 20 to 30 (Åström and Wittenmark, Computer-Controlled Systems, 4.3), ten times Nyquist's two."""
-_RADIANS, _PARTS = 3, 30
-"""A free motion counts of which a plan has so many radians: a slower one is no more than a drift on the way.  Without
-one states change by their sizes in such a part, the fastest that so many steps can still sample."""
-_MANY = 1000
-"""In an equilibrium a step is no smaller part of such a time."""
-_PER_RADIAN = 16
-"""Communication steps of an equilibrium in a radian of the free motion, unless said."""
-_INSTANT = 1e-9
-"""How long before a jump, relative to the duration, the regulators are asked once more."""
-_MOST = 10_000
-"""Steps of a plan: a matrix each."""
-_UNKNOWN = 1e-10
-"""Of a step's matrix, relative: what the integration leaves."""
-_AHEAD = 6
-"""So many knots ahead corrections keep to the room that there will be."""
-_FAR_OFF = 1e-3
-"""Of its size: what is of second order in it is as small as what a plan may miss."""
-_SAME = 1e-6
-"""By how much a motion that returns may miss its begin: more than a mesh leaves, less than what anybody means."""
+_BOUND_NAMES = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
+"""Names that a Regulator has for the bounds of a correction, of its rate and of its acceleration."""
+_UNBOUNDED = 1e30
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Numbers of the synthesis, with their reasons; times are in radians of the fastest free motion."""
+
+    fewest_steps: int = 40
+    """Least number of communication steps of a plan, unless given: it is resolved even without a free motion."""
+    longest_step: float = 0.25
+    """Longest communication step of a plan, in radians, unless given: 25 samples a period, of the usual 20 to 30
+    (Åström and Wittenmark, Computer-Controlled Systems, 4.3)."""
+    steps_per_radian: int = 16
+    """Communication steps in a radian at an equilibrium, unless given: 100 samples a period."""
+    steps_per_time: int = 1000
+    """Longest radian at an equilibrium, in steps: slower free motions move by less than 1e-3 in a step, and are treated
+    as drift."""
+    least_radians: int = 3
+    """Free motions slower than this many radians over the plan, half a period, are treated as drift."""
+    parts_without_motion: int = 30
+    """Without a free motion states change by their sizes in this part of the plan: the fastest change that
+    ``fewest_steps`` sample more than once."""
+    most_steps: int = 10_000
+    """Most communication steps of a plan: each has a matrix, 5 kB for the 24 states that a Regulator reads."""
+    drift_weight: float = 1e-3
+    """Weight of the rate of a moved coordinate that is not held, beside 1 of a held one: without a weight nothing stops
+    it.  Alone, v' = w, it decays by exp(-t √(weight / effort)): in 30 radians, after the held coordinates."""
+    integration_error: float = 1e-10
+    """Relative error of the matrix of a step, by the Runge-Kutta steps of :mod:`liaisons.holding.sampling`."""
+    negligible_mass: float = 1e-3
+    """An effective mass below this part of the greatest on the trajectory is 0: bounds on its force would be bounds on
+    an acceleration a thousand times as large as elsewhere."""
+    knots_ahead: int = 6
+    """Corrections respect the bounds at this many knots to come, after which their accelerations have decayed to
+    exp(-6) = 2.5e-3."""
+    largest_miss: float = 1e-3
+    """Largest miss of the plan's end, relative to sizes: its square, which first order neglects, is ``closure``."""
+    closure: float = 1e-6
+    """Tolerance for calling a plan closed, or at rest at its end, relative to sizes: verified plans keep 1e-8."""
+
+
+_SETTINGS = Settings()
 
 
 def hold(
@@ -86,7 +100,7 @@ def hold(
     start_values: Mapping[str, float] | None = None,
     **keywords: float,
 ) -> Controller:
-    """Find the feedback that keeps a mechanism at an equilibrium, or at a motion that was planned.
+    """Design the sampled feedback that keeps a mechanism at an equilibrium, or at a planned motion.
 
     ::
 
@@ -96,24 +110,24 @@ def hold(
         regulator = hold(plan("Satellite", end={"attitude": (0, 0, 0, 1)}, duration=2.0))
         run = regulator.simulate(30, inputs={"torque_x": lambda t: 0.01})
 
-    Once a step the states are read and the accelerations of what moves are chosen, so that the sum over all steps of
-    Σ weight (x - x_0)² + effort w² is least, each divided by its size: an angle's is 1, a length's that at which the
-    mass has the angles' moment of inertia (of a pendulum its length), time is in radians of the free motion.  Where a
-    moved coordinate enters nothing (the angle of a wheel), it is held only if it is given by name.  A plan that
-    returns to where it began is repeated; one after which the mechanism can rest is held there.
+    Once a step the regulators read the states x and choose the accelerations w of σ that minimise the sum of
+    Σ weight (x - x_0)² + effort w² over all steps.  Each variable is divided by its size: 1 for an angle, for a length
+    that at which the mass has the angles' moment of inertia (for a pendulum its length); time is in radians of the free
+    motion.  A moved coordinate on which no equation depends (the angle of a wheel) is held only if it is given by name.
+    A closed plan is repeated; if the mechanism can rest at the end of a plan, it is held there.
 
     :param motion: a plan; or name, file or class of a mechanism.
-    :param at: values of coordinates at the equilibrium, and of rates of what moves; the others as declared, at rest.
-    :param moves: active coordinates that the feedback moves; all unless given, or those of the plan.
-    :param step_size: distance of the communication points [s], which is the sampling period; else about a sixteenth
-        radian of the free motion, of a plan a fortieth at most.
-    :param weights: of states by name; coordinates have 1, momenta 0.
-    :param effort: weight of the accelerations; 1, as that of the coordinates, by Bryson's rule: all are divided by the
-        sizes that they may have.
-    :param bounds: (low, high) of σ, σ̇, σ̈ and forces of what moves, ``{"pivot_x_ddot": (-5, 5)}``, beside those of the
-        plan: there the feedback saturates.  Of forces it knows what they are along the motion.
+    :param at: equilibrium: values of coordinates, and of rates of σ; others as declared, at rest.
+    :param moves: active coordinates that the feedback moves; unless given all, or those of the plan.
+    :param step_size: sampling period, the distance of communication points [s]; unless given about a sixteenth radian
+        of the free motion, for a plan at most a fortieth of its duration.
+    :param weights: of states by name; unless given 1 for coordinates, 0 for momenta.
+    :param effort: weight of the accelerations; 1, as that of the coordinates, by Bryson's rule: all variables are
+        divided by their sizes.
+    :param bounds: (low, high) of σ, σ̇, σ̈ and operator forces, ``{"pivot_x_ddot": (-5, 5)}``, at which the feedback
+        saturates, beside those of the plan.  Bounds of forces become bounds of σ̈ along the undisturbed motion.
     :param start_values: parameters by name; ``keywords`` are further ones, where they are no settings.
-    :raises PlanError: if it is no equilibrium, or if what is to be held cannot be controlled, with what stays.
+    :raises PlanError: if the mechanism is not in equilibrium, or a state is not controllable; the state is named.
     """
     values = merged("hold", start_values, keywords, PlanError)
     positive("effort", effort, PlanError)
@@ -133,35 +147,37 @@ def hold(
     usual = component(motion).experiment.step_size
     H = usual if step_size is None else step_size
     goal = Goal(motion, move_names(motion, moves), (H, H), values, at)
-    sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_MANY * H)
+    sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_SETTINGS.steps_per_time * H)
     if step_size is None and sampled.moves_freely:
-        H = _plain(sampled.time / _PER_RADIAN)
+        H = _round_down(sampled.time / _SETTINGS.steps_per_radian)
     return _at_rest(sampled, H, criterion)
 
 
-def _greatest_near(matrix: Array) -> float:
-    """The greatest multiplier of matrices that differ from one by what is not known of it."""
-    random, size = np.random.default_rng(0), _UNKNOWN * np.max(np.abs(matrix), initial=0.0)
+def _spectral_radius(matrix: Array) -> float:
+    """Spectral radius, maximised over perturbations as large as the integration error."""
+    random, size = np.random.default_rng(0), _SETTINGS.integration_error * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
     return float(np.max(np.abs(np.linalg.eigvals(near)), initial=0.0))
 
 
-def _plain(value: float) -> float:
-    """1, 2 or 5 times a power of ten, that is not above a value."""
+def _round_down(value: float) -> float:
+    """The greatest number not above a value that is 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(digit * power for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-9)))
 
 
 @dataclass(frozen=True)
 class _Criterion:
+    """Weights of the sum that the feedback minimises, and the bounds at which it saturates."""
+
     weights: Mapping[str, float]
     effort: float
     bounds: Mapping[str, tuple[float | None, float | None]]
 
     def costs(self, sampled: SampledMechanism, directions: Sequence[Array]) -> list[Array]:
-        """Weights in the directions in which the states can differ."""
+        """Cost matrices at the knots, in the coordinates of their directions of deviation."""
         cost = {name: float(name in sampled.free) for name in sampled.states}
-        cost |= {f"{m}_dot": _DRIFT for m in sampled.moves if m not in sampled.held_moves}
+        cost |= {f"{m}_dot": _SETTINGS.drift_weight for m in sampled.moves if m not in sampled.held_moves}
         for name, weight in self.weights.items():
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
@@ -176,109 +192,115 @@ class _Criterion:
 
 
 def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
-    """The feedback of least cost at an equilibrium."""
+    """The controller of least cost at an equilibrium.
+
+    :raises PlanError: if the state is no equilibrium, or a held coordinate is not controllable.
+    """
     y, sigma = sampled.start[sampled.state_indices], sampled.sigma
-    still = dict(zip(sampled.names, sampled.rates(y, sigma), strict=True))
-    still |= {m: sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.held_moves}
-    sizes = dict(zip(sampled.states, sampled.sizes, strict=True))
-    worst = max(still, key=lambda name: abs(still[name]) / sizes[name])
-    if not abs(still[worst]) * sampled.time <= 1e-9 * sizes[worst]:
-        raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {still[worst]:.3g}")
+    rates = by_name(sampled.names, sampled.rates(y, sigma))
+    rates |= {m: sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.held_moves}
+    sizes = by_name(sampled.states, sampled.sizes)
+    worst = max(rates, key=lambda name: abs(rates[name]) / sizes[name])
+    if not abs(rates[worst]) * sampled.time <= 1e-9 * sizes[worst]:
+        raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {rates[worst]:.3g}")
     planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
     trajectory = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
     D = sampled.directions(reference[:, 0], sigma)
     ((A, B),) = reduced(steps, [D, D])
     (Q,) = criterion.costs(sampled, [D])
-    still_ones = unmoved([(A, B)])
-    V, U = reachable((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
+    constant = _constant_directions([(A, B)])
+    V, U = reachable_subspace((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
     K = np.zeros((B.shape[1], len(A)))
     with suppress(np.linalg.LinAlgError):
         K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, criterion.effort * np.eye(B.shape[1])) @ V.T
-    if not _greatest_near(V.T @ (A - B @ K) @ V) < 1:
+    if not _spectral_radius(V.T @ (A - B @ K) @ V) < 1:
         raise PlanError(
             f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {H:g} s hardly reach all that "
             "falls; Riccati's equation has no solution in 16 digits"
         )
     if U.size:
-        fixed = np.eye(len(A))[:, still_ones]
-        U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]])
-        stays = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
-        target, missed = steady(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
+        fixed = np.eye(len(A))[:, constant]
+        U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(constant)]])
+        is_bounded = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
+        target, missed = steady_targets(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
         for j in range(U.shape[1]):
-            if not stays or (j >= len(still_ones) and missed[j] > RANK):
-                raise PlanError(_cannot(sampled, D, U[:, j]))
+            if not is_bounded or (j >= len(constant) and missed[j] > RANK):
+                raise _uncontrollable(sampled, D, U[:, j])
         K -= K @ V @ target @ U.T
-    bounds = _checked(sampled, criterion.bounds, sigma)
-    prediction = LinearPrediction(A - B @ K, D, D, V, _named(sampled, D, still_ones), returns=True)
+    _check_bounds(sampled, criterion.bounds, sigma)
+    prediction = LinearPrediction(A - B @ K, D, D, V, _states_along(sampled, D, constant), returns=True)
     gains = [K @ np.linalg.pinv(D)]
-    return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
+    return _controller(sampled, H, trajectory, gains=gains, bounds=criterion.bounds, prediction=prediction)
 
 
 # ---- a plan -------------------------------------------------------------------------------------------------------
 
 
 def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Controller:
-    """The feedback of least cost along a plan."""
-    sampled = _beside(motion)
-    longest = min(motion.duration / _STEPS, _LONGEST * sampled.time)
+    """The controller of least cost along a plan.
+
+    :raises PlanError: if a growing deviation is not controllable, or the gains do not converge.
+    """
+    sampled = sampled_mechanism(motion)
+    longest = min(motion.duration / _SETTINGS.fewest_steps, _SETTINGS.longest_step * sampled.time)
     H = motion.duration / np.ceil(motion.duration / longest - 1e-9) if step_size is None else step_size
     trajectory, steps, returns = _reference_trajectory(motion, sampled, H)
     D = [sampled.directions(*point) for point in trajectory.points]
     steps, costs = reduced(steps, D), criterion.costs(sampled, D)
     R = criterion.effort * np.eye(len(motion.goal.moves))
-    whole, after = through(steps), np.zeros((len(R), D[-1].shape[1]))
+    whole, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
         y, planned = trajectory.states[: len(sampled.names), -1], trajectory.motion[:, :, [-1, -1]]
-        lasting = reduced(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
-        ((A, B),) = lasting
-        V, U = reachable(A - np.eye(len(A)), np.hstack([B, pushes(steps)]))
+        at_rest = reduced(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
+        ((A, B),) = at_rest
+        V, U = reachable_subspace(A - np.eye(len(A)), np.hstack([B, inputs]))
         _refuse_growth(sampled, D[-1], U, A)
-        end = periodic(lasting, costs[-1:], R)
+        end = periodic_riccati(at_rest, costs[-1:], R)
         after = end and end[0][0]
-        solution = end and backward(steps, costs[:-1], R, end[1])
+        solution = end and riccati_recursion(steps, costs[:-1], R, end[1])
     elif returns:
-        V, U = reachable(whole - np.eye(len(whole)), pushes(steps))
+        V, U = reachable_subspace(whole - np.eye(len(whole)), inputs)
         _refuse_growth(sampled, D[-1], U, whole)
-        solution = periodic(steps, costs[:-1], R)
+        solution = periodic_riccati(steps, costs[:-1], R)
     else:
-        V, U = reachable(np.zeros_like(whole), pushes(steps))
-        solution = backward(steps, costs[:-1], R, costs[-1])
+        V, U = reachable_subspace(np.zeros_like(whole), inputs)
+        solution = riccati_recursion(steps, costs[:-1], R, costs[-1])
     if solution is None or after is None:
         raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
-    gains, still = [*solution[0], after], unmoved(steps)
-    loop = through(steps, gains)
-    fixed = np.eye(len(whole))[:, still]
+    gains, constant = [*solution[0], after], _constant_directions(steps)
+    loop = transition_matrix(steps, gains)
+    fixed = np.eye(len(whole))[:, constant]
     left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
-    conserved = _named(sampled, D[0], still)
+    conserved = _states_along(sampled, D[0], constant)
     conserved += tuple(_combination(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)
-    bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _bounded(sampled)}
-    bounds |= _checked(sampled, criterion.bounds)
+    _check_bounds(sampled, criterion.bounds)
+    bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _bounded(sampled)} | dict(criterion.bounds)
     gains = [K @ np.linalg.pinv(basis) for K, basis in zip(gains, D, strict=True)]
     prediction = LinearPrediction(loop, D[0], D[-1], V, conserved, returns)
     return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
 
 
-def _beside(motion: Plan) -> SampledMechanism:
-    """The mechanism at the start of the plan."""
+def sampled_mechanism(motion: Plan) -> SampledMechanism:
+    """The mechanism of a plan, with the start and the sizes that the plan has."""
     goal, T = motion.goal, motion.duration
     bare, symbols = Goal(goal.component, goal.moves, (T, T), goal.values, {}), goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
     start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
     start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
-    # What IPOPT leaves of a 0 would be a size.
+    # The residual that IPOPT leaves where a start is 0 must not become a size.
     start = {name: x if abs(x) > ROUNDING * symbols.sizes.get(name, 1.0) else 0.0 for name, x in start.items()}
     groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not is_expression(group)]
     required = {name for group in groups for name in group}
     trajectory, states = motion.solution.trajectory, motion.problem.states
-    extents = dict(zip(states, np.abs(trajectory.knots).max(axis=1), strict=True))
+    extents = by_name(states, np.abs(trajectory.knots).max(axis=1))
     extents |= {m: float(np.abs(motion.sigma(trajectory.breaks)[m]).max()) for m in goal.moves}
     return SampledMechanism(
         replace(bare, start=start),
         required,
         interpolate=True,
-        time=T / _PARTS,
-        longest=T / _RADIANS,
+        time=T / _SETTINGS.parts_without_motion,
+        longest=T / _SETTINGS.least_radians,
         extents=extents,
     )
 
@@ -286,54 +308,58 @@ def _beside(motion: Plan) -> SampledMechanism:
 def _reference_trajectory(
     motion: Plan, sampled: SampledMechanism, H: float
 ) -> tuple[ReferenceTrajectory, list[Step], bool]:
-    """The plan at its communication points, and whether it comes back to where it was, up to how it is turned."""
+    """The plan at its communication points, its steps, and whether it returns, up to the mechanism's orientation.
+
+    :raises PlanError: for too many steps, or if they miss the plan's end.
+    """
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
-    if T / H > _MOST:
-        raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {_MOST} steps; give a longer one")
-    instant = max(_INSTANT * T, 3 * rounding(T))  # a run tells two instants apart that far
+    if T / H > (most := _SETTINGS.most_steps):
+        raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
+    instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
     edges = [0.0, *motion.switches, T]
     parts = [np.linspace(a, b, max(1, int(np.ceil((b - a) / H - 1e-9))), endpoint=False) for a, b in pairwise(edges)]
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
     sigma = motion.sigma(times)
     planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
     reference, steps = _stepped(motion, sampled, times, planned, H)
-    gap = np.abs(reference[:, -1] - reference[:, 0])
+    gap, closure = np.abs(reference[:, -1] - reference[:, 0]), _SETTINGS.closure
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
-    missed = gap > _SAME * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
-    missing = {name for name, is_off in zip(sampled.states, missed, strict=True) if is_off}
-    missing -= {*sampled.cyclic, *may_jump}
-    still = planned[:, :, -1].copy()
+    is_open = gap > closure * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
+    open_states = {name for name, is_off in zip(sampled.states, is_open, strict=True) if is_off}
+    open_states -= {*sampled.cyclic, *may_jump}
+    at_rest = planned[:, :, -1].copy()
     stops = [order < 2 or m in sampled.held_moves for m in moves]
     size = sampled.input_sizes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
-    fast = np.abs(still[:, 1]) > _SAME * size[:, 1]
-    still[stops, 1], still[:, 2] = 0.0, 0.0
-    rests = order < 2 or not np.any(fast & stops)
+    is_moving = np.abs(at_rest[:, 1]) > closure * size[:, 1]
+    at_rest[stops, 1], at_rest[:, 2] = 0.0, 0.0
     after: After = "ends"
     last, end = planned[:, :, -1], reference[: len(sampled.names), -1]
-    if not missing:
+    if not open_states:
         after, last = "repeats", planned[:, :, 0]
-    elif rests and np.all(np.abs(sampled.rates(end, still)) * sampled.time <= _SAME * sampled.sizes[: len(end)]):
-        after, last = "rests", still
-    if np.any(np.abs(last - planned[:, :, -1]) > _SAME * size):
+    elif order < 2 or not np.any(is_moving & stops):
+        rates = np.abs(sampled.rates(end, at_rest)) * sampled.time
+        if np.all(rates <= closure * sampled.sizes[: len(end)]):
+            after, last = "rests", at_rest
+    if np.any(np.abs(last - planned[:, :, -1]) > closure * size):
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
         reference, steps = _stepped(motion, sampled, times, planned, H)
-    return ReferenceTrajectory(times, planned, reference, after), steps, not missing - {*Orientation.quaternion}
+    return ReferenceTrajectory(times, planned, reference, after), steps, not open_states - {*Orientation.quaternion}
 
 
 def _stepped(
     motion: Plan, sampled: SampledMechanism, times: Array, planned: Array, H: float
 ) -> tuple[Array, list[Step]]:
-    """States and matrices of steps along the plan, to its very end: what is unstable leaves it without feedback.
+    """States and matrices of steps along the plan, corrected to end where it does: without feedback errors may grow.
 
-    :raises PlanError: if the steps miss the end of the plan by so much that nothing of first order leads there.
+    :raises PlanError: if the steps miss the plan's end by more than a linear correction can mend.
     """
     reference, steps = sampled.steps(times, planned, H)
     n = len(sampled.names)
-    ends = dict(zip(motion.problem.states, motion.solution.trajectory.knots[:, -1], strict=True))
-    missed = np.array([ends.get(*pair) - pair[1] for pair in zip(sampled.names, reference[:n, -1], strict=True)])
+    planned_end, reached = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1]), reference[:n, -1]
+    missed = np.array([planned_end.get(name, x) - x for name, x in zip(sampled.names, reached, strict=True)])
     missed /= sampled.sizes[:n]
-    if not np.max(np.abs(missed), initial=0.0) <= _FAR_OFF:
+    if not np.max(np.abs(missed), initial=0.0) <= _SETTINGS.largest_miss:
         i = int(np.argmax(np.abs(missed)))
         raise PlanError(
             f"{sampled.name}: in steps of {H:.3g} s the motion misses the plan's end, {sampled.names[i]} by "
@@ -355,11 +381,14 @@ def _controller(
     bounds: Mapping[str, Any],
     prediction: LinearPrediction,
 ) -> Controller:
-    """The controller with start values and the limits of corrections; gains are those of states divided by sizes."""
+    """The controller, with start values and limits of corrections.
+
+    :param gains: of states divided by sizes.
+    """
     symbols = sampled.symbols
     starts = {parameter: float(symbols.parameters[parameter]) for parameter in symbols.start_parameters.values()}
     for i, m in enumerate(sampled.moves):
-        starts |= dict(zip(motion_names(m), map(float, trajectory.motion[i, :, 0]), strict=True))
+        starts |= by_name(motion_names(m), map(float, trajectory.motion[i, :, 0]))
     at = trajectory.states[:, 0], trajectory.motion[:, :, 0], prediction.directions
     return Controller(
         name=sampled.name,
@@ -384,7 +413,7 @@ def _controller(
 def _perturbations(
     sampled: SampledMechanism, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
-    """Start values that lead into all directions."""
+    """Differences of start values that span the directions of deviation."""
     parameters, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
         rates = sampled.rates_off(reference, sigma, directions)
@@ -403,55 +432,61 @@ def _perturbations(
 def _correction_limits(
     sampled: SampledMechanism, trajectory: ReferenceTrajectory, bounds: Mapping[str, Any]
 ) -> dict[str, Array]:
-    """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
-    shape = len(sampled.moves), trajectory.times.size
-    n = len(sampled.names)
+    """Bounds of corrections, their rates and accelerations at each knot, by names of a Regulator: (moves, knots).
+
+    :raises PlanError: if a force is bounded where the effective mass vanishes.
+    """
+    n, last = len(sampled.names), trajectory.times.size - 1
     forces, masses = np.split(np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points]), [1], axis=2)
-    limits = {name: np.empty(shape) for pair in _PAIRS for name in pair}
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs} | dict(bounds)
-    for i, m in enumerate(sampled.moves):
-        for n, (low, high) in enumerate(_PAIRS):
-            least, most = _ends(allowed[motion_names(m)[n]])
-            limits[low][i] = np.minimum(0.0, least - trajectory.motion[i, n])
-            limits[high][i] = np.maximum(0.0, most - trajectory.motion[i, n])
+    ends = np.array([[_ends(allowed[name]) for name in motion_names(m)] for m in sampled.moves])
+    low = np.minimum(0.0, ends[:, :, :1] - trajectory.motion)  # (moves, 3, knots)
+    high = np.maximum(0.0, ends[:, :, 1:] - trajectory.motion)
     for j, m in enumerate(sampled.moves):
         if f"{m}_force" not in bounds:
             continue
-        sizes = np.abs(masses[:, j])
-        if np.min(sizes.max(axis=1)) <= _MASSLESS * np.max(sizes):
+        sizes, negligible = np.abs(masses[:, j]), _SETTINGS.negligible_mass
+        if np.min(sizes.max(axis=1)) <= negligible * np.max(sizes):
             raise PlanError(
                 f"{sampled.name}: bounds of {m}_force: the effective mass at {m} vanishes where it is held, so that no "
                 f"acceleration tells the force; bound {m}_ddot"
             )
         least, most = _ends(bounds[f"{m}_force"])
-        left = np.array([np.minimum(0, least - forces[:, j, 0]), np.maximum(0, most - forces[:, j, 0])])
-        acts = sizes > _MASSLESS * sizes.max()
-        for i in np.flatnonzero(acts.any(axis=0)):  # each takes its share
-            low, high = np.sort(left / np.where(acts[:, i], masses[:, j, i] * acts.sum(axis=1), _MASSLESS), axis=0)
-            limits["lowest"][i] = np.maximum(limits["lowest"][i], low)
-            limits["highest"][i] = np.minimum(limits["highest"][i], high)
-    ahead = np.arange(trajectory.times.size)[:, None] + np.arange(_AHEAD + 1)
-    last = trajectory.times.size - 1
+        margins = np.array([np.minimum(0, least - forces[:, j, 0]), np.maximum(0, most - forces[:, j, 0])])
+        acts = sizes > negligible * sizes.max()
+        shares = acts.sum(axis=1)
+        for i in np.flatnonzero(acts.any(axis=0)):
+            least, most = np.sort(margins / np.where(acts[:, i], masses[:, j, i] * shares, negligible), axis=0)
+            low[i, 2] = np.maximum(low[i, 2], least)
+            high[i, 2] = np.minimum(high[i, 2], most)
+    ahead = np.arange(last + 1)[:, None] + np.arange(_SETTINGS.knots_ahead + 1)
     ahead = ahead % max(1, last) if trajectory.after == "repeats" else np.minimum(ahead, last)
-    low = {name for name, _ in _PAIRS}
-    return {name: (np.max if name in low else np.min)(values[:, ahead], axis=2) for name, values in limits.items()}
+    limits = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
+    return {
+        name: values[:, order]
+        for order, names in enumerate(_BOUND_NAMES)
+        for name, values in zip(names, limits, strict=True)
+    }
 
 
 def _ends(pair: Sequence[float | None]) -> tuple[float, float]:
+    """Both ends of a range, of which None is unbounded."""
     low, high = pair
-    return -_FAR if low is None else low, _FAR if high is None else high
+    return -_UNBOUNDED if low is None else low, _UNBOUNDED if high is None else high
 
 
 def _bounded(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
-    """Move and derivative, or 3 for the force, by the names of what regulators can bound."""
+    """Quantities that regulators bound, by name: index of the coordinate, and order of the rate, or 3 for the force."""
     names = [(*motion_names(m), f"{m}_force") for m in sampled.moves]
     return {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
 
 
-def _checked(
-    sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None
-) -> dict[str, tuple[float, float]]:
-    """Bounds that the regulators can keep; and that what is held keeps, (moves, 3)."""
+def _check_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None) -> None:
+    """Check that regulators can keep the bounds.
+
+    :param at: σ and its rates (moves, 3), which have to lie inside.
+    :raises PlanError: if they cannot.
+    """
     quantities = _bounded(sampled)
     for name, pair in bounds.items():
         if name not in quantities:
@@ -462,40 +497,41 @@ def _checked(
         if not all(a < b for a, b in pairwise((low, *held, high))):
             order = " < ".join(["low", *(f"{x:g}" for x in held), "high"])
             raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with {order}")
-    return dict(bounds)
 
 
-def unmoved(steps: Sequence[Step]) -> list[int]:
-    """Directions that stay as they are, whatever is done."""
+def _constant_directions(steps: Sequence[Step]) -> list[int]:
+    """Indices of the directions that no step and no input changes."""
     n = len(steps[0][0])
     return [
         i for i in range(n) if all(np.allclose(A[i], np.eye(n)[i]) and not np.any(np.abs(B[i]) > 0) for A, B in steps)
     ]
 
 
-def _named(sampled: SampledMechanism, directions: Array, places: Sequence[int]) -> tuple[str, ...]:
-    """Names of the states that some of the directions are."""
-    return tuple(n for n, row in zip(sampled.states, directions, strict=True) if set(np.flatnonzero(row)) & set(places))
+def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence[int]) -> tuple[str, ...]:
+    """Names of the states that change along some of the directions."""
+    return tuple(n for n, row in zip(sampled.states, directions, strict=True) if set(np.flatnonzero(row)) & set(chosen))
 
 
 def _combination(sampled: SampledMechanism, directions: Array, u: Array) -> str:
-    """What a row of directions stands for, in names."""
+    """A linear form on the directions as a sum of states."""
     part = np.linalg.pinv(directions).T @ u
     vector = part / sampled.sizes
-    places = [i for i in range(vector.size) if abs(part[i]) > 1e-3 * np.max(np.abs(part))]  # not what H adds
-    terms = [f"{vector[i] / vector[places[0]]:+.3g}" for i in places]
-    text = " ".join(f"{term[0]} {term[1:]} {sampled.states[i]}" for term, i in zip(terms, places, strict=True))
+    terms = [i for i in range(vector.size) if abs(part[i]) > 1e-3 * np.max(np.abs(part))]  # the rest is of order H
+    signed = [(f"{vector[i] / vector[terms[0]]:+.3g}", sampled.states[i]) for i in terms]
+    text = " ".join(f"{number[0]} {number[1:]} {state}" for number, state in signed)
     return text.removeprefix("+ ").removeprefix("1 ")
 
 
 def _refuse_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
-    """Refuse what grows and cannot be reached."""
+    """Refuse a deviation that grows and is not controllable."""
     if U.size and np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) > 1 + 1e-6:
         values, vectors = np.linalg.eig((U.T @ A @ U).T)
         worst = np.real(vectors[:, int(np.argmax(np.abs(values)))])
-        raise PlanError(_cannot(sampled, directions, U @ worst))
+        raise _uncontrollable(sampled, directions, U @ worst)
 
 
-def _cannot(sampled: SampledMechanism, directions: Array, u: Array) -> str:
+def _uncontrollable(sampled: SampledMechanism, directions: Array, u: Array) -> PlanError:
+    """The error that names an uncontrollable sum of states."""
     text = _combination(sampled, directions, u)
-    return f"{sampled.name} cannot be held there: to first order {', '.join(sampled.moves)} cannot change {text}"
+    moves = ", ".join(sampled.moves)
+    return PlanError(f"{sampled.name} cannot be held there: to first order {moves} cannot change {text}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, Literal, TypeAlias
@@ -85,6 +85,11 @@ def duration_range(value: Any, label: str = "duration") -> tuple[float, float]:
 def motion_names(move: str) -> tuple[str, str, str]:
     """Names of value, rate and acceleration of a coordinate."""
     return port_names(move)[:3]
+
+
+def by_name(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
+    """Values by names, as many of the one as of the other."""
+    return dict(zip(names, values, strict=True))
 
 
 def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:

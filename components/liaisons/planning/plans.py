@@ -41,8 +41,8 @@ from liaisons.planning.verifying import verdicts
 
 _LOST = 1e-12
 """So much of its range σ may differ between the knots from what was planned."""
-_INSTANT = 1e-9
-"""How long before a jump, relative to the duration, a replay looks once more: what holds until then."""
+JUMP_LEAD = 1e-9
+"""Distance of the last communication point before a jump from the jump, relative to the duration."""
 _SAME = 1e-7
 """By how much IPOPT may leave the bounds of a duration, relative to it."""
 _FEWEST_STEPS = 4000
@@ -219,7 +219,7 @@ class Plan:
         """Communication points: the knots, and an instant before each jump."""
         times = next(iter(self._knots.values()))[0]
         jumps = times[:-1][np.diff(times) == 0]
-        return np.unique(np.concatenate([times, jumps - _INSTANT * self.duration]))
+        return np.unique(np.concatenate([times, jumps - JUMP_LEAD * self.duration]))
 
     # ---- files ------------------------------------------------------------------------------------------------
 
