@@ -480,7 +480,7 @@ def test_what_a_system_cannot_say(fmu: Callable[..., Path]) -> None:
     other.add("own", fmu(Lever))
     with pytest.raises(SimulationError, match="is a 'Lever'; a system in Modelica is made of the catalogue's"):
         modelica(other)
-    with pytest.raises(ComponentError, match="^Regulator: Modelica text takes no samples of inputs; import its FMU$"):
+    with pytest.raises(ComponentError, match=r"^Regulator: Modelica text takes no samples of inputs; import its FMU$"):
         modelica(Regulator)
 
 

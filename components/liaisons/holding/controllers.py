@@ -312,10 +312,9 @@ class Controller:
         if port not in ports:
             raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
         positive("survives: duration", duration, PlanError)
-        stop = stop_time
-        if stop is None:
-            ends = self.trajectory.after == "ends"
-            stop = self.duration if ends else max(self.duration, duration) + self._settling
+        ends = self.trajectory.after == "ends"
+        settled = self.duration if ends else max(self.duration, duration) + self._settling
+        stop = settled if stop_time is None else stop_time
         positive("survives: stop_time", stop, PlanError)
         if stop <= duration:
             raise PlanError(

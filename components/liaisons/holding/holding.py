@@ -313,7 +313,8 @@ def _reference_trajectory(
     :raises PlanError: for too many steps, or if they miss the plan's end.
     """
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
-    if T / H > (most := _SETTINGS.most_steps):
+    most = _SETTINGS.most_steps
+    if T / H > most:
         raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
     instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
     edges = [0.0, *motion.switches, T]
