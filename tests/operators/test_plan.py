@@ -20,7 +20,7 @@ from liaisons.errors import PlanError
 from liaisons.planning import transcription
 from liaisons.planning.plans import _even
 from liaisons.planning.problems import problem_of
-from liaisons.planning.searching import _is_led
+from liaisons.planning.searching import _follows_equations
 from liaisons.planning.transcription import Clock, curvature, relative
 from liaisons.planning.verifying import _curved, _finer, _meshes, _replayed, hamiltonian_scale
 
@@ -524,8 +524,8 @@ def test_a_motion_that_the_equations_leave_is_not_believed() -> None:
     motion = crane(tries=1)
     problem, solution = motion.problem.relative, relative(motion.problem, motion.solution)
     knots = solution.trajectory.knots + 1e-4 * np.eye(*solution.trajectory.knots.shape)
-    assert _is_led(problem, solution)
-    assert not _is_led(problem, replace(solution, trajectory=replace(solution.trajectory, knots=knots)))
+    assert _follows_equations(problem, solution)
+    assert not _follows_equations(problem, replace(solution, trajectory=replace(solution.trajectory, knots=knots)))
 
 
 def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:

@@ -314,7 +314,7 @@ def _reference_trajectory(
     """
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
     most = _SETTINGS.most_steps
-    if T / H > most:
+    if most < T / H:
         raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
     instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
     edges = [0.0, *motion.switches, T]

@@ -18,7 +18,7 @@ from liaisons.planning.goals import Cost, Expression, Goal, Value, closed_names,
 from liaisons.planning.guesses import guesses, refuse_invariants
 from liaisons.planning.plans import Plan
 from liaisons.planning.problems import Problem, problem_of
-from liaisons.planning.searching import COARSE, Settings, refuse_singularity, search
+from liaisons.planning.searching import LIMITS, Settings, refuse_singularity, search
 from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
 
 _EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
@@ -108,7 +108,7 @@ def plan(
             goal = _one_of(goal, problem, loops)
             problem = problem_of(goal)
         refuse_invariants(problem.relative)
-        starts = guesses(problem.relative, min(COARSE, intervals))
+        starts = guesses(problem.relative, min(LIMITS.coarse_intervals, intervals))
         if guess is not None:
             starts, tries = [_warm(problem, guess, intervals)], 1
         solution = search(problem.relative, starts, clock, Settings(intervals, accuracy, tries))
