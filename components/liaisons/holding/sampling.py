@@ -22,7 +22,7 @@ from liaisons.errors import PlanError
 from liaisons.holding.feedback import Step
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
-from liaisons.planning.goals import Array, Goal, motion_names, unit_quaternion
+from liaisons.planning.goals import Array, Goal, by_name, motion_names, unit_quaternion
 from liaisons.planning.symbols import column, goal_symbols
 
 _POWERS = np.arange(6)
@@ -156,7 +156,7 @@ class SampledMechanism:
         units = {q: declared.get(q, "").removesuffix("/s") for q in rates.values()}
         units = {q: "rad" if unit in ("", "1", "deg") else unit for q, unit in units.items()}
         energy = [v.name for v in model.outputs].index("kinetic_energy")
-        sigma = dict(zip(self.moves, self.sigma[:, 0], strict=True))
+        sigma = by_name(self.moves, self.sigma[:, 0])
         resting = {**symbols.inputs, **sigma} | {name: 0.0 for m in self.moves for name in motion_names(m)[1:]}
         still = {**symbols.parameters, **{starts[name]: 0.0 for name in rates if name in starts}}
 
@@ -171,7 +171,7 @@ class SampledMechanism:
         moved = {rate: moving(rate) for rate in rates}
         inertia = {u: np.array([moved[rate][0] for rate, q in rates.items() if units[q] == u]) for u in units.values()}
         mean = {u: float(np.exp(np.mean(np.log(m[m > 0])))) for u, m in inertia.items() if m.max() > 0}
-        values = dict(zip(states, self.start, strict=True)) | sigma | dict(self._extents)
+        values = by_name(states, self.start) | sigma | dict(self._extents)
         far = {u: max(abs(values.get(q, 0.0)) for q in units if units[q] == u) or 1.0 for u in inertia} | {"rad": 1.0}
         first = "rad" if "rad" in mean else next(iter(mean), "rad")
         whole = mean.get(first, 1.0) * far[first] ** 2

@@ -12,7 +12,7 @@ import numpy as np
 from liaisons.base.arguments import shown
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.expressions.formulas import FormulaError, formula
-from liaisons.planning.goals import elements, is_expression, limits, motion_names, unit_quaternion
+from liaisons.planning.goals import by_name, elements, is_expression, limits, motion_names, unit_quaternion
 from liaisons.planning.symbols import GoalSymbols
 
 
@@ -114,7 +114,7 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
     owner, start, rows = symbols.name, dict(symbols.start), []
     for name, axes in symbols.quaternions.items():
         if name in start:
-            start |= dict(zip(axes, unit_quaternion(f"{owner}: {name}", start[name]).tolist(), strict=True))
+            start |= by_name(axes, unit_quaternion(f"{owner}: {name}", start[name]).tolist())
     for i, name in enumerate(symbols.state_names):
         symbol, parameter = symbols.state[i], symbols.start_parameters.get(name, "")
         if name not in start and not parameter:
@@ -161,7 +161,7 @@ def _path_rows(symbols: GoalSymbols) -> list[Row]:
         rows[name] = Row(name, symbols.signals[name], low, high)
     domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}
     domains |= {s.name: s for s in symbols.component.coordinates}
-    start_sizes = dict(zip(symbols.goal.moves, map(float, symbols.initial_sigma_sizes), strict=True))
+    start_sizes = by_name(symbols.goal.moves, map(float, symbols.initial_sigma_sizes))
     for name in (*symbols.goal.moves, *symbols.state_names):
         domain = domains.get(name)
         if domain is None or name in rows or (domain.minimum is None and domain.maximum is None):

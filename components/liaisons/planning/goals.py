@@ -153,7 +153,7 @@ def elements(label: str, values: object, variables: Sequence[str]) -> dict[str, 
         several = value if isinstance(value, (list, tuple, np.ndarray)) else [value] * len(scalars)
         if len(several) != len(scalars):
             raise PlanError(f"{label} of {name} has {len(several)} values; give {len(scalars)}")
-        by_element |= dict(zip(scalars, several, strict=True))
+        by_element |= by_name(scalars, several)
     return by_element
 
 

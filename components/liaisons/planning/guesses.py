@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.errors import PlanError
 from liaisons.language import Orientation
-from liaisons.planning.goals import Array, motion_names
+from liaisons.planning.goals import Array, by_name, motion_names
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 
@@ -151,7 +151,7 @@ def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
 def _ranges(problem: Problem) -> tuple[Array, Array]:
     """Where what is moved may be: middles and half widths, of its bounds, else a half turn or so round the start."""
     start = problem.initial_state[problem.indices(problem.moves)]
-    bounds = dict(zip(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True), strict=True))
+    bounds = by_name(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True))
     low, high = np.array([bounds.get(name, (-np.inf, np.inf)) for name in problem.moves]).T
     low = np.where(np.isfinite(low), low, np.minimum(start - np.pi, high - 2 * np.pi))
     high = np.where(np.isfinite(high), high, np.maximum(start + np.pi, low + 2 * np.pi))
@@ -237,7 +237,7 @@ def _waves(
     problem: Problem, trajectory: CollocatedTrajectory, T: float, k: int, by: Array | None = None
 ) -> CollocatedTrajectory:
     """From start to end of σ, or by a change, in the time T, at rest then; the k-th with waves on it."""
-    start = dict(zip(problem.states, problem.initial_state, strict=True))
+    start = by_name(problem.states, problem.initial_state)
     sigma = zip(problem.moves, problem.initial_sigma, strict=True)
     begin = {name: start.get(name, value) for name, value in sigma}
     first = np.array([*begin.values()])

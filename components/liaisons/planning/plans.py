@@ -23,7 +23,7 @@ from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, catalogue, fmu_path
-from liaisons.planning.goals import Goal, chain_size, duration_range, motion_names
+from liaisons.planning.goals import Goal, by_name, chain_size, duration_range, motion_names
 from liaisons.planning.problems import Problem, problem_of
 from liaisons.planning.transcription import (
     DEGREE,
@@ -84,7 +84,7 @@ class Plan:
     @property
     def multipliers(self) -> dict[str, float]:
         """dJ/d(value at the end), by name; of a given duration dJ/dT, too."""
-        multipliers = dict(zip(self.problem.end.labels, map(float, self.solution.end_multipliers), strict=True))
+        multipliers = by_name(self.problem.end.labels, map(float, self.solution.end_multipliers))
         low, high = self.problem.duration
         return multipliers | ({"duration": float(np.mean(self.solution.hamiltonian))} if low == high else {})
 
@@ -111,7 +111,7 @@ class Plan:
         """σ on each interval of the mesh: the controls integrated, so that no derivative contradicts another."""
         trajectory, problem = self.solution.trajectory, self.problem
         h = np.diff(trajectory.breaks)
-        first = dict(zip(problem.states, trajectory.knots[:, 0], strict=True))
+        first = by_name(problem.states, trajectory.knots[:, 0])
         polynomials = {}
         for i, name in enumerate(problem.moves):
             nodes = trajectory.controls[i].reshape(-1, DEGREE)

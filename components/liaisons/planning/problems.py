@@ -26,7 +26,7 @@ import numpy as np
 from liaisons.errors import PlanError, suggestion
 from liaisons.language import Orientation
 from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, sized
-from liaisons.planning.goals import Array, Goal, is_expression, motion_names, unit_quaternion
+from liaisons.planning.goals import Array, Goal, by_name, is_expression, motion_names, unit_quaternion
 from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols, middle
 
 
@@ -109,7 +109,7 @@ class Problem:
     def relative(self) -> Problem:
         """The same problem in units of its scales, so that no number in it depends on units."""
         scales, X, U = self.scales, self.scales.states, self.scales.controls
-        sizes, shape = dict(zip(self.states, X, strict=True)), U * scales.time**self.order
+        sizes, shape = by_name(self.states, X), U * scales.time**self.order
         low, high = self.duration
         return replace(
             self,
@@ -264,8 +264,8 @@ def _initial_values(symbols: GoalSymbols, states: list[_State], start: list[Row]
     """A number for each state at the start."""
     values = {state.name: 0.0 for state in states}
     first = symbols.evaluate(symbols.initial_state, 0.0).ravel()
-    values |= dict(zip(symbols.state_names, map(float, first), strict=True))
-    values |= dict(zip(symbols.goal.moves, map(float, symbols.initial_sigma), strict=True))
+    values |= by_name(symbols.state_names, map(float, first))
+    values |= by_name(symbols.goal.moves, map(float, symbols.initial_sigma))
     return values | {r.label: r.low for r in start if r.low == r.high and r.expression.is_symbolic()}
 
 
@@ -277,7 +277,7 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
         if isinstance(given, Mapping) and given.get(name) is not None and set(axes) <= set(initial):
             goal = unit_quaternion(f"{symbols.name}: {name}", given[name])
             sign = -1.0 if goal @ [initial[axis] for axis in axes] < 0 else 1.0
-            terminal |= dict(zip(axes, sign * goal, strict=True))
+            terminal |= by_name(axes, sign * goal)
     return terminal
 
 
@@ -378,7 +378,7 @@ def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, 
     values = {name: value for name, value in symbols.goal.values.items() if name != "n"}
 
     def starts(X: Array, U: Array) -> dict[str, float]:
-        numbers = dict(zip(symbols.signals, np.array(signals(X, U)).ravel(), strict=True))
+        numbers = by_name(symbols.signals, np.array(signals(X, U)).ravel())
         return values | {parameter: float(numbers[name]) for name, parameter in symbols.start_parameters.items()}
 
     return starts

@@ -23,6 +23,7 @@ from liaisons.planning.goals import (
     Array,
     Goal,
     Readings,
+    by_name,
     chain_size,
     elements,
     is_expression,
@@ -102,7 +103,7 @@ class GoalSymbols:
         memory = ca.DM.zeros(len(self.model.memory), 1)
         z = ca.vertsplit(self.model.outputs_function(*self._arguments, memory))
         signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
-        signals |= dict(zip(self.state_names, ca.vertsplit(self.state), strict=True))
+        signals |= by_name(self.state_names, ca.vertsplit(self.state))
         values = {**self.inputs, **self.moved, **self.parameters}
         return Readings(self.name, signals | {name: ca.SX(value) for name, value in values.items()})
 
