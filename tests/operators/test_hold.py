@@ -182,6 +182,7 @@ def test_wheels_take_the_momentum_that_a_torque_leaves() -> None:
         ("Pendulum", {"at": {"theta": np.nan}}, "at: theta = nan: finite numbers only"),
         ("Pendulum", {"at": {"theta": "up"}}, "at: theta = 'up': give numbers"),
         ("Satellite", {"at": {"attitude": (0, 0, 0, 0)}}, r"attitude = \(0, 0, 0, 0\): give four numbers, not all 0"),
+        ("Pendulum", {"effort": 0.0}, r"^effort = 0(\.0)?: .*> 0"),
         ("Pendulum", {"weights": {"theta": -1}}, "weight of theta = -1: must be >= 0"),
         ("Pendulum", {"at": None}, "hold keeps an equilibrium or a plan: give a mechanism and at="),
         ("Pendulum", {"moves": "theta"}, "is no active coordinate"),

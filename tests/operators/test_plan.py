@@ -186,6 +186,7 @@ def test_a_shape_whose_coordinates_are_singular_is_named() -> None:
         ((1.0, 1.0), 50.0, (1,), False),  # no solution is near on one side
         ((1.0, 1.0), 50.0, (-1,), False),
         ((1.0, 1.0), 50.0, (1, -1), False),  # nor at the first end on either, but at the next ones
+        ((1.0, 1.0), 50.0, (1, -1, 3, -2), False),  # of which one is enough
         ((1.0, 0.5), 50.0, (), True),
         ((0.5, 1.0), 50.0, (), True),
         ((0.5, 0.5), 50.0, (), None),
@@ -224,6 +225,10 @@ def test_nothing_to_do_costs_nothing() -> None:
     )
     assert motion.cost == pytest.approx(0, abs=1e-20)
     verified(motion)
+    start = {"theta": 0, "theta_dot": 0.5, "pivot_x": 0, "pivot_x_dot": 0.2}
+    swinging = plan("Pendulum", "pivot_x", start=start, minimize="pivot_x_ddot**2", duration=1, end={"theta": 0})
+    first = dict(zip(swinging.problem.states, swinging.solution.trajectory.knots[:, 0], strict=True))
+    assert first["p_theta"] == pytest.approx(0.5 + 0.2, abs=1e-9)  # m l² θ' + m l x' cos θ
 
 
 REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
@@ -351,7 +356,7 @@ def test_an_interrupt_keeps_the_best_so_far() -> None:
 
 def test_least_effort_of_a_sphere_is_that_of_a_cubic() -> None:
     """∫ λ² dt of J' = J - J_w from rest to rest: 12 J'² θ²/T³."""
-    end = {"attitude": (0, 0, 0, 1)} | {f"wheel_{k}_dot": 0 for k in (1, 2, 3)}
+    end: dict[str, Any] = {f"wheel_{k}_dot": 0 for k in (1, 2, 3)} | {"attitude": (0, 0, 0, 1)}
     sphere: dict[str, Any] = {"J_xx": 1.1, "J_yy": 1.1, "J_zz": 1.1, "J_wheel": 0.1}
     motion = plan("Satellite", end=end, duration=2.0, minimize="effort", intervals=10, **sphere)
     assert motion.cost == pytest.approx(12 * np.pi**2 / 2**3, rel=1e-9)
