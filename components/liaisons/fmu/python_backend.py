@@ -1,4 +1,4 @@
-"""Python FMU: a component through pythonfmu, stepped by CasADi's integrators at run time.
+"""Python FMU: a component through pythonfmu, stepped by CasADi functions at run time.
 
 Contents of the archive beside modelDescription.xml and documentation::
 
@@ -23,11 +23,11 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
 
-from liaisons.fmu.dependencies import coupled
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import mismatch_index
+from liaisons.fmu.python_functions import bounds, step_functions
 from liaisons.language import Variable
 from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
@@ -60,30 +60,37 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
 
 
 def _component(model: Model, guid: str) -> bytes:
-    """The table that ``python_runtime.table`` reads."""
+    """The table that ``python_runtime.component`` reads."""
     names = [variable.name for variable in model.inputs]
-    functions = {name.removesuffix("_function"): getattr(model, name) for name in SIGNATURES}
+    active = [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active]
+    own = {name: getattr(model, "outputs_function" if name == "outputs" else name) for name in _FUNCTIONS}
+    functions = {name: function for name, function in own.items() if function is not None}
+    functions |= step_functions(model, active)
     document = {
-        "name": model.name,
         "guid": guid,
         "tolerance": model.experiment.tolerance,
         **{group: list(map(_entry, getattr(model, group))) for group in ("parameters", "inputs", "outputs", "drawn")},
         "sizes": [[size.name, size.count] for size in model.dimensions],
-        "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
+        "active": active,
         "mismatches": [mismatch_index(model, s) for s in model.active],
         "jumps": jump_table(model),
-        "coupled": coupled(model),
         "condition_texts": model.condition_texts,
-        "start_only": model.start_only,
-        "functions": {name: function.serialize() for name, function in functions.items() if function is not None},
+        "lasting": len(model.condition_texts) - model.start_only,
+        "functions": {name: function.serialize() for name, function in functions.items()},
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()
 
 
 def _entry(variable: Variable) -> dict[str, Any]:
-    members = ("name", "causality", "variability", "start", "minimum", "maximum", "strict")
-    bounded = variable.minimum is not None or variable.maximum is not None
-    return {name: getattr(variable, name) for name in members} | {"domain": variable.domain() if bounded else ""}
+    low, high = bounds(variable)
+    return {
+        "name": variable.name,
+        "start": variable.start or 0.0,
+        "low": low,
+        "high": high,
+        "domain": variable.domain() or "finite",
+        "fixed": variable.variability == "fixed",
+    }
 
 
 def _runtime() -> dict[str, bytes]:

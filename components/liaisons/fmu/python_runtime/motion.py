@@ -1,4 +1,4 @@
-"""Motion through one communication step [t, t + H]: input polynomials and CasADi's integrators.
+"""Motion of one instance through communication steps [t, t + H].
 
 Inside a step every input is a polynomial in τ = (t' − t)/H, by ``input_reconstruction``:
 
@@ -7,254 +7,317 @@ Inside a step every input is a polynomial in τ = (t' − t)/H, by ``input_recon
 1 extrapolate      Taylor polynomial of σ from the values at t; other inputs constant
 2 interpolate      quintic Hermite polynomial of σ between the values at t and at t + H; other inputs linear
 =================  ==========================================================================================
+
+The motion follows σ by its rate, up to ``followed`` at the end of a step.  The difference to σ at the next communication
+point is a jump, as in ``prescribed.c``.  Interpolation reaches σ, unless a polynomial through both ends would have to
+move much faster than σ̇ and σ̈ there: such a step is extrapolated, too, and σ jumps at its end.
 """
 
 from __future__ import annotations
 
 import math
-from array import array
-from collections.abc import Iterable
-from functools import lru_cache, reduce
+from collections.abc import Iterator
 
-import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from .calls import Array, Call, view
-from .table import Table, violation
-from .vectors import Vectors
+from .calls import Array, Call
+from .component import Component, violation
 
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 TIGHTEST, LOOSEST = 1e-14, 1e-2  # tolerances are kept between these
-_MOST_STEPS = 100_000
+ARRAYS = ("t", "k", "given", "u", "y", "m", "past", "size")  # the members that a saved state holds
 
 # Error of an internal step: this part of the importer's tolerance, so that hundreds of periods stay near it, and not
 # less than rounding allows.
-PART, LEAST = 0.02, 1e-14
+_PART, _LEAST = 0.02, 1e-14
+_MOST_STEPS, _SMALLEST = 100_000, 1e-13  # internal steps in an interval; smallest one relative to it
+_SHRINK, _GROW, _SAFETY = 0.2, 6.0, 0.85  # factors of the step size: limits, and what keeps most from rejection
+
+_JUMPS, _MIXES = 1, 2  # in the table of jumps: one moves states; rates of both are factors in those of the states
+_ROUNDING = 1e-14  # jumps below this part of σ are rounding errors
+_VALUE, _RATE = 1e-6, 1e-3  # tolerance of the source: parts of σ, and of the distance by its rate
+_FAR = 5.0  # a difference so many times the distance by rate and acceleration is a jump
 
 
-class Events:
-    """Instants at which a component is not smooth.
+class StepRefusedError(Exception):
+    """No step is possible; the message says why."""
 
-    :param events: (k,) → (times,), or (k, t) → (times,).
-    :param k: parameters, an array that the caller shares.
+
+class Motion:
+    """Numbers of one instance, named as in the functions of the component.
+
+    :ivar values: all Real variables by value reference: k, given (inputs as set by the importer), z, drawn; those below
+        the first parameter belong to none.
+    :ivar moving: everything that a step changes: t, y, u (inputs at the present time), m, past.
+    :ivar past: H, u and ``followed`` of the last step, H = 0 if there was none; then the distances and the time of the
+        last comparison of σ with its rates.
+    :ivar size: nominal values of y, which the tolerance is relative to.
+    :ivar jumped: whether parameters or inputs were set since the last step, so that the energy may have jumped.
     """
 
-    def __init__(self, events: ca.Function, k: Array) -> None:
-        self._t, self._instants = np.zeros(1), np.zeros(events.numel_out(0))
-        self._call = Call(events, (k, self._t)[: events.n_in()], (self._instants,))
-        self.any = bool(self._instants.size)
+    def __init__(self, component: Component) -> None:
+        f, inputs, active = component.functions, len(component.inputs), component.active.shape[1]
+        states, memory = f["start"].numel_out(0), f["start"].numel_out(1)
+        first, zeros = 1 + len(component.sizes), np.zeros
+        self.mode, self.tolerance, self.jumped = EXTRAPOLATE, component.tolerance, False
+        self.values = np.array([math.nan] * first + [entry.start for entry in component.variables])
+        _, self.k, self.given, self.z, self.drawn = _parts(
+            self.values, first, len(component.parameters), inputs, len(component.outputs)
+        )
+        self.moving = zeros(1 + states + inputs + memory + 1 + inputs + 2 * active + 1)
+        self.t, self.y, self.u, self.m, self.past = _parts(self.moving, 1, states, inputs, memory)
+        self._past_H, self._past_u, self._followed, self._went, self._compared_at = _parts(
+            self.past, 1, inputs, active, active
+        )
+        self.size = np.ones(states)
+        self._component, self._warned = component, set[int]()
+        self._measured = component.mismatches >= 0
+        self._mode, self._H, self._tau, self._after = zeros(1), zeros(1), zeros(1), zeros(1)
+        self._instants, self._coefficients = zeros(f["events"].numel_out(0)), zeros(f["polynomials"].numel_out(0))
+        self._s, self._h, self._span, self._error, self._y_next = zeros(1), zeros(1), zeros(4), zeros(1), zeros(states)
+        self._jump, moved = zeros(active), f["jump_along"].numel_out(0) if "jump_along" in f else 0
+        self._y_moved, self._y_moved_next = zeros(moved), zeros(moved)
+        point, step = (self.t, self.y, self.u, self.k), (self._s, self._h)
+        jump = (self._y_moved, self.size[:moved], *point, self._jump, self._followed)
+        arrays = {
+            "start": ((self.t, self.u, self.k), (self.y, self.m)),
+            "nominals": (point, (self.size,)),
+            "outputs": ((*point, self.m), (self.z,)),
+            "draw": (point, (self.drawn,)),
+            "jump": ((*point, self.m), (self.y,)),
+            "remember": ((*point, self.m), (self.m,)),
+            "project": (point, (self.y,)),
+            "events": ((self.k, self._after)[: f["events"].n_in()], (self._instants,)),
+            "polynomials": ((self._mode, self._H, self.u, self.given), (self._coefficients,)),
+            "inputs": ((self._tau, self._coefficients), (self.u,)),
+            "advance": (
+                (*step, self.y, self.size, self._span, self._coefficients, self.k),
+                (self._y_next, self._error),
+            ),
+            "jump_along": ((*step, *jump), (self._y_moved_next, self._error)),
+        }
+        self._calls = {name: Call(f[name], *bound) for name, bound in arrays.items() if name in f}
 
-    def after(self, t: float) -> float:
-        """The first one after t [s]; inf if there is none."""
-        if not self.any:
-            return math.inf
-        self._t[0] = t
-        self._call.run()
+    def run(self, name: str) -> None:
+        """Run a function of the component, unless it has none of this name."""
+        if name in self._calls:
+            self._calls[name].run()
+
+    def start(self) -> None:
+        """Calculate state and memory from parameters and inputs."""
+        self.u[:] = self.given
+        self.run("start")
+
+    def initialize(self) -> str:
+        """Start at t; returns what forbids that, or an empty text."""
+        self.start()
+        self.run("nominals")
+        self.size[~((self.size > 0) & np.isfinite(self.size))] = 1.0
+        self._follow(0.0, self.u)
+        component, t = self._component, float(self.t[0])
+        if problem := violation(component.parameters, self.k, t) or violation(component.inputs, self.given, t):
+            return problem
+        if not np.isfinite(self.y).all():
+            return "the initial state is not finite"
+        conditions = len(component.condition_texts)
+        failed = component.failed_condition(t, self.y, self.u, self.k, 0.0, conditions)
+        if failed or not np.isfinite(self.m).all():
+            return failed or "the initial energy is not finite"
+        return self._overflow(t) if t else ""
+
+    def _overflow(self, t: float) -> str:
+        """The output that is not finite at this start time, if it is at 0: functions of time overflow at 1e300."""
+        self.run("outputs")
+        z, self.t[0] = self.z.copy(), 0.0
+        self.run("outputs")
+        self.t[0] = t
+        for entry, value in zip(self._component.outputs, z.tolist(), strict=True):
+            if not math.isfinite(value) and np.isfinite(self.z).all():
+                return f"{entry.name} = {value:g} at t = {t:.9g}: it must be finite"
+        return ""
+
+    def take_inputs(self) -> None:
+        """Make the given inputs those of the present time, unless they are interpolated."""
+        if self.mode != INTERPOLATE and self.u.tobytes() != self.given.tobytes():
+            self.u[:] = self.given
+            self.jumped = True
+
+    def step(self, H: float) -> None:
+        """Advance by a communication step of size H [s].
+
+        :raises StepRefusedError: if the motion does not reach its end; numbers in ``moving`` are then undefined.
+        """
+        self.take_inputs()
+        leaps, given = self._compare(H), self.given.copy()
+        if self.jumped:
+            self._book_jump()
+        if leaps.any():
+            if problem := violation(self._component.inputs, given, float(self.t[0]) + H):
+                raise StepRefusedError(problem)
+            value, rate, acceleration = self.u[self._component.active]
+            ends = value + H * rate + H**2 * acceleration / 2, rate + H * acceleration, acceleration
+            self.given[self._component.active] = np.where(leaps, ends, given[self._component.active])
+        try:
+            self._advance(H)
+        finally:
+            self.given[:] = given
+        self.run("project")  # back onto constraints and unit quaternions
+        self.run("remember")
+        if leaps.any():
+            self._follow(0.0, self.u)
+            self.u[:] = given
+            self._book_jump()
+            self.run("remember")
+        self.jumped = False
+
+    def _advance(self, H: float) -> None:
+        """Integrate from event to event, with inputs by their polynomials."""
+        t, u, begin = float(self.t[0]), self.u.copy(), 0.0
+        self._mode[0], self._H[0], earliest = self.mode, H, t
+        self.run("polynomials")
+        while begin < H:
+            instant = self._next_instant(earliest)
+            end = min(instant - t, H)
+            self._span[:] = t, H, earliest, math.nextafter(instant, t)
+            if self.y.size:
+                reached = self._integrate("advance", self.y, self._y_next, begin, end)
+                if reached < end:
+                    raise StepRefusedError(self._obstacle(reached, H))
+            begin, earliest = end, instant
+        self._set_inputs(1.0)
+        if self.mode == INTERPOLATE:
+            self.u[:] = self.given  # the polynomials have rounding errors
+        self._follow(H, u)
+        rounding = 1e-12 * (1 + abs(t + H))  # by which an end may miss an instant: 3 * 0.3 is not 0.9
+        instant = self._next_instant(t + H - rounding)
+        self.t[0] = instant if instant <= t + H + rounding else t + H
+
+    def _integrate(self, name: str, y: Array, y_next: Array, begin: float, end: float) -> float:
+        """Advance y from begin to end, with error control; returns how far it came."""
+        allowed = max(_PART * self.tolerance, _LEAST)
+        s, rest = begin, end - begin
+        h = rest
+        for _ in range(_MOST_STEPS):
+            self._s[0], self._h[0] = s, h
+            self.run(name)
+            error = float(self._error[0]) / allowed
+            if error <= 1:
+                y[:] = y_next
+                s, rest = s + h, rest - h
+                if rest == 0:
+                    return end
+            elif h < _SMALLEST * (end - begin):
+                break
+            # The error is of order 5; where it is not a number the step shrinks.
+            h = min(rest, h * min(_GROW, max(_SHRINK, _SAFETY * (error + 1e-9) ** -0.2)))
+        return s
+
+    def _obstacle(self, elapsed: float, H: float) -> str:
+        """Why the motion ends, so many seconds after the start of the step."""
+        component, t, h = self._component, float(self.t[0]), float(self._h[0])
+        ahead = min(elapsed + h / _SHRINK, H)  # as far as the stages of the last step but one
+        self._set_inputs(ahead / H)
+        if problem := violation(component.inputs, self.u, t + ahead):
+            return problem
+        if h > H * _SMALLEST:
+            return f"more than {_MOST_STEPS} internal steps are needed: choose a smaller step"
+        self._set_inputs(elapsed / H)
+        # Conditions are distances from a singularity, of order 1 elsewhere.
+        condition = component.failed_condition(t + elapsed, self.y, self.u, self.k, 1e-3, component.lasting)
+        return condition or f"no step from t = {t + elapsed:.9g} is small enough for the tolerance {self.tolerance:g}"
+
+    def _set_inputs(self, tau: float) -> None:
+        """Evaluate the polynomials of the inputs."""
+        self._tau[0] = tau
+        self.run("inputs")
+
+    def _next_instant(self, t: float) -> float:
+        """The first instant after t [s] at which the component is not smooth; inf if there is none."""
+        self._after[0] = t
+        self.run("events")
         return min((instant for instant in self._instants.tolist() if instant > t), default=math.inf)
 
+    # ---- prescribed coordinates -------------------------------------------------------------------------------
 
-class Step:
-    """One communication step of one instance.
+    def _follow(self, H: float, u: Array) -> None:
+        """Note the end of a step of size H, which began with the inputs u."""
+        value, rate, _ = self._component.active
+        self._past_H[0], self._past_u[:] = H, u
+        self._followed[:] = u[value] + H * u[rate] if self.mode == HOLD else self.u[value]
 
-    :param mode: input_reconstruction.
-    :param tolerance: of the importer.
-    :param vectors: of the instance; inputs are given at t or (interpolate) at t + H.
-    :ivar next: (t, y, u) at the end, of which :meth:`advance` sets y and u.
-    """
+    def _compare(self, H: float) -> NDArray[np.bool_]:
+        """Measure the mismatch of σ and its rates over the last step, or over the next one if inputs are interpolated.
 
-    def __init__(self, table: Table, mode: int, tolerance: float, vectors: Vectors) -> None:
-        self.mode, self.tolerance = mode, tolerance
-        self._table, self._vectors = table, vectors
-        v, states = vectors, vectors.y.size
-        end = np.zeros(v.now.size)
-        self.next = view(end)
-        _, self._y_next, self._u_next = np.split(end, [1, 1 + states])
-        self._tau = np.ones(1)
-        inputs, coefficients = _reconstruction(table, mode)
-        self._inputs = Call(inputs, (self._tau, v.H, v.u, v.given), (self._u_next,))
-        if not states:
-            return
-        largest = max(PART * tolerance, LEAST)
-        short, long = _integrators(table, mode, largest)
-        error = np.ones(1)
-        self._error, self._largest_error = view(error), largest**2
-        self._short = Call(short, (v.t, v.H, v.y, v.u, v.given, v.k, v.size), (self._y_next, self._u_next, error))
-        p, self._x, self._x_next = np.zeros(long.numel_in("p")), np.zeros(states), np.zeros(states)
-        span, c, self._p_k, self._p_size = np.split(p, np.cumsum([6, coefficients.numel_out(0), v.k.size]))
-        self._span = view(span)
-        self._coefficients = Call(coefficients, (v.H, v.u, v.given), (c,))
-        self._long = Call(long, (self._x, np.zeros(0), p), (self._x_next,))
-        self._events = Events(table.functions["events"], v.k)
+        :returns: whether each σ jumps at the end of the next step instead of being interpolated.
+        """
+        active, t = self._component.active, float(self.t[0])
+        leaps = np.zeros(active.shape[1], dtype=bool)
+        if not active.size or self.mode == HOLD:
+            return leaps
+        if self.mode == INTERPOLATE:
+            before, after = self.u[active], self.given[active]
+            followed, time = before[0] + H * (before[1] + H * before[2] / 2), t + H
+        else:
+            before, after, followed, H, time = self._past_u[active], self.u[active], self._followed, self._past_H[0], t
+        difference = after[0] - followed
+        largest, change = np.maximum(abs(before), abs(after)), abs(after - before)
+        went = H * (largest[1] + H * largest[2] / 2)
+        # A rate that jumps inside the step moves σ by up to H times the jump, an acceleration by up to half of H².
+        explained = H * (change[1] + H * change[2] / 2) + _RATE * went + _VALUE * largest[0] + math.ulp(1.0)
+        mismatch = np.where((abs(difference) > explained) & (H > 0), difference, 0.0)
+        self.m[self._component.mismatches[self._measured]] = mismatch[self._measured]
+        self._went[:], self._compared_at[:] = went, time
+        return abs(difference) > _FAR * went if self.mode == INTERPOLATE else leaps
 
-    def advance(self) -> str:
-        """Compute y and u at t + H; returns what made that fail, and when, or an empty text."""
-        if not self._vectors.size.size:
-            self._inputs.run()
-            return ""
-        self._short.run()
-        smooth = not self._events.any
-        done = (smooth and self._error[0] <= self._largest_error) or self._integrate(1.0)
-        return "" if done else self._obstacle()
+    def _book_jump(self) -> None:
+        """Move states along with jumps of σ, and book the work of the jump."""
+        if self._component.jumps.any() and self._find_jumps():
+            self._y_moved[:] = self.y[: self._y_moved.size]
+            # Through a singularity there is no limit.
+            if self._integrate("jump_along", self._y_moved, self._y_moved_next, 0.0, 1.0) == 1:
+                self.y[: self._y_moved.size] = self._y_moved
+        self.run("jump")
 
-    def _integrate(self, fraction: float) -> bool:
-        """Integrate over a fraction of the step, from event to event, with error control."""
-        v = self._vectors
-        t, H = float(v.t[0]), float(v.H[0])
-        events = [self._events.after(t)]
-        while events[-1] <= t + fraction * H:
-            events.append(self._events.after(events[-1]))
-        self._coefficients.run()
-        self._p_k[:], self._p_size[:], self._x[:] = v.k, v.size, v.y / v.size
-        begin, earliest = 0.0, t
-        for instant in events:
-            end = min(instant - t, fraction * H)
-            span = (t, H, begin, end - begin, earliest, math.nextafter(instant, t))
-            self._span[:] = array("d", span)
-            self._long.run()
-            if not self._long.succeeded:
-                return False
-            begin, earliest, self._x[:] = end, instant, self._x_next
-        self._y_next[:] = self._x * v.size
-        return bool(np.isfinite(self._y_next).all())
+    def _find_jumps(self) -> bool:
+        """Set how far each σ jumps; returns whether that moves states by a limit."""
+        values, rates, _ = self._component.active
+        value, followed = self.u[values], self._followed
+        rounding = _ROUNDING * np.maximum(abs(value), abs(followed))
+        stays = (value == self._past_u[values]) | (abs(value - followed) <= rounding)
+        self._jump[:] = np.where(stays, 0.0, value - followed)
+        moves, mixed = self._component.jumps & _JUMPS, (self._component.jumps & _MIXES)[~stays]
+        return not mixed[:, ~stays].any() and bool(moves[~stays].any() or mixed[:, self.u[rates] != 0].any())
 
-    def _obstacle(self) -> str:
-        """Why :meth:`_integrate` fails, and when."""
-        t, H = self._vectors.t[0], self._vectors.H[0]
-        for fraction in np.linspace(0.0, 1.0, 1025):
-            self._tau[0] = fraction
-            self._inputs.run()
-            if problem := violation(self._table.inputs, self._u_next, t + fraction * H):
-                return problem
-        if self._long.internal_steps >= _MOST_STEPS:
-            return f"more than {_MOST_STEPS} internal steps are needed: choose a smaller step"
-        return self._singularity()
-
-    def _singularity(self) -> str:
-        """Where the motion ends, by bisection, and the condition that is about to fail there."""
-        v = self._vectors
-        reached, failed, y = 0.0, 1.0, v.y.copy()
-        for _ in range(20):
-            middle = (reached + failed) / 2
-            if self._integrate(middle):
-                reached, y = middle, self._y_next.copy()
+    def warnings(self) -> Iterator[str]:
+        """Mismatches before the present step, once for each coordinate."""
+        component = self._component
+        for i in np.flatnonzero(self._measured).tolist():
+            mismatch = self.m[component.mismatches[i]]
+            if mismatch == 0 or i in self._warned:
+                continue
+            self._warned.add(i)
+            value, rate, acceleration = (component.inputs[index].name for index in component.active[:, i])
+            when = f"{self._compared_at[0]:.9g}"
+            if abs(mismatch) > _FAR * self._went[i]:
+                yield (
+                    f"{value} jumps by {mismatch:.6g} at t = {when}, of which {rate} and {acceleration} say nothing: "
+                    + self._treatment(i)
+                )
             else:
-                failed = middle
-        self._tau[0] = reached
-        self._inputs.run()
-        t = v.t[0] + reached * v.H[0]
-        # Conditions are distances from a singularity, of order 1 elsewhere.
-        condition = self._table.failed_condition(t, y, self._u_next, v.k, 1e-3)
-        return condition or f"no step from t = {t:.9g} is small enough for the tolerance {self.tolerance:g}"
+                yield (
+                    f"{value}, {rate} and {acceleration} contradict each other: at t = {when}, after a step, "
+                    f"{value} is off by {mismatch:.6g} from what they said"
+                )
+
+    def _treatment(self, i: int) -> str:
+        if self._component.jumps.any() and not self._component.jumps[i, i] & _MIXES:
+            return "it is taken as the limit of an ever faster motion"
+        if "project" in self._calls:
+            return "the state is put back onto the constraints"
+        return "coordinates and momenta stay as they are"
 
 
-@lru_cache(maxsize=64)
-def _reconstruction(table: Table, mode: int) -> tuple[ca.Function, ca.Function]:
-    """Inputs inside a step, (τ, H, u at t, given) → (u,), and the coefficients of their polynomials."""
-    tau, H = ca.SX.sym("tau"), ca.SX.sym("H")
-    u_0, u_1 = (ca.SX.sym(name, len(table.inputs)) for name in ("u_0", "u_1"))
-    rows = _polynomials(table, mode, H, u_0, u_1)
-    # At τ = 1 the polynomials have rounding errors.
-    u = ca.if_else(tau == 1, u_1, _evaluate(rows, tau)) if mode == INTERPOLATE else _evaluate(rows, tau)
-    return (
-        ca.Function("inputs", [tau, H, u_0, u_1], [u]),
-        ca.Function("coefficients", [H, u_0, u_1], [ca.densify(_column(c for row in rows for c in row))]),
-    )
-
-
-@lru_cache(maxsize=64)
-def _integrators(table: Table, mode: int, tolerance: float) -> tuple[ca.Function, ca.Function]:
-    """CasADi's integrators over one step.
-
-    ``short`` (t, H, y, u_0, u_1, k, n) → (y, u, squared error / (n + abs(y))²) is the classical Runge-Kutta method
-    over one element and over two: their difference is the error, of order 5, and is taken off the better one.
-    ``long`` (y/n, z, (t, H, begin, width, earliest, latest, c, k, n)) → (y/n,) is the adaptive pair of order 5(4)
-    from t + begin on; time is kept between the earliest and the latest, that is on one side of an event.  A call of
-    it costs several times as much, so it does what ``short`` cannot.
-    """
-    f, conditions = table.functions["derivatives"], table.functions["conditions"]
-    y, u_0, u_1, k = (ca.SX.sym(name, f.size1_in(i)) for name, i in (("y", 1), ("u_0", 2), ("u_1", 2), ("k", 3)))
-    n, x = ca.SX.sym("n", y.numel()), ca.SX.sym("x", y.numel())
-    t, H, tau = (ca.SX.sym(name) for name in ("t", "H", "tau"))
-    inputs, coefficients = _reconstruction(table, mode)
-    c = ca.SX.sym("c", coefficients.numel_out(0))
-    rows = _split(c, _polynomials(table, mode, H, u_0, u_1))
-
-    def derivatives(time: ca.SX, tau: ca.SX, y: ca.SX) -> ca.SX:
-        """dy/dt; NaN where an input or a condition is out of bounds, which the integrators take as a failure."""
-        u = _evaluate(rows, tau)
-        valid = ca.vertsplit(conditions(time, y, u, k)[: table.lasting, 0] > 0)
-        for entry, value in zip(table.inputs, ca.vertsplit(u), strict=True):
-            valid += [margin > 0 if entry.strict else margin >= 0 for margin in entry.margins(value)]
-        trap = ca.if_else(reduce(ca.logic_and, valid), 0, math.nan) if valid else 0
-        return f(time, y, u, k) + trap
-
-    def runge_kutta(elements: int) -> ca.SX:
-        rates = H * derivatives(t + tau * H, tau, y)
-        problem = {"x": y, "t": tau, "p": ca.vertcat(t, H, c, k), "ode": rates}
-        options = {"number_of_finite_elements": elements, "simplify": True}
-        p = ca.vertcat(t, H, coefficients(H, u_0, u_1), k)
-        return ca.integrator("short", "rk", problem, 0, 1, options)(x0=y, p=p)["xf"]
-
-    coarse, fine = runge_kutta(1), runge_kutta(2)
-    error = (fine - coarse) / 15
-    results = [fine + error, inputs(1, H, u_0, u_1), ca.sumsqr(error / (n + ca.fabs(fine)))]
-
-    begin, width, earliest, latest, s = (ca.SX.sym(name) for name in ("begin", "width", "earliest", "latest", "s"))
-    elapsed = begin + s * width
-    time = ca.fmax(earliest, ca.fmin(latest, t + elapsed))
-    problem = {
-        "x": x,
-        "t": s,
-        "p": ca.vertcat(t, H, begin, width, earliest, latest, c, k, n),
-        "ode": width * derivatives(time, elapsed / H, n * x) / n,
-    }
-    options = {
-        "abstol": tolerance,
-        "reltol": tolerance,
-        "step0": 1.0,  # try the whole step first: estimating the first step costs as much as rejecting it
-        "max_num_steps": _MOST_STEPS,
-        "show_eval_warnings": False,
-    }
-    return (
-        ca.Function("short", [t, H, y, u_0, u_1, k, n], ca.cse(results)),
-        ca.integrator("long", "erk", problem, 0, 1, options),
-    )
-
-
-def _polynomials(table: Table, mode: int, H: ca.SX, u_0: ca.SX, u_1: ca.SX) -> list[list[ca.SX]]:
-    """Coefficients in τ of every input, lowest first."""
-    start, end = ca.vertsplit(u_0), ca.vertsplit(u_1)
-    rows = [[a, b - a] if mode == INTERPOLATE else [a] for a, b in zip(start, end, strict=True)]
-    for s, s_dot, s_ddot in table.active if mode != HOLD else ():
-        row = [start[s], H * start[s_dot], H**2 * start[s_ddot] / 2]
-        if mode == INTERPOLATE:
-            # What the parabola from t misses at t + H: value, rate, acceleration.
-            a = end[s] - sum(row)
-            b = H * end[s_dot] - row[1] - 2 * row[2]
-            c = H**2 * end[s_ddot] - 2 * row[2]
-            row += [10 * a - 4 * b + c / 2, -15 * a + 7 * b - c, 6 * a - 3 * b + c / 2]
-        rows[s] = row
-        rows[s_dot] = _derivative(row, H)
-        rows[s_ddot] = _derivative(rows[s_dot], H)
-    return rows
-
-
-def _derivative(row: list[ca.SX], H: ca.SX) -> list[ca.SX]:
-    """Coefficients of the derivative with respect to t' = t + τ H."""
-    return [i * coefficient / H for i, coefficient in enumerate(row)][1:]
-
-
-def _split(c: ca.SX, rows: list[list[ca.SX]]) -> list[list[ca.SX]]:
-    """The entries of c in the pattern of the rows."""
-    entries = iter(ca.vertsplit(c))
-    return [[next(entries) for _ in row] for row in rows]
-
-
-def _evaluate(rows: list[list[ca.SX]], tau: ca.SX) -> ca.SX:
-    """All polynomials at τ."""
-    return _column(reduce(lambda value, coefficient: value * tau + coefficient, reversed(row)) for row in rows)
-
-
-def _column(expressions: Iterable[ca.SX]) -> ca.SX:
-    rows = list(expressions)
-    return ca.vertcat(*rows) if rows else ca.SX(0, 1)
+def _parts(array: Array, *sizes: int) -> list[Array]:
+    """Views of consecutive parts; the last one is the rest."""
+    return np.split(array, np.cumsum(sizes))
