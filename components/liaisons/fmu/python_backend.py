@@ -21,21 +21,20 @@ import hashlib
 import json
 from importlib import metadata, resources
 from pathlib import Path
-from typing import Any
 
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
-from liaisons.fmu.jumps import jump_table
+from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import mismatch_index
-from liaisons.fmu.python_functions import bounds, step_functions
-from liaisons.language import Variable
-from liaisons.mechanics.functions import SIGNATURES
+from liaisons.fmu.python_functions import FAR, bounds, functions, initial_numbers
 from liaisons.mechanics.model import Model
 
 _DEPENDENCIES = b"""\
 Python 3.11 or later with the packages of resources/requirements.txt.  Inside a Python process that interpreter is used;
 another host loads one beforehand, on Linux: LD_PRELOAD=libpython3.11.so, and PYTHONPATH with the packages.
 """
+_LIMIT = "it is taken as the limit of an ever faster motion"
+_PROJECTED = "the state is put back onto the constraints"
 _BINARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 # The module that pythonfmu's wrapper imports once and executes at each instantiation.  The wrapper (0.7.0) releases
@@ -63,34 +62,31 @@ def _component(model: Model, guid: str) -> bytes:
     """The table that ``python_runtime.component`` reads."""
     names = [variable.name for variable in model.inputs]
     active = [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active]
-    own = {name: getattr(model, "outputs_function" if name == "outputs" else name) for name in _FUNCTIONS}
-    functions = {name: function for name, function in own.items() if function is not None}
-    functions |= step_functions(model, active)
+    mismatches = [mismatch_index(model, s) for s in model.active]
+    settable = model.parameters + model.inputs
     document = {
         "guid": guid,
-        "tolerance": model.experiment.tolerance,
-        **{group: list(map(_entry, getattr(model, group))) for group in ("parameters", "inputs", "outputs", "drawn")},
-        "sizes": [[size.name, size.count] for size in model.dimensions],
+        "names": [item.name for item in (*model.dimensions, *model.variables)] + ["input_reconstruction"],
+        "sizes": [size.count for size in model.dimensions],
+        "domains": [(*bounds(variable), variable.domain() or "finite") for variable in settable],
+        "fixed": [variable.variability == "fixed" for variable in settable],
         "active": active,
-        "mismatches": [mismatch_index(model, s) for s in model.active],
-        "jumps": jump_table(model),
+        "mismatches": mismatches,
+        "treatments": _treatments(model),
+        "far": FAR,
         "condition_texts": model.condition_texts,
         "lasting": len(model.condition_texts) - model.start_only,
-        "functions": {name: function.serialize() for name, function in functions.items()},
+        "numbers": initial_numbers(model),
+        "functions": {name: f.serialize() for name, f in functions(model, active, mismatches).items()},
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()
 
 
-def _entry(variable: Variable) -> dict[str, Any]:
-    low, high = bounds(variable)
-    return {
-        "name": variable.name,
-        "start": variable.start or 0.0,
-        "low": low,
-        "high": high,
-        "domain": variable.domain() or "finite",
-        "fixed": variable.variability == "fixed",
-    }
+def _treatments(model: Model) -> list[str]:
+    """What becomes of the motion where a prescribed coordinate jumps, for each of them."""
+    effects = jump_effects(model)
+    otherwise = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
+    return [_LIMIT if limited else otherwise for limited in effects.move_states & effects.limited]
 
 
 def _runtime() -> dict[str, bytes]:

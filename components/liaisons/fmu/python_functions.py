@@ -1,28 +1,53 @@
-"""CasADi functions by which a Python FMU steps, made when it is written: its runtime holds no symbols.
+"""What a Python FMU computes: one vector of all its numbers, and CasADi functions from this vector to the next one.
 
-The method is the explicit Runge-Kutta pair of Dormand and Prince of order 5(4), with SciPy's tableau.
+They are made when the FMU is written, so that its runtime holds no symbols.  The numbers are, by name:
+
+==========================  ================================================================================
+t, H                        time; size of the communication step
+x, h, earliest, latest      time since its start; internal step; times of the last event and of the next one
+mode, tolerance             input_reconstruction; of the importer
+jumped                      1: the energy may have jumped since the last step
+k, given, z, drawn          the Real variables by value reference; given: inputs as set by the importer
+u, target                   inputs at t; those that a step reaches at t + H if it interpolates
+y, m, size                  states, memory, nominal values of the states
+y_next, error               result of an internal step, and its relative error
+past_H, past_u              size and inputs of the last step at its start; 0 and u where u reached the given ones
+distance, compared          what rates and accelerations explain of σ's change, and when that was compared
+leaps, jump                 1: the step ends with a jump; how far each σ jumps, 0 where that moves no states
+margins, instants           of the conditions; at which the component is not smooth
+==========================  ================================================================================
+
+Inside a step every input is a polynomial in τ = x/H.  mode 0 holds σ, σ̇ and σ̈; 1 takes the Taylor polynomial of σ from
+the values at t; 2 takes the quintic Hermite polynomial between those at t and at t + H, and other inputs are linear.
+
+The motion follows σ by its rate.  The difference to σ at the next communication point is a jump, as in ``prescribed.c``.
+Interpolation reaches σ, unless a polynomial through both ends would have to move much faster than σ̇ and σ̈ there: such a
+step is extrapolated, too, and σ jumps at its end.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable
 from functools import reduce
+from types import SimpleNamespace
 
 import casadi as ca
+import numpy as np
 from scipy.integrate import RK45
 
 from liaisons.fmu.dependencies import coupled
+from liaisons.fmu.jumps import jump_effects
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 
-DEGREE = 5
-"""Degree of the polynomials in τ = (t' - t)/H that inputs are within a step."""
+FAR = 5.0
+"""A difference so many times the distance by rate and acceleration is a jump."""
 
+_HOLD, _EXTRAPOLATE, _INTERPOLATE = range(3)
+_ROUNDING = 1e-14  # jumps below this part of σ are rounding errors
+_VALUE, _RATE = 1e-6, 1e-3  # tolerance of the source: parts of σ, and of the distance by its rate
 _LARGEST = 1.7976931348623157e308
-
-# Coefficients of τ³, τ⁴ and τ⁵ by what the Taylor polynomial misses at τ = 1: value, rate, acceleration.
-_QUINTIC = ca.DM([[10, -15, 6], [-4, 7, -3], [0.5, -1, 0.5]])
 
 
 def bounds(variable: Variable) -> tuple[float, float]:
@@ -32,101 +57,179 @@ def bounds(variable: Variable) -> tuple[float, float]:
     return (math.nextafter(low, math.inf), math.nextafter(high, -math.inf)) if variable.strict else (low, high)
 
 
-def step_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
-    """Functions of a communication step of size H, by name.
+def initial_numbers(model: Model) -> dict[str, list[float]]:
+    """Numbers of a new instance, by name."""
+    singles = ("t", "H", "x", "h", "earliest", "latest", "mode", "tolerance", "jumped")
+    inputs, states = [variable.start or 0.0 for variable in model.inputs], [0.0] * model.start.numel_out(0)
+    prescribed = [0.0] * len(model.active)
+    return {
+        **dict.fromkeys(singles, [0.0]),
+        "mode": [float(_EXTRAPOLATE)],
+        "tolerance": [model.experiment.tolerance],
+        "k": [variable.start or 0.0 for variable in model.parameters],
+        "given": inputs,
+        "z": [0.0] * len(model.outputs),
+        "drawn": [0.0] * len(model.drawn),
+        **dict.fromkeys(("u", "target", "past_u"), inputs),
+        **dict.fromkeys(("y", "y_next", "size"), states),
+        "m": [0.0] * model.start.numel_out(1),
+        **dict.fromkeys(("error", "past_H", "compared", "leaps"), [0.0]),
+        **dict.fromkeys(("distance", "jump"), prescribed),
+        "margins": [0.0] * len(model.condition_texts),
+        "instants": [0.0] * model.events.numel_out(0),
+    }
 
-    * ``polynomials`` (mode, H, u at the start, u at the end) → (coefficients in τ,), columns of all inputs
-    * ``inputs``      (τ, coefficients) → (u,)
-    * ``advance``     (elapsed, h, y, n, (t, H, earliest, latest), coefficients, k) → (y, error), a step of the method
-    * ``jump_along``  (part, h, y, n, t, all of y, u, k, jump, start of the jump) → (y, error), the same in a jump
+
+def functions(model: Model, active: list[list[int]], mismatches: list[int]) -> dict[str, ca.Function]:
+    """Functions (all numbers) → (all numbers,), by name.
 
     :param model: without arrays.
     :param active: for each active coordinate the indices of σ, σ̇, σ̈ among the inputs.
+    :param mismatches: the indices of their mismatches in the memory; -1: it has none.
     """
-    coefficients, tau = ca.SX.sym("coefficients", len(model.inputs) * (DEGREE + 1)), ca.SX.sym("tau")
-    u = reduce(lambda value, column: value * tau + column, reversed(_columns(coefficients)))
-    inputs = ca.Function("inputs", [tau, coefficients], [u])
-    functions = {"polynomials": _polynomials(len(model.inputs), active), "inputs": inputs}
-    if model.states:
-        functions["advance"] = _runge_kutta(_rates(model, inputs))
-    if model.states and active:
-        functions["jump_along"] = _runge_kutta(_rates_of_jump(model, active))
-    return functions
+    sizes = {name: len(numbers) for name, numbers in initial_numbers(model).items()}
+    everything = ca.MX.sym("everything", sum(sizes.values()))
+    parts = ca.vertsplit(everything, [0, *np.cumsum(list(sizes.values())).tolist()])
+    n = SimpleNamespace(**dict(zip(sizes, parts, strict=True)))
+    point, inputs = (n.t, n.y, n.u, n.k), _inputs(model, active)
+    y, m = model.start(n.t, n.given, n.k)
+    nominals = model.nominals(n.t, y, n.given, n.k)
+    size = ca.if_else(ca.logic_and(nominals > 0, nominals < math.inf), nominals, 1)
+    u = inputs(n.H, n.H, n.mode, n.u, n.target)
+    projected = n.y if model.project is None else model.project(n.t, n.y, u, n.k)
+    reached = n.mode == _INTERPOLATE
+    past = {"past_H": ca.if_else(reached, 0, n.H), "past_u": ca.if_else(reached, u, n.u)}
+    changes = {
+        "start": {"u": n.given, "y": y, "m": m, "size": size, "past_H": 0, "past_u": n.given, "jumped": 1},
+        "outputs": {"z": model.outputs_function(*point, n.m)},
+        "draw": {} if model.draw is None else {"drawn": model.draw(*point)},
+        "conditions": {"margins": model.conditions(*point)},
+        "events": {"instants": model.events(*(n.k, n.x)[: model.events.n_in()])},
+        "compare": _comparison(n, active, mismatches),
+        "find_jumps": _jumps(model, n, active),
+        "leap": _runge_kutta(n, _rates_of_jump(model, n, active)),
+        "jump": {"y": model.jump(*point, n.m)},
+        "inputs": {"u": inputs(n.x, n.H, n.mode, n.u, n.target)},
+        "advance": _runge_kutta(n, _rates(model, n, inputs)),
+        "finish": {"u": u, "y": projected, "m": model.remember(n.t, projected, u, n.k, n.m), **past},
+        "remember": {"m": model.remember(*point, n.m)},
+    }
+    return {
+        name: ca.Function(name, [everything], [ca.densify(ca.vertcat(*(vars(n) | changed).values()))])
+        for name, changed in changes.items()
+    }
 
 
-def _columns(coefficients: ca.SX) -> list[ca.SX]:
-    """Coefficients of all inputs, for each power of τ."""
-    return ca.horzsplit(ca.reshape(coefficients, -1, DEGREE + 1))
-
-
-def _polynomials(count: int, active: list[list[int]]) -> ca.Function:
-    """Polynomials of the inputs in each mode; see ``python_runtime.motion``."""
-    mode, H, start, end = (ca.SX.sym(name, size) for name, size in (("m", 1), ("H", 1), ("u_0", count), ("u_1", count)))
-    interpolates = mode == 2
-    change = ca.if_else(interpolates, end - start, ca.SX(count, 1))
-    rows = ca.horzcat(start, change, ca.SX(count, DEGREE - 1))
+def _inputs(model: Model, active: list[list[int]]) -> ca.Function:
+    """(x, H, mode, u at the start, u at the end) → (u,), as functions of the time x since the start."""
+    x, H, mode = ca.SX.sym("x"), ca.SX.sym("H"), ca.SX.sym("mode")
+    start, end = ca.SX.sym("start", len(model.inputs)), ca.SX.sym("end", len(model.inputs))
+    tau, interpolates = x / H, mode == _INTERPOLATE
+    u = start + ca.if_else(interpolates, tau * (end - start), 0)
     for indices in active:
         value, rate, acceleration = ca.vertsplit(start[indices])
-        taylor = ca.horzcat(value, H * rate, H**2 * acceleration / 2)
-        reached = ca.horzcat(ca.sum2(taylor), taylor[1] + 2 * taylor[2], 2 * taylor[2])
-        missed = end[indices].T * ca.horzcat(1, H, H**2) - reached
-        row = ca.horzcat(taylor, ca.if_else(interpolates, missed @ _QUINTIC, ca.SX(1, 3)))
+        sigma = value + x * (rate + x * acceleration / 2)
+        # What the parabola misses at the end: value, rate, acceleration.
+        a = end[indices[0]] - (value + H * (rate + H * acceleration / 2))
+        b = H * (end[indices[1]] - (rate + H * acceleration))
+        c = H**2 * (end[indices[2]] - acceleration)
+        constant, linear, square = 10 * a - 4 * b + c / 2, -15 * a + 7 * b - c, 6 * a - 3 * b + c / 2
+        sigma += ca.if_else(interpolates, tau**3 * (constant + tau * (linear + tau * square)), 0)
         for index in indices:
-            rows[index, :] = ca.if_else(mode == 0, rows[index, :], row)
-            row = ca.horzcat(row[1:] * ca.DM(range(1, DEGREE + 1)).T / H, 0)
-    return ca.Function("polynomials", [mode, H, start, end], [ca.densify(ca.vec(rows))], {"cse": True})
+            u[index] = ca.if_else(mode == _HOLD, start[index], sigma)
+            sigma = ca.jacobian(sigma, x)
+    u = ca.if_else(ca.logic_and(interpolates, x == H), end, u)  # the polynomials have rounding errors
+    return ca.Function("inputs", [x, H, mode, start, end], [ca.densify(u)], {"cse": True})
 
 
-def _rates(model: Model, inputs: ca.Function) -> ca.Function:
-    """(elapsed, y, (t, H, earliest, latest), coefficients, k) → (dy/dt,); NaN where a domain is left.
+def _rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Callable[[ca.MX, ca.MX], ca.MX]:
+    """dy/dt of (x, y) inside a step; NaN where a domain is left.
 
     Time is kept between the earliest and the latest, that is on one side of an event.
     """
-    elapsed, y, span = ca.SX.sym("elapsed"), model.derivatives.sx_in(1), ca.SX.sym("span", 4)
-    coefficients, k = inputs.sx_in(1), model.derivatives.sx_in(3)
-    t, H, earliest, latest = ca.vertsplit(span)
-    now = ca.fmax(earliest, ca.fmin(latest, t + elapsed))
-    u = inputs(elapsed / H, coefficients)
-    lasting = len(model.condition_texts) - model.start_only
-    low, high = (ca.DM(side) for side in zip(*map(bounds, model.inputs), strict=True)) if model.inputs else (u, u)
-    allowed = [model.conditions(now, y, u, k)[:lasting] > 0, u >= low, u <= high]
-    rates = model.derivatives(now, y, u, k) + ca.if_else(_all(allowed), 0, math.nan)
-    return ca.Function("rates", [elapsed, y, span, coefficients, k], [ca.densify(rates)], {"cse": True})
+    now, y, u, k = model.derivatives.sx_in()
+    valid = [margin > 0 for margin in ca.vertsplit(model.conditions(now, y, u, k))]
+    valid = valid[: len(valid) - model.start_only]
+    for value, (low, high) in zip(ca.vertsplit(u), map(bounds, model.inputs), strict=True):
+        valid += [value >= low, value <= high]
+    trap = ca.if_else(reduce(ca.logic_and, valid, ca.SX(1)), 0, math.nan)
+    rates = ca.Function("rates", [now, y, u, k], [ca.densify(model.derivatives(now, y, u, k) + trap)], {"cse": True})
+
+    def at(x: ca.MX, y: ca.MX) -> ca.MX:
+        t = ca.fmax(n.earliest, ca.fmin(n.latest, n.t + x))
+        return rates(t, y, inputs(x, n.H, n.mode, n.u, n.target), n.k)
+
+    return at
 
 
-def _all(conditions: Iterable[ca.SX]) -> ca.SX:
-    return reduce(ca.logic_and, ca.vertsplit(ca.vertcat(*conditions)), ca.SX(1))
-
-
-def _rates_of_jump(model: Model, active: list[list[int]]) -> ca.Function:
-    """(part, y, t, all of y, u, k, jump, start of the jump) → (dy/dpart,) of the states that act on the motion.
-
-    In a fictitious time of length 1 the jump is added to the rate of σ; see ``fmu.jumps``.
-    """
-    t, whole, u, k = model.derivatives.sx_in()
-    part, y = ca.SX.sym("part"), ca.SX.sym("y", coupled(model))
-    jump, begin = ca.SX.sym("jump", len(active)), ca.SX.sym("begin", len(active))
-    resting = ca.SX(u)
-    for i, (value, _, _) in enumerate(active):
-        resting[value] = ca.if_else(jump[i] == 0, u[value], begin[i] + part * jump[i])
-    jumping = ca.SX(resting)
-    jumping[[rate for _, rate, _ in active]] += jump
-    state = ca.vertcat(y, whole[y.numel() :])
-    change = model.derivatives(t, state, jumping, k) - model.derivatives(t, state, resting, k)
-    rates = ca.densify(change[: y.numel()])
-    return ca.Function("rates", [part, y, t, whole, u, k, jump, begin], [rates], {"cse": True})
-
-
-def _runge_kutta(rates: ca.Function) -> ca.Function:
-    """(s, h, x, n, *others) → (x at s + h, its error relative to n + abs(x)).
-
-    :param rates: (s, x, *others) → (dx/ds,).
-    """
-    s, x, *others = rates.mx_in()
-    h, n = ca.MX.sym("h"), ca.MX.sym("n", x.numel())
-    slopes, end = rates(s, x, *others), x
+def _runge_kutta(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:
+    """A step of the explicit pair of Dormand and Prince of order 5(4), with SciPy's tableau."""
+    slopes, y = rates(n.x, n.y), n.y
     for part, row in zip([*RK45.C[1:], 1], [*RK45.A[1:], RK45.B], strict=True):
-        end = x + h * ca.mtimes(slopes, ca.DM(row[: slopes.shape[1]]))
-        slopes = ca.horzcat(slopes, rates(s + part * h, end, *others))
-    error = h * ca.mtimes(slopes, ca.DM(RK45.E))
-    return ca.Function("step", [s, h, x, n, *others], [end, ca.norm_2(error / (n + ca.fabs(end)))])
+        y = n.y + n.h * ca.mtimes(slopes, ca.DM(row[: slopes.shape[1]]))
+        slopes = ca.horzcat(slopes, rates(n.x + part * n.h, y))
+    error = n.h * ca.mtimes(slopes, ca.DM(RK45.E))
+    return {"y_next": y, "error": ca.norm_2(error / (n.size + ca.fabs(y)))}
+
+
+# ---- prescribed coordinates ------------------------------------------------------------------------------------------
+
+
+def _comparison(n: SimpleNamespace, active: list[list[int]], mismatches: list[int]) -> dict[str, ca.MX]:
+    """Mismatch of σ and its rates over the last step, or over the next one if inputs are interpolated."""
+    if not active:
+        return {"target": n.given}
+    values, rates, accelerations = map(list, zip(*active, strict=True))
+    interpolates = n.mode == _INTERPOLATE
+    H = ca.if_else(interpolates, n.H, n.past_H)
+    start, end = ca.if_else(interpolates, n.u, n.past_u), ca.if_else(interpolates, n.given, n.u)
+    extrapolated = start[rates] + H * start[accelerations]
+    followed = start[values] + H * (start[rates] + H * start[accelerations] / 2)
+    difference, change = end[values] - followed, ca.fabs(end - start)
+    largest = ca.fmax(ca.fabs(start), ca.fabs(end))
+    distance = H * (largest[rates] + H * largest[accelerations] / 2)
+    # A rate that jumps inside the step moves σ by up to H times the jump, an acceleration by up to half of H².
+    explained = H * (change[rates] + H * change[accelerations] / 2)
+    explained += _RATE * distance + _VALUE * largest[values] + math.ulp(1.0)
+    differs = ca.logic_and(ca.fabs(difference) > explained, ca.logic_and(H > 0, n.mode != _HOLD))
+    m, mismatch = ca.MX(n.m), ca.if_else(differs, difference, 0)
+    for i, index in enumerate(mismatches):
+        if index >= 0:
+            m[index] = mismatch[i]
+    leaping, target = ca.logic_and(interpolates, ca.fabs(difference) > FAR * distance), ca.MX(n.given)
+    for indices, reached in ((values, followed), (rates, extrapolated), (accelerations, start[accelerations])):
+        target[indices] = ca.if_else(leaping, reached, n.given[indices])
+    compared = n.t + ca.if_else(interpolates, H, 0)
+    return {"m": m, "distance": distance, "compared": compared, "leaps": ca.mmax(leaping), "target": target}
+
+
+def _jumps(model: Model, n: SimpleNamespace, active: list[list[int]]) -> dict[str, ca.MX]:
+    """How far each σ jumps, 0 where that does not move states by a limit."""
+    effects = jump_effects(model)
+    if not effects.move_states:
+        return {}
+    values, rates, accelerations = map(list, zip(*active, strict=True))
+    value, before = n.u[values], n.past_u[values]
+    rate = n.past_u[rates] + (n.mode != _HOLD) * n.past_H * n.past_u[accelerations] / 2
+    followed = before + n.past_H * rate
+    is_rounding = ca.fabs(value - followed) <= _ROUNDING * ca.fmax(ca.fabs(value), ca.fabs(followed))
+    jump = ca.if_else(ca.logic_or(value == before, is_rounding), 0, value - followed)
+    mixing = ca.mtimes(ca.DM(effects.mixes.astype(float)), jump != 0)  # of each rate, with rates of those that jump
+    moves = ca.dot(ca.DM(effects.moves.astype(float)), jump != 0) + ca.dot(mixing, n.u[rates] != 0)
+    has_limit = ca.logic_and(moves > 0, ca.dot(mixing, jump != 0) == 0)
+    return {"jump": ca.if_else(has_limit, jump, 0)}
+
+
+def _rates_of_jump(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
+    """dy/dx of (x, y) by jumps up to u, 0 <= x <= 1: what they add to the rates of states that act on the motion."""
+    count = coupled(model)
+
+    def at(x: ca.MX, y: ca.MX) -> ca.MX:
+        resting, jumping = ca.MX(n.u), ca.MX.zeros(n.u.shape)
+        for i, (value, rate, _) in enumerate(active):
+            resting[value] += (x - 1) * n.jump[i]
+            jumping[rate] += n.jump[i]
+        change = model.derivatives(n.t, y, resting + jumping, n.k) - model.derivatives(n.t, y, resting, n.k)
+        return ca.vertcat(change[:count], ca.MX.zeros(y.numel() - count))
+
+    return at

@@ -22,12 +22,13 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .component import load, start_values
-from .motion import ARRAYS, HOLD, INTERPOLATE, LOOSEST, TIGHTEST, Motion, StepRefusedError
-from .states import State, from_bytes, is_usable, to_bytes
+from .motion import Motion, RefusedError
+from .states import LOOSEST, NUMBERS, TIGHTEST, State, from_bytes, is_usable, to_bytes
 
 held: list[dict[str, Any]] = []  # see python_backend
 
 _FIXED = "it is a fixed parameter; set it before initialization ends"
+_FAILED = "initialization failed before this state was saved; reset and initialize again"
 _NEVER = math.nan, math.nan
 
 
@@ -66,13 +67,7 @@ class Slave(Fmi2Slave):
             _finalize_at_exit(resources)
         self._component = component = load(resources)
         self._motion = Motion(component)
-        self._number = memoryview(self._motion.values)  # single numbers are three times quicker that way
-        self._first = 1 + len(component.sizes)
-        self._first_input = self._first + len(component.parameters)
-        self._first_output = self._first_input + len(component.inputs)
-        self._first_drawn = self._first_output + len(component.outputs)
-        self._fixed = {vr for vr, entry in enumerate(component.parameters, self._first) if entry.fixed}
-        self._stepping = False  # from the end of initialization on
+        self._stepping = False  # initialization has ended
         self._unusable = ""  # why initialization failed
         self._refused: dict[int, str] = {}  # by value reference: messages for the next step
         self._discarded = _NEVER  # start and size of the last step, if it was refused
@@ -80,24 +75,27 @@ class Slave(Fmi2Slave):
         for kind, vr, value in start_values(resources):  # these replace the component's own
             if kind != "z":
                 (self.set_real if kind == "r" else self.set_integer)([vr], [value])
-            else:
-                excluded = [index for index in component.active[0] if not component.inputs[index].allows(0.0)]
-                self._kept_starts = {self._first_input + index: self._motion.given[index] for index in excluded}
+                continue
+            first, given = len(component.numbers["k"]), self._motion.n.given
+            for index, _, _ in component.active:
+                low, high, _ = component.domains[first + index]
+                if not low <= 0 <= high:
+                    self._kept_starts[component.first + first + index] = given[index]
 
     # ---- initialization ---------------------------------------------------------------------------------------
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
-        self._unusable = ""
+        n, self._unusable = self._motion.n, ""
         for word, time in (("start", start_time), ("stop", stop_time or 0.0)):
             if not math.isfinite(time):
                 self._unusable = f"{word} time = {time:g}: it must be finite"
                 self.log(self._unusable, Fmi2Status.error)
                 return
-        self._motion.t[0] = start_time
+        n.t[0] = start_time
         if tolerance is not None:
-            self._motion.tolerance = min(max(tolerance, TIGHTEST), LOOSEST)
-            if self._motion.tolerance != tolerance:
-                text = f"tolerance = {tolerance:g} is out of range, {self._motion.tolerance:g} is used"
+            n.tolerance[0] = min(max(tolerance, TIGHTEST), LOOSEST)
+            if n.tolerance[0] != tolerance:
+                text = f"tolerance = {tolerance:g} is out of range, {n.tolerance[0]:g} is used"
                 self.log(text, Fmi2Status.warning)
 
     def exit_initialization_mode(self) -> None:
@@ -105,10 +103,12 @@ class Slave(Fmi2Slave):
 
         :raises StartRefused: with the reason.
         """
-        if not self._unusable:  # times are finite
-            problem = self._motion.initialize()
-            self._unusable = problem and f"{problem}; reset, set another value and initialize again"
-        self._stepping = self._motion.jumped = True  # a sample may be due
+        try:
+            if not self._unusable:  # times are finite
+                self._motion.initialize()
+        except RefusedError as reason:
+            self._unusable = f"{reason}; reset, set another value and initialize again"
+        self._stepping = True
         self._check_start()
 
     def _check_start(self) -> None:
@@ -129,47 +129,41 @@ class Slave(Fmi2Slave):
     # ---- stepping ---------------------------------------------------------------------------------------------
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        motion = self._motion
-        moving = motion.moving.copy()
+        numbers, before = self._motion.all, self._motion.all.copy()
         try:
-            self._step(current_time, step_size)
+            problem = self._step(current_time, step_size)
         except BaseException as reason:  # noqa: BLE001 - e.g. an interrupt; see above
-            motion.moving[:] = moving
-            taken_back = f"the step from t = {current_time:.9g} is taken back"
-            problem = str(reason) if isinstance(reason, StepRefusedError) else f"broken off by {reason!r}; {taken_back}"
-        else:
+            numbers[:] = before
+            why = reason if isinstance(reason, RefusedError) else f"broken off by {reason!r}"
+            problem = f"{why}; the step from t = {current_time:.9g} is taken back"
+        if not problem:
             self._discarded = _NEVER
             self._kept_starts.clear()
             return True
-        start, size = self._discarded
-        again = start == motion.t[0] and step_size > size * (1 - 1e-9)
-        self._discarded = motion.t[0], step_size
+        now, (start, size) = self._motion.n.t[0], self._discarded
+        again = start == now and step_size > size * (1 - 1e-9)
+        self._discarded = now, step_size
         self.log(problem, Fmi2Status.error if again else Fmi2Status.discard)
         return False
 
-    def _step(self, t: float, H: float) -> None:
-        """Do the step from t to t + H.
+    def _step(self, t: float, H: float) -> str:
+        """Do the step from t to t + H; returns why there is none, or an empty text.
 
-        :raises StepRefusedError: if that fails, with the message to log.
+        :raises RefusedError: if the motion does not reach its end.
         """
         if self._unusable or not self._stepping:
-            raise StepRefusedError(self._unusable or "initialize the instance first")
-        if self._refused:
-            problem = "; ".join(self._refused.values())
-            self._refused.clear()
-            raise StepRefusedError(problem)
-        if problem := self._wrong_times(t, H):
-            raise StepRefusedError(problem)
-        self._warn()
-        self._motion.t[0] = t
-        try:
+            return self._unusable or "initialize the instance first"
+        problem = "; ".join(self._refused.values()) or self._wrong_times(t, H)
+        self._refused.clear()
+        if not problem:
+            self._warn()
+            self._motion.n.t[0] = t
             self._motion.step(H)
-        except StepRefusedError as reason:
-            raise StepRefusedError(f"{reason}; the step from t = {t:.9g} is taken back") from None
+        return problem
 
     def _wrong_times(self, t: float, H: float) -> str:
         """Why there is no step from t to t + H; empty if there is one."""
-        now = self._motion.t[0]
+        now = self._motion.n.t[0]
         if not 0 < H < math.inf:
             return f"step size = {H:g}: it must be > 0 and finite"
         if not math.isfinite(t):
@@ -185,14 +179,14 @@ class Slave(Fmi2Slave):
     def get_real(self, vrs: list[int]) -> list[float]:
         self._check_start()
         if not self._stepping:
-            self._motion.start()
+            self._motion.run("start")
         self._motion.run("outputs")
-        if max(vrs, default=0) >= self._first_drawn:
-            self._motion.run("draw")
-        if not all(self._first <= vr < len(self._number) for vr in vrs):
+        self._motion.run("draw")
+        first, numbers = self._component.first, self._motion.reals
+        if not all(first <= vr < first + len(numbers) for vr in vrs):
             self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
             return [math.nan] * len(vrs)
-        values = [self._number[vr] for vr in vrs]
+        values = [numbers[vr - first] for vr in vrs]
         if not math.isfinite(sum(values)):
             self._report_infinite(vrs, values)
         return values
@@ -201,7 +195,7 @@ class Slave(Fmi2Slave):
         """Log the first number that is not finite, if any; once initialized, the next step repeats it."""
         for vr, value in zip(vrs, values, strict=True):
             if not math.isfinite(value) and not self._unusable:
-                name, t = self._component.variables[vr - self._first].name, self._motion.t[0]
+                name, t = self._component.names[vr - 1], self._motion.n.t[0]
                 problem = f"{name} = {value:g} at t = {t:.9g}: it must be finite; choose other start values or inputs"
                 self.log(problem, Fmi2Status.error)
                 if self._stepping:
@@ -209,88 +203,78 @@ class Slave(Fmi2Slave):
                 return
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
-        new = {vr: self._ignore_zero(vr, value) for vr, value in zip(vrs, values, strict=True)}
-        for vr, value in new.items():
-            if not math.isfinite(value) or not self._first <= vr < self._first_output or self._is_fixed(vr):
-                self._refuse_real(vr, value)
-                return
-        for vr, value in new.items():
+        component, motion = self._component, self._motion
+        new = {vr - component.first: self._ignore_zero(vr, value) for vr, value in zip(vrs, values, strict=True)}
+        for index, value in new.items():
+            if not 0 <= index < len(motion.reals):
+                why = "it belongs to no Real variable"
+            elif index >= len(component.fixed):
+                why = "it is calculated; set parameters and inputs"
+            elif self._stepping and component.fixed[index]:
+                why = _FIXED
+            elif not math.isfinite(value):
+                why = f"set a finite number; it stays {motion.reals[index]:.9g}"
+            else:
+                continue
+            self._refuse(component.first + index, value, why)
+            return
+        for index, value in new.items():
             # With a tunable parameter the energy may jump, too.
-            self._motion.jumped |= vr < self._first_input and self._number[vr] != value
-            self._number[vr] = value
-            self._refused.pop(vr, None)
+            if index < motion.n.k.size and motion.reals[index] != value:
+                motion.n.jumped[0] = 1
+            motion.reals[index] = value
+            self._refused.pop(component.first + index, None)
         if self._stepping:
-            self._motion.take_inputs()
-
-    def _is_fixed(self, vr: int) -> bool:
-        return self._stepping and vr in self._fixed
+            motion.take_inputs()
 
     def _ignore_zero(self, vr: int, value: float) -> float:
         """The start value instead of a 0 that is set before the first step; see ``core_ignore_zeros``."""
         if value != 0 or vr not in self._kept_starts:
             return value
-        start, name = self._kept_starts[vr], self._component.variables[vr - self._first].name
+        start, name = self._kept_starts[vr], self._component.names[vr - 1]
         self.log(f"{name} = 0 before the first step: it stays {start:.9g}", Fmi2Status.warning)
         return start
 
-    def _refuse_real(self, vr: int, value: float) -> None:
-        if not self._first <= vr < len(self._number):
-            self._refuse(vr, value, "it belongs to no Real variable")
-        elif vr >= self._first_output:
-            self._refuse(vr, value, "it is calculated; set parameters and inputs")
-        elif self._is_fixed(vr):
-            self._refuse(vr, value, _FIXED)
-        else:
-            self._refuse(vr, value, f"set a finite number; it stays {self._number[vr]:.9g}")
-
     def get_integer(self, vrs: list[int]) -> list[int]:
-        integers = {vr: count for vr, (_, count) in enumerate(self._component.sizes, 1)}
-        integers[len(self._number)] = self._motion.mode
+        integers = dict(enumerate(self._component.sizes, 1))
+        integers[len(self._component.names)] = int(self._motion.n.mode[0])
         if not integers.keys() >= set(vrs):
             self.log(f"of the value references {vrs} some belong to no Integer variable", Fmi2Status.error)
         return [integers.get(vr, 0) for vr in vrs]
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
         for vr, value in zip(vrs, values, strict=True):
-            if vr != len(self._number):  # input_reconstruction follows the numbers
+            if vr != len(self._component.names):
                 self._refuse(vr, value, "it is no Integer variable that can be set")
             elif self._stepping:
                 self._refuse(vr, value, _FIXED)
-            elif not HOLD <= value <= INTERPOLATE:
+            elif value not in (0, 1, 2):
                 self._refuse(vr, value, "set 0 (hold), 1 (extrapolate) or 2 (interpolate)")
             else:
-                self._motion.mode = value
+                self._motion.n.mode[0] = value
                 self._refused.pop(vr, None)
 
     def _refuse(self, vr: int, value: float, why: str) -> None:
         """Log that a value was refused, and refuse the next step with the same message."""
-        component = self._component
-        sizes, variables = (name for name, _ in component.sizes), (entry.name for entry in component.variables)
-        names = dict(enumerate([*sizes, *variables, "input_reconstruction"], 1))
-        self._refused[vr] = f"{names.get(vr, f'value reference {vr}')} = {value:.9g}: {why}"
+        name = dict(enumerate(self._component.names, 1)).get(vr, f"value reference {vr}")
+        self._refused[vr] = f"{name} = {value:.9g}: {why}"
         self.log(self._refused[vr], Fmi2Status.discard)
 
     # ---- state ------------------------------------------------------------------------------------------------
 
     def _get_fmu_state(self) -> State:
-        motion = self._motion
-        state: State = {name: getattr(motion, name).tolist() for name in ARRAYS}
-        state |= {"mode": motion.mode, "tolerance": motion.tolerance, "jumped": motion.jumped}
+        state: State = {name: getattr(self._motion.n, name).tolist() for name in NUMBERS}
         return state | {"guid": self._component.guid, "stepping": self._stepping, "unusable": self._unusable}
 
     def _set_fmu_state(self, state: State) -> None:
-        motion = self._motion
         if not is_usable(state, self._get_fmu_state(), self._component):
             self._refused[-1] = "the state to restore is damaged or belongs to another FMU; the present one is kept"
             self.log(self._refused[-1], Fmi2Status.discard)
             return
-        for name in ARRAYS:
-            getattr(motion, name)[:] = state[name]
-        motion.mode, motion.tolerance, motion.jumped = state["mode"], state["tolerance"], state["jumped"]
+        for name in NUMBERS:
+            getattr(self._motion.n, name)[:] = state[name]
         self._stepping = state["stepping"]
-        # No message shows what bytes hold.
-        failed = "initialization failed before this state was saved; reset and initialize again"
-        self._unusable = state["unusable"] and failed
+        self._unusable = state["unusable"] and _FAILED  # no message shows what bytes hold
         self._refused.clear()
         self._discarded = _NEVER
 

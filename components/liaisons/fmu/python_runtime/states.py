@@ -12,12 +12,17 @@ import math
 from typing import Any
 
 from .component import Component
-from .motion import ARRAYS, HOLD, INTERPOLATE, LOOSEST, TIGHTEST
 
 State = dict[str, Any]
 
+NUMBERS = (
+    *("t", "mode", "tolerance", "jumped", "k", "given", "u", "y", "m", "size"),
+    *("past_H", "past_u", "distance", "compared"),
+)
+"""Names of the numbers in a state."""
+
+TIGHTEST, LOOSEST = 1e-14, 1e-2  # tolerances are kept between these
 _DIGEST = 64
-_CALCULATED = {"y", "m", "size"}  # by the end of initialization
 
 
 def to_bytes(state: State) -> bytes:
@@ -40,24 +45,20 @@ def is_usable(state: State, present: State, component: Component) -> bool:
     """Whether an instance of the component, of which the present state is known, can have the state."""
     if _types(state) != _types(present) or state["guid"] != component.guid:
         return False
-    runs, tolerance = state["stepping"] and not state["unusable"], state["tolerance"]
-    arrays = ARRAYS if runs else set(ARRAYS) - _CALCULATED
+    (mode,), (tolerance,), (jumped,) = (state[name] for name in ("mode", "tolerance", "jumped"))
+    runs = state["stepping"] and not state["unusable"]
+    calculated = () if runs else ("y", "m", "size")  # when initialization ends
+    domains = zip(component.domains, component.fixed, state["k"], strict=False)
     return (
-        all(math.isfinite(number) for name in arrays for number in state[name])
-        and HOLD <= state["mode"] <= INTERPOLATE
-        and (TIGHTEST <= tolerance <= LOOSEST or tolerance == component.tolerance)
-        and (not runs or _is_in_domain(state, component))
+        all(math.isfinite(number) for name in NUMBERS if name not in calculated for number in state[name])
+        and mode in (0, 1, 2)
+        and jumped in (0, 1)
+        and (TIGHTEST <= tolerance <= LOOSEST or [tolerance] == component.numbers["tolerance"])
+        and not (runs and min(state["size"], default=1) <= 0)
+        and not any(runs and fixed and not low <= number <= high for (low, high, _), fixed, number in domains)
     )
-
-
-def _is_in_domain(state: State, component: Component) -> bool:
-    """Whether nominal values and fixed parameters are such as initialization allows."""
-    parameters = zip(component.parameters, state["k"], strict=True)
-    return min(state["size"], default=1.0) > 0 and all(e.allows(number) for e, number in parameters if e.fixed)
 
 
 def _types(state: State) -> dict[str, Any]:
     """Types of all members, and of the elements of lists."""
-    return {
-        name: [*map(type, value)] if isinstance(value, list) else type(value) for name, value in state.items()
-    }
+    return {name: [*map(type, value)] if isinstance(value, list) else type(value) for name, value in state.items()}
