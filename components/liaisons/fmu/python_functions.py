@@ -13,7 +13,7 @@ y, m, size                  states, memory, nominal values of the states
 y_next, error               result of an internal step, and its relative error
 past_H, past_u              size and inputs of the last step at its start; 0 and u where u reached the given ones
 distance, compared          what rates and accelerations explain of σ's change, and when that was compared
-leaps, jump                 1: the step ends with a jump; how far each σ jumps, 0 where that moves no states
+leaps, jump                 1: σ jumps at the end of the step; how far it jumps, 0 where that moves no states
 margins, instants           of the conditions; at which the component is not smooth
 ==========================  ================================================================================
 
@@ -61,7 +61,6 @@ def initial_numbers(model: Model) -> dict[str, list[float]]:
     """Numbers of a new instance, by name."""
     singles = ("t", "H", "x", "h", "earliest", "latest", "mode", "tolerance", "jumped")
     inputs, states = [variable.start or 0.0 for variable in model.inputs], [0.0] * model.start.numel_out(0)
-    prescribed = [0.0] * len(model.active)
     return {
         **dict.fromkeys(singles, [0.0]),
         "mode": [float(_EXTRAPOLATE)],
@@ -73,8 +72,8 @@ def initial_numbers(model: Model) -> dict[str, list[float]]:
         **dict.fromkeys(("u", "target", "past_u"), inputs),
         **dict.fromkeys(("y", "y_next", "size"), states),
         "m": [0.0] * model.start.numel_out(1),
-        **dict.fromkeys(("error", "past_H", "compared", "leaps"), [0.0]),
-        **dict.fromkeys(("distance", "jump"), prescribed),
+        **dict.fromkeys(("error", "past_H", "compared"), [0.0]),
+        **dict.fromkeys(("distance", "leaps", "jump"), [0.0] * len(model.active)),
         "margins": [0.0] * len(model.condition_texts),
         "instants": [0.0] * model.events.numel_out(0),
     }
@@ -99,15 +98,13 @@ def functions(model: Model, active: list[list[int]], mismatches: list[int]) -> d
     projected = n.y if model.project is None else model.project(n.t, n.y, u, n.k)
     reached = n.mode == _INTERPOLATE
     past = {"past_H": ca.if_else(reached, 0, n.H), "past_u": ca.if_else(reached, u, n.u)}
+    drawn = {} if model.draw is None else {"drawn": model.draw(*point)}
     changes = {
         "start": {"u": n.given, "y": y, "m": m, "size": size, "past_H": 0, "past_u": n.given, "jumped": 1},
-        "outputs": {"z": model.outputs_function(*point, n.m)},
-        "draw": {} if model.draw is None else {"drawn": model.draw(*point)},
-        "conditions": {"margins": model.conditions(*point)},
+        "outputs": {"z": model.outputs_function(*point, n.m), "margins": model.conditions(*point), **drawn},
         "events": {"instants": model.events(*(n.k, n.x)[: model.events.n_in()])},
-        "compare": _comparison(n, active, mismatches),
-        "find_jumps": _jumps(model, n, active),
-        "leap": _runge_kutta(n, _rates_of_jump(model, n, active)),
+        "compare": _comparison(model, n, active, mismatches),
+        "leap": _runge_kutta(n, _rates_of_jump(model, n, active)) if active else {},
         "jump": {"y": model.jump(*point, n.m)},
         "inputs": {"u": inputs(n.x, n.H, n.mode, n.u, n.target)},
         "advance": _runge_kutta(n, _rates(model, n, inputs)),
@@ -115,7 +112,7 @@ def functions(model: Model, active: list[list[int]], mismatches: list[int]) -> d
         "remember": {"m": model.remember(*point, n.m)},
     }
     return {
-        name: ca.Function(name, [everything], [ca.densify(ca.vertcat(*(vars(n) | changed).values()))])
+        name: ca.Function(name, [everything], [ca.densify(ca.vertcat(*map(ca.vec, (vars(n) | changed).values())))])
         for name, changed in changes.items()
     }
 
@@ -175,61 +172,50 @@ def _runge_kutta(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> 
 # ---- prescribed coordinates ------------------------------------------------------------------------------------------
 
 
-def _comparison(n: SimpleNamespace, active: list[list[int]], mismatches: list[int]) -> dict[str, ca.MX]:
-    """Mismatch of σ and its rates over the last step, or over the next one if inputs are interpolated."""
+def _comparison(
+    model: Model, n: SimpleNamespace, active: list[list[int]], mismatches: list[int]
+) -> dict[str, ca.MX]:
+    """How σ differs from its rates over the last step, or over the next one if inputs are interpolated."""
     if not active:
         return {"target": n.given}
     values, rates, accelerations = map(list, zip(*active, strict=True))
-    interpolates = n.mode == _INTERPOLATE
+    interpolates, moves = n.mode == _INTERPOLATE, n.mode != _HOLD
     H = ca.if_else(interpolates, n.H, n.past_H)
     start, end = ca.if_else(interpolates, n.u, n.past_u), ca.if_else(interpolates, n.given, n.u)
-    extrapolated = start[rates] + H * start[accelerations]
-    followed = start[values] + H * (start[rates] + H * start[accelerations] / 2)
-    difference, change = end[values] - followed, ca.fabs(end - start)
-    largest = ca.fmax(ca.fabs(start), ca.fabs(end))
+    followed = start[values] + H * (start[rates] + moves * H * start[accelerations] / 2)
+    difference, change, largest = end[values] - followed, ca.fabs(end - start), ca.fmax(ca.fabs(start), ca.fabs(end))
     distance = H * (largest[rates] + H * largest[accelerations] / 2)
     # A rate that jumps inside the step moves σ by up to H times the jump, an acceleration by up to half of H².
     explained = H * (change[rates] + H * change[accelerations] / 2)
     explained += _RATE * distance + _VALUE * largest[values] + math.ulp(1.0)
-    differs = ca.logic_and(ca.fabs(difference) > explained, ca.logic_and(H > 0, n.mode != _HOLD))
-    m, mismatch = ca.MX(n.m), ca.if_else(differs, difference, 0)
+    m, mismatch = ca.MX(n.m), ca.if_else(ca.fabs(difference) > explained, difference, 0)
     for i, index in enumerate(mismatches):
         if index >= 0:
-            m[index] = mismatch[i]
-    leaping, target = ca.logic_and(interpolates, ca.fabs(difference) > FAR * distance), ca.MX(n.given)
+            m[index] = ca.if_else(ca.logic_and(moves, H > 0), mismatch[i], 0)
+    leaps, target = ca.logic_and(interpolates, ca.fabs(difference) > FAR * distance), ca.MX(n.given)
+    extrapolated = start[rates] + H * start[accelerations]
     for indices, reached in ((values, followed), (rates, extrapolated), (accelerations, start[accelerations])):
-        target[indices] = ca.if_else(leaping, reached, n.given[indices])
-    compared = n.t + ca.if_else(interpolates, H, 0)
-    return {"m": m, "distance": distance, "compared": compared, "leaps": ca.mmax(leaping), "target": target}
-
-
-def _jumps(model: Model, n: SimpleNamespace, active: list[list[int]]) -> dict[str, ca.MX]:
-    """How far each σ jumps, 0 where that does not move states by a limit."""
-    effects = jump_effects(model)
-    if not effects.move_states:
-        return {}
-    values, rates, accelerations = map(list, zip(*active, strict=True))
-    value, before = n.u[values], n.past_u[values]
-    rate = n.past_u[rates] + (n.mode != _HOLD) * n.past_H * n.past_u[accelerations] / 2
-    followed = before + n.past_H * rate
-    is_rounding = ca.fabs(value - followed) <= _ROUNDING * ca.fmax(ca.fabs(value), ca.fabs(followed))
-    jump = ca.if_else(ca.logic_or(value == before, is_rounding), 0, value - followed)
-    mixing = ca.mtimes(ca.DM(effects.mixes.astype(float)), jump != 0)  # of each rate, with rates of those that jump
-    moves = ca.dot(ca.DM(effects.moves.astype(float)), jump != 0) + ca.dot(mixing, n.u[rates] != 0)
-    has_limit = ca.logic_and(moves > 0, ca.dot(mixing, jump != 0) == 0)
-    return {"jump": ca.if_else(has_limit, jump, 0)}
+        target[indices] = ca.if_else(leaps, reached, n.given[indices])
+    rounding = _ROUNDING * ca.fmax(ca.fabs(end[values]), ca.fabs(followed))
+    jumps = ca.logic_and(change[values] > 0, ca.fabs(difference) > rounding)
+    jumps = ca.logic_and(jumps, ca.logic_or(leaps, ca.logic_not(interpolates)))
+    effects, compared = jump_effects(model), n.t + ca.if_else(interpolates, H, 0)
+    mixing = ca.mtimes(ca.DM(effects.mixes.astype(float)), jumps)  # of each rate, with the rates of jumps
+    moving = ca.dot(ca.DM(effects.moves.astype(float)), jumps) + ca.dot(mixing, end[rates] != 0)
+    has_limit = ca.logic_and(moving * effects.move_states > 0, ca.dot(mixing, jumps) == 0)
+    jump = ca.if_else(ca.logic_and(has_limit, jumps), difference, 0)
+    return {"m": m, "distance": distance, "compared": compared, "leaps": leaps, "target": target, "jump": jump}
 
 
 def _rates_of_jump(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
     """dy/dx of (x, y) by jumps up to u, 0 <= x <= 1: what they add to the rates of states that act on the motion."""
-    count = coupled(model)
+    values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
+    count, jump = coupled(model), n.jump
 
     def at(x: ca.MX, y: ca.MX) -> ca.MX:
-        resting, jumping = ca.MX(n.u), ca.MX.zeros(n.u.shape)
-        for i, (value, rate, _) in enumerate(active):
-            resting[value] += (x - 1) * n.jump[i]
-            jumping[rate] += n.jump[i]
-        change = model.derivatives(n.t, y, resting + jumping, n.k) - model.derivatives(n.t, y, resting, n.k)
+        resting = n.u + (x - 1) * ca.mtimes(values, jump)
+        jumping = model.derivatives(n.t, y, resting + ca.mtimes(rates, jump), n.k)
+        change = jumping - model.derivatives(n.t, y, resting, n.k)
         return ca.vertcat(change[:count], ca.MX.zeros(y.numel() - count))
 
     return at

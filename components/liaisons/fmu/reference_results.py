@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.fmu.calls import Call
 from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
 from liaisons.fmu.markup import document, element
-from liaisons.fmu.python_runtime.calls import Call
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 

@@ -89,8 +89,8 @@ class Motion:
         self.take_inputs()
         self.run("compare")
         if n.jumped[0]:
-            self._jump()
-        if n.leaps[0]:
+            self._jump(leap=not n.leaps.any())
+        if n.leaps.any():
             self._check_domains(n.given, n.k.size, n.t[0] + H)
         t, x, n.earliest[0] = float(n.t[0]), 0.0, n.t[0]
         while x < H:
@@ -102,22 +102,21 @@ class Motion:
         instant = self._next_instant(t + H - rounding)
         n.t[0] = instant if instant <= t + H + rounding else t + H
         self.run("finish")
-        if n.leaps[0]:
+        if n.leaps.any():
             n.u[:] = n.given
-            self._jump()
+            self._jump(leap=True)
             self.run("remember")
         n.jumped[0] = 0
 
-    def _jump(self) -> None:
+    def _jump(self, *, leap: bool) -> None:
         """Move states along with jumps of σ where that has a limit, and book the work of the jump."""
         n = self.n
-        self.run("find_jumps")
-        if n.jump.any():
-            y = n.y.copy()
+        if leap and n.jump.any():
+            before = self.all.copy()
             try:
                 self._integrate("leap", 0.0, 1.0)
             except RefusedError:  # through a singularity there is no limit
-                n.y[:] = y
+                self.all[:] = before
         self.run("jump")
 
     def _integrate(self, name: str, begin: float, end: float) -> float:
@@ -142,12 +141,11 @@ class Motion:
             h = min(rest, h * min(_GROW, max(_SHRINK, _SAFETY * (error + 1e-9) ** -0.2)))
         else:
             raise RefusedError(f"more than {_MOST_STEPS} internal steps are needed: choose a smaller step")
-        u, t = n.u.copy(), n.t[0] + x
-        n.x[0] = min(x + h / _SHRINK, end)  # as far as the stages of the last step but one
-        self.run("inputs")
-        self._check_domains(n.u, n.k.size, n.t[0] + n.x[0])
-        n.u[:], n.x[0] = u, x
-        self.run("inputs")
+        start, t = n.u.copy(), n.t[0] + x
+        for n.x[0] in (*np.linspace(x, end, 1025), x):
+            n.u[:] = start
+            self.run("inputs")
+            self._check_domains(n.u, n.k.size, n.t[0] + n.x[0])
         # Conditions are distances from a singularity, of order 1 elsewhere.
         self._check_conditions(t, 1e-3, self._component.lasting)
         raise RefusedError(f"no step from t = {t:.9g} is small enough for the tolerance {n.tolerance[0]:g}")
@@ -162,7 +160,7 @@ class Motion:
 
     def _check_conditions(self, t: float, least: float, count: int) -> None:
         """Raise RefusedError for the first of so many conditions whose margin is not greater than the least one."""
-        self.run("conditions")
+        self.run("outputs")
         for text, margin in zip(self._component.condition_texts[:count], self.n.margins[:count], strict=True):
             if not margin > least:
                 does = "hardly does" if margin > 0 else "does not"

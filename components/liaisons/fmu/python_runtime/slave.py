@@ -181,7 +181,6 @@ class Slave(Fmi2Slave):
         if not self._stepping:
             self._motion.run("start")
         self._motion.run("outputs")
-        self._motion.run("draw")
         first, numbers = self._component.first, self._motion.reals
         if not all(first <= vr < first + len(numbers) for vr in vrs):
             self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)

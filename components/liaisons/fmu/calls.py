@@ -35,24 +35,9 @@ class Call:
         for bind, arrays in ((self._buffer.set_arg, arguments), (self._buffer.set_res, written)):
             for i, array in enumerate(arrays):
                 if array.size:
-                    bind(i, view(array))
+                    bind(i, memoryview(cast("Any", array)))
 
     def _run_and_copy(self) -> None:
         self._run()
         for result, written in zip(*self._arrays[1:], strict=True):
             result[:] = written
-
-    @property
-    def succeeded(self) -> bool:
-        """Whether the last run reported no failure."""
-        return self._buffer.ret() == 0
-
-    @property
-    def internal_steps(self) -> int:
-        """Internal steps of the last run; for integrators."""
-        return self._buffer.stats()["n_steps"]
-
-
-def view(array: Array) -> memoryview[float]:
-    """The array's memory: single numbers and copies are three times quicker that way."""
-    return memoryview(cast("Any", array))
