@@ -25,8 +25,8 @@ from pathlib import Path
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
-from liaisons.fmu.layout import mismatch_index
-from liaisons.fmu.python_functions import FAR, bounds, functions, initial_numbers
+from liaisons.fmu.layout import first_reference, mismatch_index
+from liaisons.fmu.python_functions import bounds, functions, initial_numbers
 from liaisons.mechanics.model import Model
 
 _DEPENDENCIES = b"""\
@@ -62,31 +62,39 @@ def _component(model: Model, guid: str) -> bytes:
     """The table that ``python_runtime.component`` reads."""
     names = [variable.name for variable in model.inputs]
     active = [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active]
-    mismatches = [mismatch_index(model, s) for s in model.active]
-    settable = model.parameters + model.inputs
+    settable, first = model.parameters + model.inputs, first_reference(model) + len(model.parameters)
     document = {
         "guid": guid,
         "names": [item.name for item in (*model.dimensions, *model.variables)] + ["input_reconstruction"],
         "sizes": [size.count for size in model.dimensions],
         "domains": [(*bounds(variable), variable.domain() or "finite") for variable in settable],
         "fixed": [variable.variability == "fixed" for variable in settable],
-        "active": active,
-        "mismatches": mismatches,
-        "treatments": _treatments(model),
-        "far": FAR,
+        "never_0": [first + value for value, _, _ in active if not model.inputs[value].allows(0.0)],
+        "warnings": _warnings(model),
         "condition_texts": model.condition_texts,
         "lasting": len(model.condition_texts) - model.start_only,
         "numbers": initial_numbers(model),
-        "functions": {name: f.serialize() for name, f in functions(model, active, mismatches).items()},
+        "functions": {name: f.serialize() for name, f in functions(model, active).items()},
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()
 
 
-def _treatments(model: Model) -> list[str]:
-    """What becomes of the motion where a prescribed coordinate jumps, for each of them."""
+def _warnings(model: Model) -> list[tuple[int, list[str]]]:
+    """For each prescribed coordinate the index of its mismatch, and two texts: contradiction, jump."""
     effects = jump_effects(model)
-    otherwise = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
-    return [_LIMIT if limited else otherwise for limited in effects.move_states & effects.limited]
+    stay = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
+    warnings = []
+    for s, limited in zip(model.active, effects.move_states & effects.limited, strict=True):
+        contradiction = (
+            f"{s.value}, {s.rate} and {s.acceleration} contradict each other: at t = {{t:.9g}}, after a step, "
+            f"{s.value} is off by {{mismatch:.6g}} from what they said"
+        )
+        jump = (
+            f"{s.value} jumps by {{mismatch:.6g}} at t = {{t:.9g}}, of which {s.rate} and {s.acceleration} "
+            f"say nothing: {_LIMIT if limited else stay}"
+        )
+        warnings.append((mismatch_index(model, s), [contradiction, jump]))
+    return warnings
 
 
 def _runtime() -> dict[str, bytes]:

@@ -12,7 +12,7 @@ u, target                   inputs at t; those that a step reaches at t + H if i
 y, m, size                  states, memory, nominal values of the states
 y_next, error               result of an internal step, and its relative error
 past_H, past_u              size and inputs of the last step at its start; 0 and u where u reached the given ones
-distance, compared          what rates and accelerations explain of σ's change, and when that was compared
+far, compared               1: σ is far from where its rates led; the time of that comparison
 leaps, jump                 1: σ jumps at the end of the step; how far it jumps, 0 where that moves no states
 margins, instants           of the conditions; at which the component is not smooth
 ==========================  ================================================================================
@@ -20,9 +20,9 @@ margins, instants           of the conditions; at which the component is not smo
 Inside a step every input is a polynomial in τ = x/H.  mode 0 holds σ, σ̇ and σ̈; 1 takes the Taylor polynomial of σ from
 the values at t; 2 takes the quintic Hermite polynomial between those at t and at t + H, and other inputs are linear.
 
-The motion follows σ by its rate.  The difference to σ at the next communication point is a jump, as in ``prescribed.c``.
-Interpolation reaches σ, unless a polynomial through both ends would have to move much faster than σ̇ and σ̈ there: such a
-step is extrapolated, too, and σ jumps at its end.
+The motion follows σ by its rate.  The difference to σ at the next communication point is a jump, as in
+``prescribed.c``.  Interpolation reaches σ, unless a polynomial through both ends would have to move much faster than σ̇
+and σ̈ there: such a step is extrapolated, too, and σ jumps at its end.
 """
 
 from __future__ import annotations
@@ -38,14 +38,13 @@ from scipy.integrate import RK45
 
 from liaisons.fmu.dependencies import coupled
 from liaisons.fmu.jumps import jump_effects
+from liaisons.fmu.layout import mismatch_index
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 
-FAR = 5.0
-"""A difference so many times the distance by rate and acceleration is a jump."""
-
 _HOLD, _EXTRAPOLATE, _INTERPOLATE = range(3)
 _ROUNDING = 1e-14  # jumps below this part of σ are rounding errors
+_FAR = 5.0  # a difference so many times the distance by rate and acceleration is a jump
 _VALUE, _RATE = 1e-6, 1e-3  # tolerance of the source: parts of σ, and of the distance by its rate
 _LARGEST = 1.7976931348623157e308
 
@@ -59,32 +58,36 @@ def bounds(variable: Variable) -> tuple[float, float]:
 
 def initial_numbers(model: Model) -> dict[str, list[float]]:
     """Numbers of a new instance, by name."""
-    singles = ("t", "H", "x", "h", "earliest", "latest", "mode", "tolerance", "jumped")
-    inputs, states = [variable.start or 0.0 for variable in model.inputs], [0.0] * model.start.numel_out(0)
+    inputs, zero = [_start(variable) for variable in model.inputs], [0.0]
+    states, prescribed = zero * model.start.numel_out(0), zero * len(model.active)
     return {
-        **dict.fromkeys(singles, [0.0]),
+        **dict.fromkeys(("t", "H", "x", "h", "earliest", "latest"), zero),
         "mode": [float(_EXTRAPOLATE)],
         "tolerance": [model.experiment.tolerance],
-        "k": [variable.start or 0.0 for variable in model.parameters],
+        "jumped": zero,
+        "k": [_start(variable) for variable in model.parameters],
         "given": inputs,
-        "z": [0.0] * len(model.outputs),
-        "drawn": [0.0] * len(model.drawn),
+        "z": zero * len(model.outputs),
+        "drawn": zero * len(model.drawn),
         **dict.fromkeys(("u", "target", "past_u"), inputs),
         **dict.fromkeys(("y", "y_next", "size"), states),
-        "m": [0.0] * model.start.numel_out(1),
-        **dict.fromkeys(("error", "past_H", "compared"), [0.0]),
-        **dict.fromkeys(("distance", "leaps", "jump"), [0.0] * len(model.active)),
-        "margins": [0.0] * len(model.condition_texts),
-        "instants": [0.0] * model.events.numel_out(0),
+        "m": zero * model.start.numel_out(1),
+        **dict.fromkeys(("error", "past_H", "compared"), zero),
+        **dict.fromkeys(("far", "leaps", "jump"), prescribed),
+        "margins": zero * len(model.condition_texts),
+        "instants": zero * model.events.numel_out(0),
     }
 
 
-def functions(model: Model, active: list[list[int]], mismatches: list[int]) -> dict[str, ca.Function]:
+def _start(variable: Variable) -> float:
+    return float(variable.starts[0])
+
+
+def functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
     """Functions (all numbers) → (all numbers,), by name.
 
     :param model: without arrays.
     :param active: for each active coordinate the indices of σ, σ̇, σ̈ among the inputs.
-    :param mismatches: the indices of their mismatches in the memory; -1: it has none.
     """
     sizes = {name: len(numbers) for name, numbers in initial_numbers(model).items()}
     everything = ca.MX.sym("everything", sum(sizes.values()))
@@ -103,7 +106,7 @@ def functions(model: Model, active: list[list[int]], mismatches: list[int]) -> d
         "start": {"u": n.given, "y": y, "m": m, "size": size, "past_H": 0, "past_u": n.given, "jumped": 1},
         "outputs": {"z": model.outputs_function(*point, n.m), "margins": model.conditions(*point), **drawn},
         "events": {"instants": model.events(*(n.k, n.x)[: model.events.n_in()])},
-        "compare": _comparison(model, n, active, mismatches),
+        "compare": _comparison(model, n, active),
         "leap": _runge_kutta(n, _rates_of_jump(model, n, active)) if active else {},
         "jump": {"y": model.jump(*point, n.m)},
         "inputs": {"u": inputs(n.x, n.H, n.mode, n.u, n.target)},
@@ -173,7 +176,9 @@ def _runge_kutta(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> 
 
 
 def _comparison(
-    model: Model, n: SimpleNamespace, active: list[list[int]], mismatches: list[int]
+    model: Model,
+    n: SimpleNamespace,
+    active: list[list[int]],
 ) -> dict[str, ca.MX]:
     """How σ differs from its rates over the last step, or over the next one if inputs are interpolated."""
     if not active:
@@ -189,10 +194,12 @@ def _comparison(
     explained = H * (change[rates] + H * change[accelerations] / 2)
     explained += _RATE * distance + _VALUE * largest[values] + math.ulp(1.0)
     m, mismatch = ca.MX(n.m), ca.if_else(ca.fabs(difference) > explained, difference, 0)
-    for i, index in enumerate(mismatches):
+    for i, coordinate in enumerate(model.active):
+        index = mismatch_index(model, coordinate)
         if index >= 0:
             m[index] = ca.if_else(ca.logic_and(moves, H > 0), mismatch[i], 0)
-    leaps, target = ca.logic_and(interpolates, ca.fabs(difference) > FAR * distance), ca.MX(n.given)
+    far, target = ca.fabs(difference) > _FAR * distance, ca.MX(n.given)
+    leaps = ca.logic_and(interpolates, far)
     extrapolated = start[rates] + H * start[accelerations]
     for indices, reached in ((values, followed), (rates, extrapolated), (accelerations, start[accelerations])):
         target[indices] = ca.if_else(leaps, reached, n.given[indices])
@@ -204,7 +211,7 @@ def _comparison(
     moving = ca.dot(ca.DM(effects.moves.astype(float)), jumps) + ca.dot(mixing, end[rates] != 0)
     has_limit = ca.logic_and(moving * effects.move_states > 0, ca.dot(mixing, jumps) == 0)
     jump = ca.if_else(ca.logic_and(has_limit, jumps), difference, 0)
-    return {"m": m, "distance": distance, "compared": compared, "leaps": leaps, "target": target, "jump": jump}
+    return {"m": m, "far": far, "compared": compared, "leaps": leaps, "target": target, "jump": jump}
 
 
 def _rates_of_jump(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:

@@ -22,10 +22,8 @@ class Component:
     sizes: list[int]  # values of the structural sizes
     domains: list[tuple[float, float, str]]  # of parameters and inputs: least and largest number; in words
     fixed: list[bool]  # whether each of them is a parameter that is set before initialization ends
-    active: list[tuple[int, int, int]]  # indices of σ, σ̇ and σ̈ among the inputs
-    mismatches: list[int]  # indices of their mismatches in the memory; -1: it has none
-    treatments: list[str]  # what becomes of the motion where one of them jumps
-    far: float  # a mismatch so many times the distance by rate and acceleration is a jump
+    never_0: list[int]  # value references of the active coordinates of which 0 is not allowed
+    warnings: list[tuple[int, list[str]]]  # for each mismatch its index in the memory, and texts: contradiction, jump
     condition_texts: list[str]
     lasting: int  # number of conditions that the motion has to satisfy; the others are for the start alone
     numbers: dict[str, list[float]]  # of a new instance

@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .component import Component
 
@@ -27,24 +29,24 @@ class RefusedError(Exception):
 class Motion:
     """The numbers of an instance.
 
-    :ivar all: all of them.
+    :ivar all: all of them, shape (numbers,).
     :ivar n: the same by name; each is an array.
     :ivar reals: the Real variables among them; single numbers of a memoryview are three times quicker.
     """
 
     def __init__(self, component: Component) -> None:
         self._component, self._warned = component, set[int]()
-        groups = component.numbers
-        self.all = np.concatenate([*groups.values()])
-        ends = np.cumsum([len(numbers) for numbers in groups.values()])
-        self.n = SimpleNamespace(**dict(zip(groups, np.split(self.all, ends), strict=False)))
-        first = int(np.cumsum([0, *map(len, groups.values())])[[*groups].index("k")])
-        self.reals = memoryview(self.all[first : first + len(component.names) - len(component.sizes) - 1])
+        self.all = np.concatenate([*component.numbers.values()])
+        ends = np.cumsum([len(numbers) for numbers in component.numbers.values()]).tolist()
+        parts = dict(zip(component.numbers, np.split(self.all, ends), strict=False))
+        self.n, first = SimpleNamespace(**parts), ends[[*parts].index("k")] - parts["k"].size
+        self.reals = _memory(self.all[first : first + len(component.names) - component.first])
         self._after, self._calls = self.all.copy(), {}
         for name, function in component.functions.items():
-            buffer, evaluate = function.buffer()
-            buffer.set_arg(0, memoryview(self.all))  # bare pointers: the arrays live as long as this object
-            buffer.set_res(0, memoryview(self._after))
+            unbound, evaluate = function.buffer()
+            buffer: Any = unbound
+            buffer.set_arg(0, _memory(self.all))  # bare pointers: the arrays live as long as this object
+            buffer.set_res(0, _memory(self._after))
             self._calls[name] = (evaluate, buffer)
 
     def run(self, name: str) -> None:
@@ -150,7 +152,7 @@ class Motion:
         self._check_conditions(t, 1e-3, self._component.lasting)
         raise RefusedError(f"no step from t = {t:.9g} is small enough for the tolerance {n.tolerance[0]:g}")
 
-    def _check_domains(self, values: np.ndarray, first: int, t: float) -> None:
+    def _check_domains(self, values: NDArray[np.float64], first: int, t: float) -> None:
         """Raise RefusedError for the first value outside of its domain; parameters and inputs are counted from 0."""
         for i, value in enumerate(values.tolist(), first):
             low, high, domain = self._component.domains[i]
@@ -176,22 +178,12 @@ class Motion:
 
     def warnings(self) -> Iterator[str]:
         """Mismatches before the present step, once for each coordinate."""
-        n, component = self.n, self._component
-        inputs = component.names[component.first + n.k.size - 1 :]
-        for i, (index, indices) in enumerate(zip(component.mismatches, component.active, strict=True)):
-            mismatch = n.m[index] if index >= 0 else 0.0
-            if mismatch == 0 or i in self._warned:
-                continue
-            self._warned.add(i)
-            value, rate, acceleration = (inputs[index] for index in indices)
-            when = f"{n.compared[0]:.9g}"
-            if abs(mismatch) > component.far * n.distance[i]:
-                yield (
-                    f"{value} jumps by {mismatch:.6g} at t = {when}, of which {rate} and {acceleration} say nothing: "
-                    + component.treatments[i]
-                )
-            else:
-                yield (
-                    f"{value}, {rate} and {acceleration} contradict each other: at t = {when}, after a step, "
-                    f"{value} is off by {mismatch:.6g} from what they said"
-                )
+        n = self.n
+        for i, (index, texts) in enumerate(self._component.warnings):
+            if index >= 0 and n.m[index] != 0 and index not in self._warned:
+                self._warned.add(index)
+                yield texts[int(n.far[i])].format(mismatch=n.m[index], t=n.compared[0])
+
+
+def _memory(array: NDArray[np.float64]) -> memoryview[float]:
+    return memoryview(cast("Any", array))

@@ -73,14 +73,10 @@ class Slave(Fmi2Slave):
         self._discarded = _NEVER  # start and size of the last step, if it was refused
         self._kept_starts: dict[int, float] = {}  # by value reference: start values that stay where 0 is set
         for kind, vr, value in start_values(resources):  # these replace the component's own
-            if kind != "z":
+            if kind == "z":
+                self._kept_starts = {vr: self._motion.reals[vr - component.first] for vr in component.never_0}
+            else:
                 (self.set_real if kind == "r" else self.set_integer)([vr], [value])
-                continue
-            first, given = len(component.numbers["k"]), self._motion.n.given
-            for index, _, _ in component.active:
-                low, high, _ = component.domains[first + index]
-                if not low <= 0 <= high:
-                    self._kept_starts[component.first + first + index] = given[index]
 
     # ---- initialization ---------------------------------------------------------------------------------------
 
@@ -185,21 +181,15 @@ class Slave(Fmi2Slave):
         if not all(first <= vr < first + len(numbers) for vr in vrs):
             self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
             return [math.nan] * len(vrs)
-        values = [numbers[vr - first] for vr in vrs]
-        if not math.isfinite(sum(values)):
-            self._report_infinite(vrs, values)
-        return values
-
-    def _report_infinite(self, vrs: list[int], values: list[float]) -> None:
-        """Log the first number that is not finite, if any; once initialized, the next step repeats it."""
-        for vr, value in zip(vrs, values, strict=True):
-            if not math.isfinite(value) and not self._unusable:
-                name, t = self._component.names[vr - 1], self._motion.n.t[0]
-                problem = f"{name} = {value:g} at t = {t:.9g}: it must be finite; choose other start values or inputs"
-                self.log(problem, Fmi2Status.error)
-                if self._stepping:
-                    self._refused[vr] = problem
-                return
+        values = {vr: numbers[vr - first] for vr in vrs}
+        infinite = next((vr for vr, value in values.items() if not math.isfinite(value)), None)
+        if infinite is not None and not self._unusable:
+            name, number, t = self._component.names[infinite - 1], values[infinite], self._motion.n.t[0]
+            problem = f"{name} = {number:g} at t = {t:.9g}: it must be finite; choose other start values or inputs"
+            self.log(problem, Fmi2Status.error)
+            if self._stepping:  # the next step repeats it
+                self._refused[infinite] = problem
+        return [values[vr] for vr in vrs]
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         component, motion = self._component, self._motion

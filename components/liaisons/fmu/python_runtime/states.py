@@ -17,7 +17,7 @@ State = dict[str, Any]
 
 NUMBERS = (
     *("t", "mode", "tolerance", "jumped", "k", "given", "u", "y", "m", "size"),
-    *("past_H", "past_u", "distance", "compared"),
+    *("past_H", "past_u", "far", "compared"),
 )
 """Names of the numbers in a state."""
 
