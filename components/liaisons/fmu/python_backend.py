@@ -66,6 +66,7 @@ def _component(model: Model, guid: str) -> bytes:
     document = {
         "guid": guid,
         "names": [item.name for item in (*model.dimensions, *model.variables)] + ["input_reconstruction"],
+        "first": first_reference(model),
         "sizes": [size.count for size in model.dimensions],
         "domains": [(*bounds(variable), variable.domain() or "finite") for variable in settable],
         "fixed": [variable.variability == "fixed" for variable in settable],

@@ -19,6 +19,7 @@ class Component:
 
     guid: str
     names: list[str]  # of all variables
+    first: int  # value reference of the first parameter
     sizes: list[int]  # values of the structural sizes
     domains: list[tuple[float, float, str]]  # of parameters and inputs: least and largest number; in words
     fixed: list[bool]  # whether each of them is a parameter that is set before initialization ends
@@ -28,11 +29,6 @@ class Component:
     lasting: int  # number of conditions that the motion has to satisfy; the others are for the start alone
     numbers: dict[str, list[float]]  # of a new instance
     functions: dict[str, ca.Function]
-
-    @property
-    def first(self) -> int:
-        """Value reference of the first parameter."""
-        return 1 + len(self.sizes)
 
 
 def load(resources: str) -> Component:

@@ -267,10 +267,5 @@ class Slave(Fmi2Slave):
         self._refused.clear()
         self._discarded = _NEVER
 
-    @staticmethod
-    def _fmu_state_to_bytes(state: State) -> bytes:
-        return to_bytes(state)
-
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> State:
-        return from_bytes(state)  # damaged ones are refused when they are set
+    _fmu_state_to_bytes = staticmethod(to_bytes)
+    _fmu_state_from_bytes = staticmethod(from_bytes)  # damaged ones are refused when they are set

@@ -31,14 +31,14 @@ def to_bytes(state: State) -> bytes:
     return hashlib.sha256(text).hexdigest().encode() + text
 
 
-def from_bytes(content: bytes) -> State:
+def from_bytes(state: bytes) -> State:
     """The state; an empty one if the bytes are damaged."""
-    digest, text = content[:_DIGEST], content[_DIGEST:]
+    digest, text = state[:_DIGEST], state[_DIGEST:]
     try:
-        state = json.loads(text) if hashlib.sha256(text).hexdigest().encode() == digest else {}
+        members = json.loads(text) if hashlib.sha256(text).hexdigest().encode() == digest else {}
     except (ValueError, RecursionError):
-        state = {}
-    return state if isinstance(state, dict) else {}
+        members = {}
+    return members if isinstance(members, dict) else {}
 
 
 def is_usable(state: State, present: State, component: Component) -> bool:
