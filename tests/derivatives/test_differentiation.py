@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from liaisons import Result, System, gradient, sensitivities
-from liaisons.errors import ComponentError, InvalidValueError, SimulationError, UnknownSignalError
+from liaisons.base import compiler
+from liaisons.derivatives.functions import functions_of
+from liaisons.ensembles.steps import library
+from liaisons.errors import BuildError, ComponentError, InvalidValueError, SimulationError, UnknownSignalError
 
 
 def test_derivatives_are_found_by_name() -> None:
@@ -80,6 +83,15 @@ def test_an_event_inside_a_system_is_that_of_an_operator() -> None:
         np.testing.assert_allclose(
             whole.derivative("swing.theta", other), alone.derivative("theta", one), rtol=1e-9, atol=1e-12
         )
+
+
+def test_without_a_compiler_there_are_no_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("system_compiler", "zig_compiler"):
+        monkeypatch.setattr(compiler, name, lambda: None)
+    for cached in (library, functions_of):
+        cached.cache_clear()
+    with pytest.raises(BuildError, match=r"^no C compiler is found: pip install 'liaisons\[cross\]'$"):
+        sensitivities("Pendulum", "theta_0", stop_time=1.0)
 
 
 def test_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,6 @@ from scipy.interpolate import PPoly
 
 from liaisons import System
 from liaisons.derivatives import Motion, motion_of
-from liaisons.derivatives.functions import functions_of
-from liaisons.derivatives.interpreted_steps import InterpretedSteps
 from liaisons.errors import ComponentError, SimulationError
 
 TIMES = np.linspace(0.0, 4.0, 81)
@@ -92,27 +90,6 @@ def test_rates_are_those_of_the_signals(motion) -> None:
     signals = later(motion.values)
     slopes = (8 * (signals[:, 3] - signals[:, 1]) - (signals[:, 4] - signals[:, 0])) / 12e-3
     np.testing.assert_allclose(later.rates(motion.values)[:, 2], slopes, rtol=1e-7, atol=1e-7)
-
-
-@pytest.mark.parametrize("case", ["an instant at which a rate jumps", "a prescribed length", "a projected state"])
-def test_without_a_compiler_the_steps_are_the_same(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    subject, values, options = MOTIONS[case]
-    compiled, interpreted, fixed = [], [], None
-    for found in (compiled, interpreted):
-        with monkeypatch.context() as patch:
-            if found is interpreted:
-                patch.setattr("liaisons.derivatives.functions.CompiledSteps", InterpretedSteps)
-            functions_of.cache_clear()
-            motion: Any = motion_of(subject, list(values), TIMES[:21] + 1.0, start_values=values, **options)
-            chosen = motion.frozen(motion.values)
-            fixed = fixed or chosen._fixed
-            frozen = chosen._with(_fixed=fixed)
-            signals, derivatives = frozen.forward(motion.values)
-            _, back = frozen.adjoint(motion.values, np.cos(signals))
-            found += [motion(motion.values), signals, derivatives, back]
-    functions_of.cache_clear()
-    for one, other in zip(compiled, interpreted, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
 
 
 def test_a_jump_that_carries_states_along_is_refused() -> None:

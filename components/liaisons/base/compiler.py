@@ -32,6 +32,8 @@ WASM_FLAGS = (
     "-Wl,-z,stack-size=1048576",  # instead of the 16 MiB of zig
 )
 TIME_OUT = 900.0  # [s] for one file
+INSTALLATION = "pip install 'liaisons[cross]'"
+"""Of zig."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,14 @@ def zig_compiler() -> list[str] | None:
     return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else None
 
 
+def no_compiler(aim: str = "") -> str:
+    """Sentence for whoever needs a C compiler where there is none.
+
+    :param aim: ``" for WebAssembly"``; empty: any compiler would do.
+    """
+    return f"no C compiler{aim} is found: {INSTALLATION}"
+
+
 def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool = False) -> bytes:
     """Compile and link C sources to a shared library.
 
@@ -96,8 +106,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     zig = zig_compiler()
     compiler = zig if cross else system_compiler() or zig
     if compiler is None:
-        tool = "binaries for other platforms need" if cross else "no C compiler is found; install one, or"
-        raise BuildError(f"{tool} the compiler in the ziglang package: pip install ziglang")
+        raise BuildError(no_compiler(" for other platforms" if cross else ""))
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
     flags = [flag for flag in (*FLAGS, *target.flags) if not _is_linker_flag(flag)]
     with _written(sources) as (folder, names):
@@ -124,7 +133,7 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     """
     zig = zig_compiler()
     if zig is None:
-        raise BuildError("WebAssembly needs the compiler in the ziglang package: pip install ziglang")
+        raise BuildError(no_compiler(" for WebAssembly"))
     with _written(sources) as (folder, names):
         _run([*zig, *WASM_FLAGS, *flags, "-I.", *names, "-o", "module.wasm"], folder)
         return (folder / "module.wasm").read_bytes()

@@ -7,58 +7,27 @@ directions, is a loop over :data:`DIRECTIONS` of them.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
 from typing import Any, Literal, final
 
 import casadi as ca
 import numpy as np
 
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
+from liaisons.ensembles.kernel import columns, combine_code, function, head, move_code, projection, step_code
 from liaisons.ensembles.right_hand_sides import RightHandSide
-from liaisons.ensembles.steps import declarations, library
+from liaisons.ensembles.steps import call, library
 from liaisons.errors import SimulationError
-from liaisons.expressions import c_parts, literal
 from liaisons.expressions.algebra import stack
 
 Purpose = Literal["run", "tangents", "adjoint"]
 
 DIRECTIONS = 8
-_OPERATIONS = 1000
-"""In one function of C, at most."""
+_OPTIONS: dict[Purpose, tuple[str, ...]] = {"run": ("-fno-tree-vectorize",), "tangents": (), "adjoint": ()}
+"""Of the compiler: a single motion waits for vectors that have been written number by number."""
 _STEPS = 2_000_000
 """From so many on there are too many."""
 
-_HEAD = """\
-#include <math.h>
-#include <string.h>
-{declarations}
-enum {{ N = {states}, K = {lanes}, R = {shared}, W = {numbers}, S = {stages}, D = {directions}, ORDER = {order} }};
-typedef double Row[D];
-static const double C[S + 1] = {{{nodes}}};
-{functions}
-
-static double clipped(double t, const double *limits)
-{{
-    return t < limits[0] ? limits[0] : t > limits[1] ? limits[1] : t;
-}}
-
-"""
 _RUN = """\
-static void step(double t, double h, const double *limits, const double *k, const double *s, double *y, double *kept)
-{
-    double f[S][N], slope[N];
-    for (int stage = 0; stage <= S; ++stage, kept += N) {
-        const double time = clipped(t + C[stage] * h, limits);
-        combine(stage, (const double (*)[N])f, slope);
-        for (int j = 0; j < N; ++j)
-            kept[j] = y[j] + h * slope[j];
-        if (stage < S)
-            rates(&time, k, s, kept, f[stage]);
-        else
-            project(&time, k, s, kept, y);
-    }
-}
-
 long choose(long intervals, const double *cuts, const long *rows, const double *limits, const double *k,
             const double *table, double tolerance, const double *sizes, double *size, double *y, double *kept,
             long most, double *ends, long *counts)
@@ -109,49 +78,47 @@ void advance(long steps, const double *t, const double *h, const long *rows, con
 """
 _TANGENTS = """\
 void tangents(long steps, const double *t, const double *h, const long *rows, const double *limits, const double *k,
-              const double *table, const double *kept, long blocks, const Row *dk, const Row *dt, const Row *dh,
-              long moving, Row *dy, const long *record, Row *records, Row *df)
+              const double *table, const double *kept, long blocks, const double *dk, const double *dt,
+              const double *dh, long moving, double *dy, const long *record, double *records, double *df)
 {
-    double f[S][N], slope[N], at[N], w[W];
-    Row along[N], time_along;
+    double f[S * N], slope[N], at[N], w[W], along[N * D], time_along[D];
     for (long n = 0; n < steps; ++n) {
         const double *s = table + rows[n] * R;
         for (int stage = 0; stage <= S; ++stage) {
             const double time = clipped(t[n] + C[stage] * h[n], limits), *y = kept + (n * (S + 1) + stage) * N;
-            combine(stage, (const double (*)[N])f, slope);
+            combine(stage, N, f, slope);
             if (stage < S)
-                rates_early(&time, k, s, y, f[stage], w);
+                rates_early(&time, k, s, y, f + stage * N, w);
             else
                 project_early(&time, k, s, y, at, w);
             for (long b = 0; b < blocks; ++b) {
-                const Row *rows_f = df + b * S * N, *t_b = dt + n * moving + b, *h_b = dh + n * moving + b;
-                Row *dy_b = dy + b * N;
-                combine_rows(stage, rows_f, along);
+                const double *t_b = dt + (n * moving + b) * D, *h_b = dh + (n * moving + b) * D, *k_b = dk + b * K * D;
+                double *y_b = dy + b * N * D, *f_b = df + b * S * N * D;
+                move(stage, N * D, f_b, h[n], y_b, along);
                 for (int j = 0; j < N; ++j)
 #pragma omp simd
                     for (int i = 0; i < D; ++i)
-                        along[j][i] = dy_b[j][i] + h[n] * along[j][i] + (*h_b)[i] * slope[j];
+                        along[j * D + i] += h_b[i] * slope[j];
                 for (int i = 0; i < D; ++i)
-                    time_along[i] = (*t_b)[i] + C[stage] * (*h_b)[i];
+                    time_along[i] = t_b[i] + C[stage] * h_b[i];
                 if (stage < S)
-                    rates_late(&time, k, s, y, w, (const Row *)&time_along, dk + b * K, (const Row *)along,
-                               df + (b * S + stage) * N);
+                    rates_late(&time, k, s, y, w, time_along, k_b, along, f_b + stage * N * D);
                 else
-                    project_late(&time, k, s, y, w, (const Row *)&time_along, dk + b * K, (const Row *)along, dy_b);
+                    project_late(&time, k, s, y, w, time_along, k_b, along, y_b);
             }
         }
         if (record[n] >= 0)
-            memcpy(records + record[n] * blocks * N, dy, blocks * N * sizeof *dy);
+            memcpy(records + record[n] * blocks * N * D, dy, blocks * N * D * sizeof *dy);
     }
 }
-
 """
 _ADJOINT = """\
 void adjoint(long steps, const double *t, const double *h, const long *rows, const double *limits, const double *k,
              const double *table, const double *kept, const long *record, const double *weights, double *lambda,
              double *of_k, double *of_t, double *of_h)
 {
-    double f[N], g[N], scaled[N], of_y[S][N], total[N], part_k[K + 1], part_t;
+    double f[N], g[N], scaled[N], total[N], part_k[K + 1], part_t;
+    double of_y[(S + 1) * N]; /* by y after the step, and at each stage */
     for (long n = steps - 1; n >= 0; --n) {
         const double *s = table + rows[n] * R, *y = kept + n * (S + 1) * N;
         double time = clipped(t[n] + h[n], limits);
@@ -159,23 +126,23 @@ void adjoint(long steps, const double *t, const double *h, const long *rows, con
             for (int j = 0; j < N; ++j)
                 lambda[j] += weights[record[n] * N + j];
         project_adjoint(&time, k, s, y + S * N, lambda, f, total, part_k, &part_t);
-        memcpy(lambda, total, sizeof total);
+        memcpy(of_y, total, sizeof total);
         of_t[n] = of_h[n] = part_t;
         for (int i = 0; i < K; ++i)
             of_k[i] += part_k[i];
         for (int stage = S - 1; stage >= 0; --stage) {
-            combine_back(stage, (const double (*)[N])of_y, lambda, g);
+            combine(stage, N, of_y, g);
             for (int j = 0; j < N; ++j)
                 scaled[j] = h[n] * g[j];
             time = clipped(t[n] + C[stage] * h[n], limits);
-            rates_adjoint(&time, k, s, y + stage * N, scaled, f, of_y[stage], part_k, &part_t);
+            rates_adjoint(&time, k, s, y + stage * N, scaled, f, of_y + (stage + 1) * N, part_k, &part_t);
             of_t[n] += part_t;
             of_h[n] += C[stage] * part_t;
             for (int i = 0; i < K; ++i)
                 of_k[i] += part_k[i];
             for (int j = 0; j < N; ++j) {
                 of_h[n] += f[j] * g[j];
-                total[j] += of_y[stage][j];
+                total[j] += of_y[(stage + 1) * N + j];
             }
         }
         memcpy(lambda, total, sizeof total);
@@ -193,12 +160,10 @@ class CompiledSteps:
         self._libraries: dict[Purpose, ctypes.CDLL] = {}
 
     def _call(self, purpose: Purpose, name: str, *arguments: Any) -> int:
-        """Call a function; arrays must have the type that it takes."""
+        """Call a function, which is compiled before the first time."""
         if purpose not in self._libraries:
-            self._libraries[purpose] = library(source(self._equations, purpose))
-        function = getattr(self._libraries[purpose], name)
-        function.restype = ctypes.c_long
-        return function(*map(_converted, arguments))
+            self._libraries[purpose] = library(source(self._equations, purpose), *_OPTIONS[purpose])
+        return call(self._libraries[purpose], name, *arguments)
 
     def choose(
         self, segment: Segment, k: Floats, y: Floats, size: Floats, *, tolerance: float, sizes: Floats
@@ -272,13 +237,6 @@ class CompiledSteps:
         return of_k, of_t, of_h
 
 
-def _converted(argument: Any) -> Any:
-    if isinstance(argument, np.ndarray):
-        assert argument.flags.c_contiguous
-        return argument.ctypes.data_as(ctypes.c_void_p)
-    return ctypes.c_double(argument) if isinstance(argument, float) else ctypes.c_long(argument)
-
-
 def _room(steps: int, y: Floats) -> Floats:
     return np.empty((steps, METHOD.stages + 1, len(y)))
 
@@ -297,99 +255,26 @@ def _unblocked(blocks: Floats, count: int) -> Floats:
 
 def source(equations: RightHandSide, purpose: Purpose) -> str:
     """C99 of a motion, or of its derivatives."""
+    if purpose == "run":
+        return step_code(equations, METHOD, 1, keeps=True) + _RUN
     t, k, s, y = equations.symbols
-    point, variables = [(t, "t"), (k, "k"), (s, "s"), (y, "y")], ca.vertcat(t, k, y)
-    projected = y if equations.projected is None else equations.projected
+    point, variables = columns(equations, star=""), ca.vertcat(t, k, y)
     lines, numbers = list[str](), 1
-    for name, value in (("rates", equations.rates), ("project", projected)):
-        if purpose == "run":
-            lines += _function(name, point, [(value, "f")])
-        elif purpose == "tangents":
-            seeds = [(ca.SX.sym("d", column.numel()), f"*d{letter}") for column, letter in (*point[:2], point[3])]
+    for name, value in (("rates", equations.rates), ("project", projection(equations))):
+        if purpose == "tangents":
+            seeds = [(ca.SX.sym("d", column.numel()), f"*d{array}") for column, array in (*point[:2], point[3])]
             late = ca.densify(ca.jtimes(value, variables, ca.vertcat(*(column for column, _ in seeds))))
             late, symbols, early = ca.extract_parametric(late, ca.vertcat(t, k, s, y))
             numbers = max(numbers, len(early))
-            lines += _function(f"{name}_early", point, [(value, "f"), (stack(early), "w")])
-            lines += _function(f"{name}_late", [*point, (stack(symbols), "w"), *seeds], [(late, "*df")])
+            lines += function(f"{name}_early", point, [(value, "f"), (stack(early), "w")])
+            lines += function(f"{name}_late", [*point, (stack(symbols), "w"), *seeds], [(late, "*df")])
         else:
             a, ends = ca.SX.sym("a", y.numel()), np.cumsum([0, 1, k.numel(), y.numel()]).tolist()
             of_t, of_k, of_y = ca.vertsplit(ca.densify(ca.jtimes(value, variables, a, True)), ends)
             backwards = [(value, "f"), (of_y, "of_y"), (of_k, "of_k"), (of_t, "of_t")]
-            lines += _function(f"{name}_adjoint", [*point, (a, "a")], backwards)
-    lines += _combinations(purpose)
-    head = _HEAD.format(
-        declarations="\n".join(declarations()),
-        functions="\n".join(lines),
-        states=y.numel(),
-        lanes=k.numel(),
-        shared=s.numel(),
-        numbers=numbers,
-        stages=METHOD.stages,
-        directions=DIRECTIONS,
-        order=METHOD.order + 1,
-        nodes=", ".join(map(literal, (*METHOD.nodes, 1.0))),
-    )
-    return head + {"run": _RUN, "tangents": _TANGENTS, "adjoint": _ADJOINT}[purpose]
-
-
-def _combinations(purpose: Purpose) -> Iterator[str]:
-    """Sums of the rates of stages, for each stage and for the step."""
-    rows = *METHOD.matrix, METHOD.weights
-    columns = [[0.0] * (q + 1) + [row[q] for row in METHOD.matrix[q + 1 :]] for q in range(METHOD.stages)]
-    back = [
-        [(weight, "lambda[j]")] + [(a, f"of_y[{q}][j]") for q, a in enumerate(column)]
-        for weight, column in zip(METHOD.weights, columns, strict=True)
-    ]
-    kinds = {
-        "combine(int stage, const double (*f)[N], double *sum)": (
-            "sum[j]",
-            [[(a, f"f[{q}][j]") for q, a in enumerate(row)] for row in rows],
-        ),
-        "combine_rows(int stage, const Row *restrict f, Row *restrict sum)": (
-            "sum[j][i]",
-            [[(a, f"f[{q} * N + j][i]") for q, a in enumerate(row)] for row in rows],
-        ),
-        "combine_back(int stage, const double (*of_y)[N], const double *lambda, double *sum)": ("sum[j]", back),
-    }
-    used = {"run": (0,), "tangents": (0, 1), "adjoint": (2,)}[purpose]
-    for number, (head, (target, sums)) in enumerate(kinds.items()):
-        if number in used:
-            yield f"static void {head}\n{{\n    switch (stage) {{"
-            for stage, terms in enumerate(sums):
-                total = " + ".join(f"{literal(a)} * {term}" for a, term in terms if a) or "0.0"
-                yield f"    case {stage}:\n        for (int j = 0; j < N; ++j)"
-                if "[i]" in target:
-                    yield "#pragma omp simd\n            for (int i = 0; i < D; ++i)"
-                yield f"                {target} = {total};\n        return;"
-            yield "    }\n}"
-
-
-def _function(name: str, inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]]) -> Iterator[str]:
-    """A function of pointers; those with a star are to rows of directions."""
-    loops = outputs[0][1].startswith("*")
-    parts, spilled = c_parts(
-        *([(column, _entry(pointer)) for column, pointer in columns] for columns in (inputs, outputs)),
-        spill=_entry("*v" if loops else "v"),
-        most=_OPERATIONS,
-    )
-    taken = [f"const {_declared(pointer)}" for _, pointer in inputs] + [_declared(pointer) for _, pointer in outputs]
-    given = ", ".join(pointer.lstrip("*") for _, pointer in (*inputs, *outputs))
-    room = _declared("*v" if loops else "v")
-    for number, part in enumerate(parts):
-        yield f"static void {name}_{number}({', '.join(taken)}, {room})\n{{"
-        if loops:
-            yield "#pragma omp simd\n    for (int i = 0; i < D; ++i) {"
-        yield from (f"    {line}" for line in part)
-        yield "    }\n}" if loops else "}"
-    yield f"static void {name}({', '.join(taken)})\n{{"
-    yield f"    {'Row' if loops else 'double'} v[{max(1, spilled)}];"
-    yield from (f"    {name}_{number}({given}, v);" for number in range(len(parts)))
-    yield "}"
-
-
-def _entry(pointer: str) -> str:
-    return f"{pointer[1:]}[{{}}][i]" if pointer.startswith("*") else f"{pointer}[{{}}]"
-
-
-def _declared(pointer: str) -> str:
-    return f"{'Row' if pointer.startswith('*') else 'double'} *restrict {pointer.lstrip('*')}"
+            lines += function(f"{name}_adjoint", [*point, (a, "a")], backwards)
+    if purpose == "tangents":
+        lines += [*move_code(METHOD), *combine_code(METHOD.rows), f"enum {{ W = {numbers} }};"]
+        return head(equations, METHOD, DIRECTIONS) + "\n".join(lines) + _TANGENTS
+    lines += combine_code(METHOD.adjoint_rows)
+    return head(equations, METHOD, 1) + "\n".join(lines) + _ADJOINT

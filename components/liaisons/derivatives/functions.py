@@ -9,9 +9,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from liaisons.base.compiler import system_compiler, zig_compiler
 from liaisons.derivatives.compiled_steps import CompiledSteps
-from liaisons.derivatives.interpreted_steps import InterpretedSteps
 from liaisons.ensembles.right_hand_sides import RightHandSide, right_hand_side
 from liaisons.expressions import Program, program
 from liaisons.expressions.algebra import stack
@@ -26,8 +24,7 @@ class MotionFunctions:
     def __init__(self, model: Model, equations: RightHandSide) -> None:
         self._model, self._equations = model, equations
         self._t, self._k, self._s, self._y = equations.symbols
-        native = system_compiler() or zig_compiler()
-        self.steps = CompiledSteps(equations) if native else InterpretedSteps(equations)
+        self.steps = CompiledSteps(equations)
         self.condition_texts = equations.condition_texts
         self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
 

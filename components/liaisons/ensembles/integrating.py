@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import chosen, listed, named, numbers, time_span, whole
-from liaisons.base.compiler import system_compiler, zig_compiler
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
-from liaisons.ensembles.steps import LANES, Advance, Floats, by_numpy, compiled
+from liaisons.ensembles.steps import LANES, Advance, Floats, compiled
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
 from liaisons.language import Variable
@@ -51,7 +50,6 @@ def ensemble(
     record: str | Iterable[str] | None = None,
     estimate: bool = True,
     threads: int | None = None,
-    backend: Literal["auto", "native", "numpy"] = "auto",
 ) -> Result:
     """Integrate many cases of a component with steps of one size.
 
@@ -76,12 +74,11 @@ def ensemble(
         even halve a difference the case's errors are infinite, see :attr:`liaisons.Result.unconverged`: its motion is
         chaotic for that long, or the steps are too large.
     :param threads: how many; one a core if None.
-    :param backend: ``"native"``: C, compiled for this machine; ``"numpy"``; ``"auto"``: C where there is a compiler.
     :returns: signals of shape (times, cases), :meth:`liaisons.Result.error` of each if it is estimated, and
         ``failures``: cases with a value outside its domain, or that left it on the way.
     :raises ComponentError: for an unknown name, with the nearest match, or an operator that is no function of time.
     :raises SimulationError: for a bad number, or arrays that differ in length.
-    :raises BuildError: if the compiler fails.
+    :raises BuildError: if there is no compiler, or it fails.
     """
     of = found_component(component)
     for refuse in (refuse_contacts, refuse_samples):
@@ -94,7 +91,6 @@ def ensemble(
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
     chosen("method", method, tuple(METHODS))
-    chosen("backend", backend, ("auto", "native", "numpy"))
     if threads is not None:
         whole("threads", threads)
     time_span(start_time, stop_time, step_size)
@@ -113,9 +109,8 @@ def ensemble(
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
     names = tuple(moved if record is None else listed("record", record))
     equations = right_hand_side(model, moving, lanes=lanes, shared=shared, record=names, start_time=start_time)
-    native = backend == "native" or (backend == "auto" and bool(system_compiler() or zig_compiler()))
     each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
-    advance = (compiled if native else by_numpy)(equations, METHODS[method], once)
+    advance = compiled(equations, METHODS[method], once)
 
     time = np.linspace(start_time, stop_time, samples + 1)
     t, *constants, y = equations.symbols
@@ -148,7 +143,7 @@ def ensemble(
         {name: units[name] for name in names},
         failures={case: text for case, (_, text) in failures.items()},
         errors=errors,
-        compiled=native,
+        compiled=True,
     )
 
 

@@ -22,6 +22,16 @@ class Tableau:
         """Evaluations of the right-hand side a step."""
         return len(self.nodes)
 
+    @property
+    def rows(self) -> tuple[tuple[float, ...], ...]:
+        """Weights of the stages, for the state at each stage and after the step."""
+        return *self.matrix, self.weights
+
+    @property
+    def adjoint_rows(self) -> list[list[float]]:
+        """Weights of the derivatives by the state after the step and at each stage, for that by the rate of a stage."""
+        return [[row[q] if q < len(row) else 0.0 for row in (self.weights, *self.matrix)] for q in range(self.stages)]
+
 
 _RK4 = Tableau(
     order=4,

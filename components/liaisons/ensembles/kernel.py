@@ -1,0 +1,177 @@
+"""C of explicit Runge-Kutta steps, from a right-hand side and a tableau.
+
+One text makes the steps of an ensemble, of a single motion and of its derivatives: vectors have ``D`` numbers an entry,
+entry by entry, one for each motion of an ensemble or each direction of a derivative.  The sums of the tableau are
+written out by :func:`weighted_sums`.
+"""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+
+import casadi as ca
+
+from liaisons.ensembles.methods import Tableau
+from liaisons.ensembles.right_hand_sides import RightHandSide
+from liaisons.expressions import c_parts, literal
+
+Column = tuple[ca.SX, str]
+"""Symbols or expressions, and the name of the array in C that has them; ``"*y"``: with D numbers an entry."""
+
+OPERATIONS = 1000
+"""In one function of C, at most: the time to compile it grows faster than their number."""
+
+_VECTORISED = (
+    (("sin", "cos", "exp", "log"), ("pow",), (2, 22)),
+    (
+        ("acos", "acosh", "asin", "asinh", "atan", "atanh", "cosh", "erf", "expm1", "log1p", "sinh", "tan", "tanh"),
+        ("atan2",),
+        (2, 35),
+    ),
+)
+"""Functions of one and of two arguments in libmvec, and the first glibc that has them."""
+
+_HEAD = """\
+#include <math.h>
+#include <string.h>
+{declarations}
+enum {{ N = {states}, K = {lanes}, R = {shared}, S = {stages}, D = {width}, ORDER = {order} }};
+static const double C[S + 1] = {{{nodes}}};
+
+static inline double clipped(double t, const double *limits)
+{{
+    return t < limits[0] ? limits[0] : t > limits[1] ? limits[1] : t;
+}}
+
+"""
+_STEP = "double t, double h, const double *limits, const double *k, const double *s, double *restrict y"
+_SIMD = "#pragma omp simd\n"
+"""Before loops over packs.  A single motion would wait for vectors that have been written number by number."""
+_LOOP = "    for (int i = 0; i < {}; ++i)\n        {};"
+
+
+def head(equations: RightHandSide, tableau: Tableau, width: int) -> str:
+    """What all texts begin with.
+
+    :param width: D.
+    """
+    _, k, s, y = equations.symbols
+    return _HEAD.format(
+        declarations="\n".join(_declarations()),
+        states=y.numel(),
+        lanes=k.numel(),
+        shared=s.numel(),
+        stages=tableau.stages,
+        width=width,
+        order=tableau.order + 1,
+        nodes=", ".join(map(literal, (*tableau.nodes, 1.0))),
+    )
+
+
+def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: bool = False) -> str:
+    """The head and the function ``step``, which moves D motions.
+
+    :param keeps: whether ``step`` has an argument for the states at the stages and before the projection.
+    """
+    point, projects = columns(equations), keeps or equations.projected is not None
+    most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
+    lines = [*function("rates", point, [(equations.rates, "*f")], most)]
+    lines += function("project", point, [(projection(equations), "*f")], most) if projects else ()
+    lines.append(f"static void step({_STEP}{', double *restrict kept' if keeps else ''})\n{{")
+    lines.append(f"    double time, f[S * N * D]{'' if keeps else ', at[N * D]'};")
+    for stage, row in enumerate(tableau.rows):
+        last = stage == tableau.stages
+        at = f"(kept + {stage} * N * D)" if keeps else "at" if any(row) and (projects or not last) else "y"
+        if last or at != "y":
+            lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{at}[i] = {_moved(row, 'N * D')}"))
+        lines.append(f"    time = clipped(t + C[{stage}] * h, limits);")
+        if not last:
+            lines.append(f"    rates(&time, k, s, {at}, f + {stage} * N * D);")
+        elif projects:
+            lines.append(f"    project(&time, k, s, {at}, y);")
+    return head(equations, tableau, width) + "\n".join([*lines, "}\n"])
+
+
+def columns(equations: RightHandSide, star: str = "*") -> list[Column]:
+    """t, k, s and y as arguments; k and y with D numbers an entry, or with one if ``star`` is empty."""
+    return list(zip(equations.symbols, ("t", f"{star}k", "s", f"{star}y"), strict=True))
+
+
+def projection(equations: RightHandSide) -> ca.SX:
+    """y put back onto constraints; y itself where there are none."""
+    return equations.symbols[3] if equations.projected is None else equations.projected
+
+
+def move_code(tableau: Tableau) -> Iterator[str]:
+    """The function ``move``: the state at each stage and after the step, from the rates f of the stages."""
+    parameters = "double h, const double *restrict y, double *restrict at"
+    return _by_row("move", parameters, _SIMD, (f"at[i] = {_moved(row, 'count')}" for row in tableau.rows))
+
+
+def combine_code(rows: Iterable[Sequence[float]]) -> Iterator[str]:
+    """The function ``combine``: the sum of f with the weights of a row."""
+    return _by_row("combine", "double *restrict sum", "", (f"sum[i] = {_sum(row, 'count') or '0.0'}" for row in rows))
+
+
+def _by_row(name: str, parameters: str, simd: str, statements: Iterable[str]) -> Iterator[str]:
+    """A function that performs the statement of a row for blocks f of count numbers each."""
+    yield f"static void {name}(int row, int count, const double *restrict f, {parameters})\n{{\n    switch (row) {{"
+    for row, statement in enumerate(statements):
+        yield f"    case {row}:\n{simd}{_LOOP.format('count', statement)}\n        return;"
+    yield "    }\n}"
+
+
+def _moved(row: Sequence[float], count: str) -> str:
+    total = _sum(row, count)
+    return f"y[i] + h * ({total})" if total else "y[i]"
+
+
+def _sum(row: Sequence[float], count: str) -> str:
+    return " + ".join(f"{literal(weight)} * f[{q} * {count} + i]" for q, weight in enumerate(row) if weight)
+
+
+def function(name: str, inputs: Sequence[Column], outputs: Sequence[Column], most: int = OPERATIONS) -> Iterator[str]:
+    """A function of arrays; where an output has D numbers an entry it is a loop over these.
+
+    :param most: operations in each function of C, which this one calls.
+    """
+    loops = outputs[0][1].startswith("*")
+    spill = "*v" if loops else "v"
+    parts, spilled = c_parts(
+        *([(column, _entry(array)) for column, array in group] for group in (inputs, outputs)),
+        spill=_entry(spill),
+        most=most,
+    )
+    names = [array.lstrip("*") for _, array in (*inputs, *outputs)]
+    taken = [f"const double *restrict {array}" for array in names[: len(inputs)]]
+    taken += [f"double *restrict {array}" for array in names[len(inputs) :]]
+    for number, part in enumerate(parts):
+        yield f"static inline void {name}_{number}({', '.join(taken)}, double *restrict v)\n{{"
+        yield f"    {', '.join(f'(void){array}' for array in (*names[: len(inputs)], 'v'))};"
+        if loops:
+            yield "#pragma omp simd\n    for (int i = 0; i < D; ++i) {"
+        yield from (f"    {line}" for line in part)
+        yield "    }\n}" if loops else "}"
+    yield f"static void {name}({', '.join(taken)})\n{{"
+    yield f"    double v[{max(1, spilled)}{' * D' if loops else ''}];"
+    yield from (f"    {name}_{number}({', '.join(names)}, v);" for number in range(len(parts)))
+    yield "}"
+
+
+def _entry(array: str) -> str:
+    return f"{array[1:]}[{{}} * D + i]" if array.startswith("*") else f"{array}[{{}}]"
+
+
+def _declarations() -> Iterator[str]:
+    """Tell gcc what libmvec has; the system's header does so under -ffast-math only."""
+    name, version = platform.libc_ver()
+    glibc = tuple(int(part) for part in version.split(".")[:2]) if name == "glibc" else ()
+    yield "#ifdef LIBMVEC"
+    for ones, twos, since in _VECTORISED:
+        if glibc >= since:
+            for functions, arguments in ((ones, "double"), (twos, "double, double")):
+                for called in functions:
+                    yield f'__attribute__((const, simd("notinbranch"))) double {called}({arguments});'
+    yield "#endif"
