@@ -417,7 +417,7 @@ def _perturbations(
     """Differences of start values that span the directions of deviation."""
     parameters, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
-        rates = sampled.rates_off(reference, sigma, directions)
+        rates = sampled.rate_derivatives(reference, sigma, directions)
         names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
         columns = np.vstack([sizes * directions, rates]).T.tolist()
         keys = [parameters.get(name, name) for name in names]

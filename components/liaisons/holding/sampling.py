@@ -1,8 +1,8 @@
-"""A mechanism beside a motion, from one communication point to the next, to first order in what it is off.
+"""First-order deviations of a mechanism from a motion, from one communication point to the next.
 
-The linearisation is that of the equations that the FMUs have, along the motion as they perform it: within a step a
-correction of σ is the polynomial that the mechanism makes of what it is told.  So the matrices of a step are exact,
-sampling and all, up to the tolerance with which they are integrated.
+The equations of the FMUs are linearised along the motion that they perform: within a step a correction of σ is the
+polynomial that the mechanism reconstructs from its inputs.  The matrices of a step therefore include the sampling, and
+are exact up to the error of their integration.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from liaisons.planning.symbols import column, goal_symbols
 
 _POWERS = np.arange(6)
 _DERIVATIVE = ca.DM(np.diag(_POWERS[1:], 1))
-"""Of a row of powers, by multiplication from the right."""
-_UNIT = coefficients(3)
-"""Value, rate and acceleration at 0 and 1 -> coefficients of the polynomial of degree five."""
-_PARTS = 32
-"""Into so many parts a step is divided: of fourth order, these leave 1e-10."""
+"""Derivative of a polynomial: a row of powers times this matrix."""
+_HERMITE = coefficients(3)
+"""Quintic Hermite interpolation: value, rate and acceleration at 0 and 1 -> coefficients."""
+_SUBSTEPS = 32
+"""Runge-Kutta steps in a communication step: of order four, they leave 1e-10."""
 
 
 class SampledMechanism:
-    """The mechanism of a goal, sampled: its coordinates start, and are moved, as the start of the goal says.
+    """The mechanism of a goal with sampled inputs, at the start of the goal.
 
-    :param required: names of coordinates that move and are held even if they enter nothing.
-    :param time: in what time [s] states change by their sizes where no free motion determines it.
-    :param longest: a free motion of which a radian takes longer [s] does not.
-    :param extents: the greatest absolute values that coordinates have on the way; else those at the start.
-    :ivar states: names: the mechanism's on which moves act, or on which these depend; σ where it is held; σ̇, σ̈.
-    :ivar names: those of the mechanism.
+    :param required: names of moved coordinates that are held even if no equation depends on them.
+    :param time: time [s] in which states change by their sizes, if no free motion determines it.
+    :param longest: longest radian [s] of a free motion that determines it.
+    :param extents: greatest absolute values of coordinates on the motion; unless given those at the start.
+    :ivar states: names of all states: ``names``, σ if it is held, σ̇, σ̈.
+    :ivar names: states of the mechanism that moves act on, or on which these depend.
     :ivar free: coordinates that are held.
     """
 
@@ -92,7 +92,7 @@ class SampledMechanism:
 
     @cached_property
     def frequency(self) -> float:
-        """Greatest one [1/s] of the free motion about the start, also of falling and damping; 0: there is none."""
+        """Largest absolute eigenvalue [1/s] of the free motion about the start; 0 if there is none."""
         n = len(self.names)
         A = np.array(self._slopes(self.start[self.state_indices], *self.sigma.T))[:, 1 : 1 + n]
         if self.is_constrained:  # along the constraints
@@ -101,20 +101,20 @@ class SampledMechanism:
 
     @cached_property
     def moves_freely(self) -> bool:
-        """Whether a free motion sets a time."""
+        """Whether a free motion determines :attr:`time`."""
         return self.frequency * self._longest > 1
 
     @cached_property
     def time(self) -> float:
-        """In what time [s] states change by their sizes: that of one radian of the free motion, if there is any."""
+        """Time [s] in which states change by their sizes: one radian of the free motion, if there is any."""
         return 1 / self.frequency if self.moves_freely else self._usual_time
 
     @cached_property
     def sizes(self) -> Array:
-        """Of the states: all that is compared, weighted and called small is divided by them, whatever the units are.
+        """Sizes of the states, by which weights, comparisons and tolerances divide, so that units do not matter.
 
-        Coordinates of one unit have one size, such that the kinetic energy of all is alike: an angle's is 1, a length's
-        that at which the mass has the angles' moment of inertia.  Rates, accelerations and momenta follow with
+        Coordinates of one unit have one size, at which all units have the same kinetic energy: 1 for angles, for
+        lengths that at which the mass has the angles' moment of inertia.  Rates, accelerations and momenta follow with
         :attr:`time`.
         """
         coordinates, momenta, _ = self._start_sizes
@@ -124,24 +124,24 @@ class SampledMechanism:
 
     @property
     def energy(self) -> float:
-        """Kinetic, of what moves by its size in :attr:`time` [J]."""
+        """Kinetic energy [J] of a motion by the size of a coordinate in :attr:`time`."""
         return self._start_sizes[2]
 
     @property
     def input_sizes(self) -> Array:
-        """Sizes of the accelerations that are chosen."""
+        """Sizes of the inputs w, the accelerations of σ."""
         return self.sizes[-len(self.moves) :]
 
     @cached_property
     def start_sizes(self) -> dict[str, float]:
-        """Sizes of what has start values: coordinates, rates, σ, σ̇ and σ̈."""
+        """Sizes of all variables with start values: coordinates, rates, σ, σ̇ and σ̈."""
         coordinates, *_ = self._start_sizes
         rates = {name: coordinates[coordinate] / self.time for name, coordinate in self._rates.items()}
         return coordinates | rates | {f"{m}_ddot": coordinates[m] / self.time**2 for m in self.moves}
 
     @property
     def _rates(self) -> dict[str, str]:
-        """Coordinates by their rates that have start values, σ̇ among them; angular velocities by themselves."""
+        """Rates with start values -> their coordinates, σ included; an angular velocity stands for its own."""
         starts, states = self.symbols.start_parameters, self.symbols.state_names
         coordinates = {name: name.replace("_dot", "", 1) for name in starts if name not in states}
         own = {name: q if q in {*states, *starts} else name for name, q in coordinates.items()}
@@ -149,7 +149,7 @@ class SampledMechanism:
 
     @cached_property
     def _start_sizes(self) -> tuple[dict[str, float], dict[str, float], float]:
-        """Of the coordinates, σ and turns; of the momenta; and of the energy [J]."""
+        """Sizes of coordinates, σ and rotations, sizes of momenta, and that of the energy [J]."""
         symbols, model, rates = self.symbols, self.symbols.model, self._rates
         starts, states = symbols.start_parameters, symbols.state_names
         declared = {v.name: v.unit for v in model.variables}
@@ -161,7 +161,7 @@ class SampledMechanism:
         still = {**symbols.parameters, **{starts[name]: 0.0 for name in rates if name in starts}}
 
         def moving(rate: str) -> tuple[float, Array]:
-            """Twice the kinetic energy, and the states, where one rate is 1."""
+            """Twice the kinetic energy, and the states, if one rate is 1 and the others are 0."""
             values = {**resting, **still, starts.get(rate, rate): 1.0}
             columns = [[values[name] for name in names] for names in (resting, still)]
             y, memory = model.start(0.0, *columns)
@@ -188,13 +188,13 @@ class SampledMechanism:
 
     @property
     def cyclic(self) -> list[str]:
-        """Coordinates that enter nothing, so that a motion goes on alike wherever they are."""
+        """Coordinates on which no rate depends."""
         symbols = self.symbols
         enters = symbols.acts(symbols.relative_rates[self.state_indices], symbols.state[self.state_indices])
         return [name for i, name in enumerate(self.names) if not enters[:, i].any() and name in self.free]
 
     def _coupled(self) -> list[int]:
-        """Indices of the states on which moves act, and of those on which these depend."""
+        """Indices of the states that σ acts on, and of those on which they depend."""
         symbols = self.symbols
         acts = symbols.acts(symbols.relative_rates, ca.vertcat(symbols.state, *symbols.motion[:2]))
         n = len(symbols.state_names)
@@ -207,10 +207,10 @@ class SampledMechanism:
 
     @cached_property
     def _slopes(self) -> ca.Function:
-        """(y, σ, σ̇, σ̈) -> rates and their derivatives with respect to each of these, side by side.
+        """(y, σ, σ̇, σ̈) -> rates, and their derivatives by each argument, side by side.
 
-        Where there are constraints, those of the state that is put back onto them: off the constraints rates depend on
-        how fast these are kept [1/s], which is a matter of integration and would be a stiffness where motions are slow.
+        Under constraints the state is projected first: off the constraints the rates contain the stabilisation [1/s],
+        which belongs to the integration, and would be stiff beside a slow motion.
         """
         state, sigma = self.symbols.state, self.symbols.motion
         constant = [i for i in range(self.start.size) if i not in self.state_indices]
@@ -233,20 +233,22 @@ class SampledMechanism:
         return ca.Function("slopes", arguments, [ca.horzcat(rates, of_projected, of_acceleration)])
 
     def rates(self, y: Array, sigma: Array) -> Array:
-        """Of the mechanism's states, σ and its two rates being (moves, 3)."""
+        """Rates of the mechanism's states.
+
+        :param sigma: σ and its two rates, (moves, 3).
+        """
         return np.array(self._slopes(y, *sigma.T))[:, 0]
 
     def steps(
         self, times: Array, planned: Array, period: float, start: Array | None = None
     ) -> tuple[Array, list[Step]]:
-        """What is held and what becomes of being off it.
+        """The reference states, and the linearised steps between communication points.
 
         :param times: communication points (N + 1).
         :param planned: σ, σ̇, σ̈ there, (moves, 3, N + 1).
-        :param period: of the regulators.
-        :param start: the mechanism's states at the first of them; as the goal says unless given.
-        :returns: the states (states, N + 1), and matrices of the N steps, both sides divided by sizes; what chooses are
-            accelerations w, one a move.
+        :param period: sampling period of the regulators [s].
+        :param start: the mechanism's states at the first point; those of the goal unless given.
+        :returns: the states (states, N + 1), and A and B of the N steps, for states and inputs w divided by sizes.
         """
         y, states, steps = self.start[self.state_indices] if start is None else start, [], []
         for k, H in enumerate(np.diff(times)):
@@ -258,10 +260,11 @@ class SampledMechanism:
 
     @cached_property
     def _integrated(self) -> ca.Function:
-        """(z, p, 1) -> z after a step, by Runge and Kutta's method.
+        """(z, p, 1) -> z after a step, by the Runge-Kutta method.
 
-        z: states, beside them their derivatives with respect to those at the start of the step and to corrections at
-        both ends, below them the part of the step that has passed; p: coefficients of σ and of corrections, and H.
+        z has the states and, beside them, their derivatives by the states at the start of the step and by the
+        corrections at both ends; its last row is the elapsed part of the step.  p has the coefficients of σ and of
+        corrections, and H.
         """
         n, c = len(self.names), len(self.moves)
         z, p = ca.MX.sym("z", n + 1, 1 + n + 6 * c), ca.MX.sym("p", 6, c + 7)
@@ -272,12 +275,12 @@ class SampledMechanism:
         forced = slopes[:, 1 + n :] @ ca.kron(bases @ p[:, c:-1], ca.DM.eye(c))
         change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
         rate = ca.vertcat(H * ca.horzcat(slopes[:, 0], change), ca.horzcat(1, ca.MX(1, n + 6 * c)))
-        return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _PARTS)
+        return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _SUBSTEPS)
 
     def _step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
         n, c = len(self.names), len(self.moves)
         scale = np.array([1.0, H, H**2])
-        ends = _UNIT * np.tile(scale, 2)
+        ends = _HERMITE * np.tile(scale, 2)
         if not self.interpolate:
             ends = np.hstack([np.diag([1.0, 1.0, 0.5, 0, 0, 0])[:, :3] * scale, np.zeros((6, 3))])
         motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
@@ -285,17 +288,16 @@ class SampledMechanism:
         begin[:n, : n + 1] = np.column_stack([y, np.eye(n)])
         last = self._integrated(begin, np.hstack([motion, ends, np.full((6, 1), H)]), 1.0)
         y, off = np.hsplit(np.array(last)[:n], [1])
-        M, N = _followed(H, period, c)
+        M, N = _correction_step(H, period, c)
         before, after = off[:, n : n + 3 * c], off[:, n + 3 * c :]
         A = np.block([[off[:, :n], before + after @ M], [np.zeros((3 * c, n)), M]])
         A, B = A[np.ix_(self.rows, self.rows)], np.vstack([after @ N, N])[self.rows]
         return y.ravel(), (A * self.sizes / self.sizes[:, None], B * self.input_sizes / self.sizes[:, None])
 
     def directions(self, reference: Array, sigma: Array) -> Array:
-        """Columns along which the states can differ from (states,): of a quaternion only turns, and along constraints.
+        """Directions of deviation, as columns divided by sizes: for a quaternion rotations, under constraints tangents.
 
-        They are divided by sizes.
-
+        :param reference: the states (states,).
         :param sigma: σ and its two rates there, (moves, 3).
         """
         if self.is_constrained:
@@ -309,7 +311,7 @@ class SampledMechanism:
         return D
 
     def _tangents(self, y: Array, sigma: Array) -> Array:
-        """Directions along the constraints, on which the mechanism is put back wherever it is led."""
+        """Directions tangential to the constraints, onto which the mechanism is projected."""
         n, c = len(self.names), len(self.moves)
         slopes = np.array(self._projection(self.whole(y), *sigma.T))[:, 1:]
         of_moves = np.array([self._start_sizes[0][m] for m in self.moves])
@@ -323,7 +325,7 @@ class SampledMechanism:
 
     @cached_property
     def _projection(self) -> ca.Function:
-        """(y, σ, σ̇, σ̈) -> what is put back onto the constraints, and its derivatives by y, σ and σ̇, side by side."""
+        """(y, σ, σ̇, σ̈) -> projection of y onto the constraints, and its derivatives by y, σ and σ̇, side by side."""
         symbols, project = self.symbols, self.symbols.model.project
         assert project is not None  # there are constraints
         columns = column({**symbols.inputs, **symbols.moved}), column(symbols.parameters)
@@ -332,19 +334,19 @@ class SampledMechanism:
         return ca.Function("projection", symbols.arguments, [ca.densify(ca.horzcat(projected, *slopes))])
 
     def whole(self, y: Array) -> Array:
-        """All states of the mechanism, those that are left out as at the start."""
+        """All states of the mechanism; those that y omits are as at the start."""
         states = self.start.copy()
         states[self.state_indices] = y
         return states
 
-    def rates_off(self, reference: Array, sigma: Array, directions: Array) -> Array:
-        """How the rates of the mechanism's states differ along directions, (names, directions)."""
+    def rate_derivatives(self, reference: Array, sigma: Array, directions: Array) -> Array:
+        """Derivatives of the rates of the mechanism's states along directions, (names, directions)."""
         n, c = len(self.names), len(self.moves)
         slopes = np.array(self._slopes(reference[:n], *sigma.T))[:, 1:]
         return slopes[:, [row for row in self.rows if row < n + 3 * c]] @ (self.sizes[:, None] * directions)
 
     def forces(self, y: Array, sigma: Array) -> Array:
-        """Forces of what moves, and beside them their effective mass."""
+        """Operator forces λ, and beside them the effective mass Θ, (moves, 1 + moves)."""
         return np.array(self._forces(self.whole(y), *sigma.T))
 
     @cached_property
@@ -353,8 +355,8 @@ class SampledMechanism:
         return ca.Function("forces", symbols.arguments, [ca.densify(ca.horzcat(symbols.forces, symbols.mass))])
 
 
-def _followed(H: float, period: float, count: int) -> Step:
-    """Corrections, their rates and accelerations after a step: the rate of the latter is (w - x'') / period."""
+def _correction_step(H: float, period: float, count: int) -> Step:
+    """M and N of (x, x', x'') -> M (x, x', x'') + N w, a step of corrections with d x''/dt = (w - x'') / period."""
     e = np.exp(-H / period)
     gone = period * (1 - e)
     delay = period * (H - gone)
@@ -364,6 +366,6 @@ def _followed(H: float, period: float, count: int) -> Step:
 
 
 def reduced(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
-    """Matrices of steps in the directions in which the states can differ, at both ends of each."""
+    """A and B of steps in the coordinates of the directions at both ends of each."""
     inverses = [np.linalg.pinv(D) for D in directions[1:]]
     return [(b @ A @ D, b @ B) for (A, B), D, b in zip(steps, directions[:-1], inverses, strict=True)]

@@ -18,7 +18,7 @@ from liaisons.planning.symbols import GoalSymbols
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A scalar that has to lie in a range."""
+    """A scalar constraint: an expression with its range."""
 
     label: str
     expression: ca.SX
@@ -28,18 +28,18 @@ class Row:
 
     @property
     def relative(self) -> ca.SX:
-        """In units of its size."""
+        """The expression in units of its size."""
         return self.expression / self.size
 
     @property
     def range(self) -> str:
-        """Its bounds as a text."""
+        """The bounds as text."""
         return f"{self.low:g}" if self.low == self.high else f"({self.low:g}, {self.high:g})"
 
 
 @dataclass(frozen=True, eq=False)
 class GoalRows:
-    """Rows and cost in symbols."""
+    """The constraints and the cost of a goal in symbols."""
 
     start: list[Row]
     end: list[Row]
@@ -49,7 +49,7 @@ class GoalRows:
 
     @property
     def along(self) -> ca.SX:
-        """Cost and rows along the motion, in units of sizes."""
+        """Cost and path rows, in units of sizes."""
         return ca.vertcat(self.cost / self.cost_size, *(row.relative for row in self.path))
 
 
@@ -64,15 +64,15 @@ def goal_rows(symbols: GoalSymbols) -> GoalRows:
 
 
 def sized(symbols: GoalSymbols, rows: Iterable[Row]) -> list[Row]:
-    """Rows with their sizes."""
+    """The rows, each with its size."""
     sizes = symbols.sizes
     return [replace(row, size=sizes.get(row.label) or symbols.magnitude(row.expression)) for row in rows]
 
 
 def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
-    """Refuse forces where the effective mass vanishes: finite ones do not determine the acceleration.
+    """Refuse an effective mass that is singular at the start, where forces do not determine accelerations.
 
-    :raises PlanError: if it is singular at the start.
+    :raises PlanError: naming what needs the forces.
     """
     sizes = symbols.motion_sizes[0]
     relative = symbols.evaluate(symbols.mass, 0.0) * np.outer(sizes, sizes) / (symbols.energy * symbols.time**2)
@@ -86,7 +86,7 @@ def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
 
 
 def _evaluated(symbols: GoalSymbols, label: str, expression: Any) -> ca.SX:
-    """Value of a user's function or text of the variables, a column."""
+    """Column of values of a user's function of the variables, or of a formula."""
     try:
         value = formula(expression, symbols.signals) if isinstance(expression, str) else expression(symbols.signals)
         value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
@@ -152,7 +152,7 @@ def _end_rows(symbols: GoalSymbols) -> list[Row]:
 
 
 def _path_rows(symbols: GoalSymbols) -> list[Row]:
-    """Bounds of the goal, and the domains of other coordinates."""
+    """Rows along the motion: the bounds of the goal, and the domains of other coordinates."""
     owner, variables = symbols.name, symbols.model.variables
     rows: dict[str, Row] = {}
     for name, value in elements(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():

@@ -1,4 +1,4 @@
-"""What a user wants of a plan: goals, by the names of an FMU's variables."""
+"""Goals of plans, in the names of an FMU's variables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SHORTEST, _LONGEST = 1e-100, 1e100
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """The arguments of :func:`liaisons.plan`; without end, cost and bounds a mechanism with its initial state."""
+    """The arguments of :func:`liaisons.plan`; for feedback, only a mechanism with its initial state."""
 
     component: Target
     moves: tuple[str, ...]
@@ -68,9 +68,9 @@ class Readings(Mapping[str, ca.SX]):
 
 
 def duration_range(value: Any, label: str = "duration") -> tuple[float, float]:
-    """A duration [s], or the least and the greatest.
+    """The least and the greatest duration [s], from one number or both.
 
-    :raises PlanError: if it is none.
+    :raises PlanError: if the value is neither.
     """
     pair: Any = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
     low, high = pair
@@ -88,33 +88,33 @@ def motion_names(move: str) -> tuple[str, str, str]:
 
 
 def by_name(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
-    """Values by names, as many of the one as of the other."""
+    """Dictionary of names and values, of equal number."""
     return dict(zip(names, values, strict=True))
 
 
 def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
-    """The number of links, or of elements, among the parameters, where there is one; else nothing."""
+    """The number ``n`` of links or elements among the parameters, if the component has one; else nothing."""
     return {"n": values["n"]} if "n" in values and has_size(component(target)) else {}
 
 
 def move_names(mechanism: Target, moves: str | Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the active coordinates that move: all unless given."""
+    """Names of the moved coordinates: all active ones unless given."""
     if moves is not None:
         return tuple(listed("moves", moves, PlanError))
     return tuple(active.name for active in getattr(component(mechanism), "actives", ()))
 
 
 def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
-    """Names of the states that end as they start; True stands for the coordinates that move."""
+    """Names of the states that end as they start; True stands for the moved coordinates."""
     if closed is True:
         return tuple(moves)
     return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
 
 
 def unit_quaternion(label: str, value: Any) -> Array:
-    """Four numbers divided by their norm.
+    """A quaternion divided by its norm.
 
-    :raises PlanError: if they are no four numbers, or all 0.
+    :raises PlanError: unless the value is four numbers, not all 0.
     """
     try:
         quaternion = np.array(value, dtype=float)
@@ -126,23 +126,23 @@ def unit_quaternion(label: str, value: Any) -> Array:
 
 
 def is_expression(value: object) -> bool:
-    """Whether a start or an end is a function or a text that has to vanish."""
+    """Whether a start or an end is given by an expression that has to vanish."""
     return callable(value) or isinstance(value, str)
 
 
 def number(label: str, value: Any) -> float:
-    """A finite number.
+    """The value as a finite number.
 
-    :raises PlanError: if it is none.
+    :raises PlanError: if it is not one.
     """
     finite(label, value, PlanError)
     return float(value)
 
 
 def elements(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:
-    """Values by the names of scalars; an array has one value for all of its elements, or a list.
+    """Values by the names of scalars; an array is given by one value for all elements, or a list.
 
-    :raises PlanError: if these are no values by names, or a list has another length than the array.
+    :raises PlanError: unless the values have names, and lists the lengths of their arrays.
     """
     by_element: dict[str, Any] = {}
     for name, value in named(label, values, PlanError).items():
@@ -158,9 +158,9 @@ def elements(label: str, values: object, variables: Sequence[str]) -> dict[str, 
 
 
 def limits(owner: str, label: str, name: str, value: Any) -> tuple[float, float]:
-    """A range: of one number, or of two, of which None is infinite.
+    """A range from one number, or from two, of which None is infinite.
 
-    :raises PlanError: if it is none.
+    :raises PlanError: if the value is neither, or the range is empty.
     """
     label = f"{owner}: {label} of {name} = {shown(value)}"
     value = value.tolist() if isinstance(value, np.ndarray) else value

@@ -1,4 +1,4 @@
-"""What a plan starts from: motions that need no thought, those that miss the end least first."""
+"""Starts of the search: simple motions, those that miss the end least first."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from liaisons.planning.goals import Array, by_name, motion_names
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 
-_FINE = 30
-"""So many intervals, of six steps each, on which Runge and Kutta's method leaves 1e-9 of a loop."""
-_ALIKE = 1e-9
-"""By how much ends may differ, in units of their sizes, that are the same."""
-_OFF = 1e-3
-"""By how much an end that stays has to be off, in units of its size, to be refused."""
-_BEYOND = 1.3
-"""So much longer takes a way that is not at rest at its end."""
-_EACH = 4
-"""Of so many loops the one that misses the end least is taken."""
+_INTERVALS = 30
+"""Intervals on which the integration of a loop, by six Runge-Kutta steps in each, leaves 1e-9."""
+_INVARIANT = 1e-9
+"""Spread of an end over several motions, in units of its size, below which it is invariant: the integration's error."""
+_MISSED = 1e-3
+"""Miss of an invariant end, in units of its size, above which it is refused."""
+_CUT_OFF = 1.3
+"""Duration of a way that ends in motion, relative to that of the motion: it is cut off before it comes to rest."""
+_LOOPS_TRIED = 4
+"""Number of loops of which the one that misses the end least becomes a start."""
 _PRIMES = (2, 3, 5, 7, 11, 13)
-_SHAKES = (0.02, 0.5, 0.1, 1.5)
-"""Of waves on the straight way, in turn."""
+_AMPLITUDES = (0.02, 0.5, 0.1, 1.5)
+"""Amplitudes of the waves on successive ways."""
 
 
 def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Motions to start from, without end: loops where σ is closed, else ways from start to end.
+    """An endless series of starts: loops if σ is closed, else ways from start to end.
 
-    Of loops the states follow from the rates; on ways they are joined by straight lines, unless constraints forbid it.
+    The states of loops, and of ways under constraints, are integrated; other ways are straight lines.
 
-    :param problem: a relative one.
+    :param problem: in relative units.
     """
     if problem.is_loop:
         return _loops(problem, intervals)
@@ -43,10 +43,10 @@ def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
 
 
 def refuse_invariants(problem: Problem) -> None:
-    """Refuse an end that stays as it is whatever is moved, as some motions show.
+    """Refuse an end that some motions show to be invariant.
 
-    :param problem: a relative one.
-    :raises PlanError: naming it.
+    :param problem: in relative units.
+    :raises PlanError: with its name.
     """
     end, given = problem.end, set(problem.start.labels)
     started = {state for state in problem.states if state in given or state in problem.moves}
@@ -54,13 +54,13 @@ def refuse_invariants(problem: Problem) -> None:
         return
     values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
     for k in range(1, 6):
-        trajectory = _ellipse(problem, _FINE, k) if problem.is_loop else _drift(problem, k)
+        trajectory = _ellipse(problem, _INTERVALS, k) if problem.is_loop else _drift(problem, k)
         values = np.hstack([values, np.array(end.function(trajectory.knots[:, -1]))])
         spread = np.ptp(values, axis=1)
         off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
-        if k > 1 and not ((spread < _ALIKE) & (off > _OFF)).any():
+        if k > 1 and not ((spread < _INVARIANT) & (off > _MISSED)).any():
             return
-    for i in np.flatnonzero((spread < _ALIKE) & (off > _OFF)):
+    for i in np.flatnonzero((spread < _INVARIANT) & (off > _MISSED)):
         size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
         required = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
         how = " and comes back" if problem.is_loop else ""
@@ -71,7 +71,7 @@ def refuse_invariants(problem: Problem) -> None:
 
 
 def _spread(k: int, dimension: int) -> float:
-    """The k-th of numbers that fill (0, 1) evenly from the first on, in each dimension its own; J. H. Halton."""
+    """The k-th number of Halton's low-discrepancy sequence in (0, 1) for a dimension."""
     base, value, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
     while k > 0:
         digit /= base
@@ -81,9 +81,9 @@ def _spread(k: int, dimension: int) -> float:
 
 
 def _blank(problem: Problem, intervals: int, k: int = 0) -> CollocatedTrajectory:
-    """A motion that rests at the start.
+    """A trajectory that rests at the start.
 
-    Where its duration is free, that of the k-th is the geometric mean at first, then all over the range.
+    A free duration is the geometric mean of its range for k = 0, else spread over the range.
     """
     low, high = problem.duration
     T = low + (high - low) * _spread(k, 0) if k > 0 else float(np.sqrt(max(low, 1e-3 * high) * high))
@@ -93,7 +93,7 @@ def _blank(problem: Problem, intervals: int, k: int = 0) -> CollocatedTrajectory
 
 
 def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    """From start to end by straight lines; the later ones are shaken."""
+    """Straight lines from start to end, with waves on the controls."""
     trajectory = _blank(problem, intervals, k)
     T, start, names = trajectory.durations[0], problem.initial_state, problem.states
     knots, points = trajectory.breaks / T, trajectory.instants / T
@@ -116,13 +116,13 @@ def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     if problem.order == 0:
         controls += problem.initial_sigma[:, None]
     rng = np.random.default_rng(k)
-    size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(change).max()) / T**problem.order
+    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max()) / T**problem.order
     shake = size * np.array([_wave(rng, points) for _ in problem.moves])
     return replace(trajectory, knots=states(knots), inner=states(points), controls=controls + shake)
 
 
 def _smooth_step(u: Any, T: float) -> tuple[Any, Any, Any]:
-    """From 0 to 1 while u does, at rest at both ends; rate and acceleration [1/s, 1/s²] in the time T."""
+    """The quintic from 0 to 1 that rests at both ends, with rate [1/s] and acceleration [1/s²] for the duration T."""
     return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2
 
 
@@ -133,23 +133,23 @@ def _wave(rng: np.random.Generator, u: Array) -> Array:
 
 
 def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Circles and ellipses, with states that follow them: of some simple ones the best, then all over the ranges."""
+    """Circles and ellipses of σ with integrated states: the best of some simple ones, then others over the ranges."""
 
     def miss(trajectory: CollocatedTrajectory) -> float:
-        """By how much a motion misses the end, and its bounds."""
+        """Violation of the end and of the bounds."""
         missed = problem.end.violation(problem.end_values(trajectory.knots[:, -1]))
         beyond = problem.path.violation(trajectory.evaluate(problem.path.function))
         return float(np.linalg.norm(missed) + np.max(beyond, initial=0.0))
 
     yield min(_circles(problem, intervals), key=miss)
-    if not _is_begun(problem):
+    if not _has_start(problem):
         yield from _far_circles(problem, intervals)
     for k in count(1):
-        yield min((_ellipse(problem, intervals, _EACH * k + i) for i in range(_EACH)), key=miss)
+        yield min((_ellipse(problem, intervals, _LOOPS_TRIED * k + i) for i in range(_LOOPS_TRIED)), key=miss)
 
 
 def _ranges(problem: Problem) -> tuple[Array, Array]:
-    """Where what is moved may be: middles and half widths, of its bounds, else a half turn or so round the start."""
+    """Middles and half widths of the ranges of σ: its bounds, else half a turn to both sides of the start."""
     start = problem.initial_state[problem.indices(problem.moves)]
     bounds = by_name(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True))
     low, high = np.array([bounds.get(name, (-np.inf, np.inf)) for name in problem.moves]).T
@@ -158,8 +158,8 @@ def _ranges(problem: Problem) -> tuple[Array, Array]:
     return (low + high) / 2, (high - low) / 2
 
 
-def _is_begun(problem: Problem) -> bool:
-    """Whether it is said where loops begin."""
+def _has_start(problem: Problem) -> bool:
+    """Whether the goal gives the start of σ."""
     return set(problem.moves) <= set(problem.start.labels)
 
 
@@ -170,7 +170,7 @@ def _ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     radii = widths * (0.1 + 0.7 * u[:, 1])
     centres = middles + (widths - radii) * (2 * u[:, 0] - 1)
     phases = 2 * np.pi * u[:, 2]
-    if _is_begun(problem):
+    if _has_start(problem):
         centres = problem.initial_state[problem.indices(problem.moves)]
     else:
         phases -= np.angle(mixture(c) @ (radii * np.exp(1j * phases)))
@@ -178,7 +178,7 @@ def _ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
 
 
 def _far_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Small and large ones, about what is opposite to the start and between, where joints may turn as they like."""
+    """Small and large circles about shapes opposite to the start, and between, for joints that turn freely."""
     middles, widths = _ranges(problem)
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
@@ -195,11 +195,11 @@ def _phases(sense: int, size: int) -> tuple[Array, float]:
 
 
 def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Of several sizes and centres, round both ways."""
+    """Circles of several sizes and centres, in both senses."""
     trajectory, start = _blank(problem, intervals), problem.initial_state[problem.indices(problem.moves)]
     middles, _ = _ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
-    is_begun = _is_begun(problem)
+    is_begun = _has_start(problem)
     for centre in [start] if is_begun else [start, middles, start + turns, start - turns]:
         for radius in (0.25, 0.5, 0.9, 1.4):
             for sense in (1, -1):
@@ -211,21 +211,21 @@ def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]
 def _loop(
     problem: Problem, trajectory: CollocatedTrajectory, centre: Array, radius: Array, phases: Any
 ) -> CollocatedTrajectory:
-    """One round of σ on an ellipse; through its centre where it has to begin there."""
-    w, shift = 2 * np.pi / trajectory.durations[0], np.cos(phases) if _is_begun(problem) else 0.0
+    """One round of σ on an ellipse; if the goal gives its start, the ellipse passes through ``centre``."""
+    w, shift = 2 * np.pi / trajectory.durations[0], np.cos(phases) if _has_start(problem) else 0.0
 
     def motion(t: float) -> tuple[Array, Array, Array]:
         angle = w * t - phases
         value = centre + radius * (np.cos(angle) - shift)
         return value, -radius * w * np.sin(angle), -radius * w**2 * np.cos(angle)
 
-    return _followed(problem, trajectory, motion)
+    return _integrated_along(problem, trajectory, motion)
 
 
 def _drift(problem: Problem, k: int) -> CollocatedTrajectory:
-    """Some motion from the start, small or large, that ends anywhere, at any rate."""
-    trajectory, change = _blank(problem, _FINE, k), np.random.default_rng(k).normal(size=len(problem.moves))
-    return _waves(problem, trajectory, _BEYOND * trajectory.durations[0], 1 + k, 10.0 ** (k % 3) * change)
+    """A motion from the start, small or large, to an arbitrary end at an arbitrary rate."""
+    trajectory, change = _blank(problem, _INTERVALS, k), np.random.default_rng(k).normal(size=len(problem.moves))
+    return _waves(problem, trajectory, _CUT_OFF * trajectory.durations[0], 1 + k, 10.0 ** (k % 3) * change)
 
 
 def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
@@ -236,13 +236,13 @@ def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTraj
 def _waves(
     problem: Problem, trajectory: CollocatedTrajectory, T: float, k: int, by: Array | None = None
 ) -> CollocatedTrajectory:
-    """From start to end of σ, or by a change, in the time T, at rest then; the k-th with waves on it."""
+    """A motion of σ from start to end, or by a change, with the k-th waves, which rests after the time T."""
     start = by_name(problem.states, problem.initial_state)
     sigma = zip(problem.moves, problem.initial_sigma, strict=True)
     begin = {name: start.get(name, value) for name, value in sigma}
     first = np.array([*begin.values()])
     way = np.array([problem.terminal_state.get(name, x) for name, x in begin.items()]) - first
-    size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(way).max())
+    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(way).max())
     waves = size * np.random.default_rng(k).normal(size=(way.size, 3)) / np.arange(1, 4) ** 2
     way, w = way if by is None else by, 2 * np.pi * np.arange(1, 4) / T
 
@@ -251,13 +251,13 @@ def _waves(
         value = first + rise + waves @ (1 - np.cos(w * t))
         return value, rate + waves @ (w * np.sin(w * t)), acceleration + waves @ (w**2 * np.cos(w * t))
 
-    return _followed(problem, trajectory, motion)
+    return _integrated_along(problem, trajectory, motion)
 
 
-def _followed(
+def _integrated_along(
     problem: Problem, trajectory: CollocatedTrajectory, motion: Callable[[float], tuple[Array, Array, Array]]
 ) -> CollocatedTrajectory:
-    """States along a motion of σ, by Runge and Kutta's method through all points."""
+    """The trajectory of a motion of σ, its states integrated through all points by a Runge-Kutta method."""
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
     names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(motion_names(move))]
     indices = [(problem.states.index(name), n, i) for name, n, i in names if name in problem.states]

@@ -1,4 +1,4 @@
-"""A planned motion: σ(t) in polynomials, its cost, the system that performs it, and what makes it believed."""
+"""A planned motion: σ(t) in polynomials, its cost, the system of FMUs that performs it, and its verdicts."""
 
 from __future__ import annotations
 
@@ -39,22 +39,22 @@ from liaisons.planning.transcription import (
 )
 from liaisons.planning.verifying import verdicts
 
-_LOST = 1e-12
-"""So much of its range σ may differ between the knots from what was planned."""
+_INTERPOLATION_ERROR = 1e-12
+"""Error of the operators' quintics between knots, relative to the range of σ."""
 JUMP_LEAD = 1e-9
 """Distance of the last communication point before a jump from the jump, relative to the duration."""
-_SAME = 1e-7
-"""By how much IPOPT may leave the bounds of a duration, relative to it."""
+_DURATION_ERROR = 1e-7
+"""Relative violation of the bounds of a duration that IPOPT leaves."""
 _FEWEST_STEPS = 4000
-"""For masters that step all at once: a third-order error is then some 1e-10."""
+"""Fewest steps for masters that step all FMUs at once: the error, of third order, is then some 1e-10."""
 _TOLERANCE = 1e-12
-"""Of the solvers in a replay: so near the rounding level that what is left is the plan's own error."""
+"""Tolerance of solvers in a replay: near rounding, so that the plan's own error remains."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A motion of active coordinates that was planned by :func:`liaisons.plan`."""
+    """A motion of active coordinates, planned by :func:`liaisons.plan`."""
 
     goal: Goal
     problem: Problem
@@ -62,28 +62,28 @@ class Plan:
 
     @property
     def cost(self) -> float:
-        """What was minimised."""
+        """The minimised cost."""
         return self.solution.cost
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration of the motion [s]."""
         low, high = self.problem.duration
         return low if low == high else float(self.solution.trajectory.durations.sum())
 
     @property
     def finished(self) -> bool:
-        """Whether the search came to its end; False after a time limit or Ctrl-C."""
+        """Whether the search ended by itself; False after a time limit or Ctrl-C."""
         return self.solution.finished
 
     @cached_property
     def proved(self) -> bool:
-        """Whether all verdicts of :meth:`verify` pass; evaluated when it is read first."""
+        """Whether all verdicts of :meth:`verify` pass; evaluated at the first access."""
         return self.finished and all(verdict.passed for verdict in self.verify())
 
     @property
     def multipliers(self) -> dict[str, float]:
-        """dJ/d(value at the end), by name; of a given duration dJ/dT, too."""
+        """Derivatives of the cost by values at the end, by name, and by a given duration."""
         multipliers = by_name(self.problem.end.labels, map(float, self.solution.end_multipliers))
         low, high = self.problem.duration
         return multipliers | ({"duration": float(np.mean(self.solution.hamiltonian))} if low == high else {})
@@ -94,10 +94,10 @@ class Plan:
         return np.cumsum(self.solution.trajectory.durations)[:-1]
 
     def sigma(self, t: ArrayLike) -> dict[str, Array]:
-        """σ, σ̇ and σ̈ of what is moved, by the names of the FMU's variables; at a jump what comes after it.
+        """σ, σ̇ and σ̈ by the names of the FMU's variables; at a jump the values after it.
 
-        :param t: times [s], of any shape; beyond both ends the polynomials go on.
-        :raises PlanError: if these are no numbers.
+        :param t: times [s], of any shape; beyond both ends the polynomials are extrapolated.
+        :raises PlanError: if the times are no numbers.
         """
         t = numbers("t", t, PlanError)
         return {
@@ -108,7 +108,7 @@ class Plan:
 
     @cached_property
     def _polynomials(self) -> dict[str, PPoly]:
-        """σ on each interval of the mesh: the controls integrated, so that no derivative contradicts another."""
+        """σ on each interval of the mesh: integrals of the controls, so that σ, σ̇ and σ̈ agree."""
         trajectory, problem = self.solution.trajectory, self.problem
         h = np.diff(trajectory.breaks)
         first = by_name(problem.states, trajectory.knots[:, 0])
@@ -127,12 +127,12 @@ class Plan:
     # ---- FMUs -------------------------------------------------------------------------------------------------
 
     def system(self, *, interpolate: bool = True) -> System:
-        """The mechanism and one operator FMU a coordinate, wired, with start values; steps in time are set, too.
+        """The mechanism connected with one operator FMU for each coordinate, with start values and step size.
 
-        :param interpolate: the mechanism follows the operators' polynomials from step to step, to the last digits, as
-            a master can that steps operators first; False: for masters that step all at once, in equal steps, at
-            least 4000, each with a knot at its start: values and rates are those of the plan, accelerations lead to
-            the next value, so that extrapolation misses the plan by third order.
+        :param interpolate: for masters that step operators first: the mechanism interpolates their outputs, and follows
+            their polynomials to the last digits.  False is for masters that step all FMUs at once, in at least 4000
+            equal steps with a knot at the start of each: values and rates are those of the plan, accelerations those
+            that lead to the next value, so that extrapolation has an error of third order.
         """
         system, end = System(f"planned_{self.problem.name}"), self.duration
         first = float(self._times()[1])
@@ -144,13 +144,13 @@ class Plan:
         return system
 
     def replay(self) -> Result:
-        """The motion as the FMUs perform it; communication points are the knots."""
+        """Run the motion through the FMUs; communication points are the knots."""
         return simulate(self._fmu(), times=self._times(), tolerance=_TOLERANCE, **self._values())
 
     def verify(self, time_limit: float = 60.0) -> list[Verdict]:
-        """Replay through the FMUs, bounds between nodes, law of the extremal, second order, second mesh, multipliers.
+        """Verdicts: replay by FMUs, bounds between nodes, extremality, second-order condition, finer mesh, multipliers.
 
-        They hold of the motion near which they are taken: that there is no better one far away is not proved.
+        They prove a local minimum; a distant motion may cost less.
 
         :param time_limit: [s]; a claim for which no time is left fails.
         :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
@@ -160,7 +160,7 @@ class Plan:
         return verdicts(self.problem.relative, solution, self.replay(), clock)
 
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
-        """Draw signals of the replay: what is moved, and what moves freely, unless names are given."""
+        """Draw signals of the replay: moved and free coordinates, unless names are given."""
         moves = self.problem.moves
         free = (name for name in self.problem.states if name not in moves and not name.endswith("_dot"))
         return self.replay().plot(*(names or [*moves, *free]), path=path)
@@ -169,7 +169,7 @@ class Plan:
         return fmu_path(self.goal.component, **chain_size(self.goal.component, self.goal.values))
 
     def _values(self) -> dict[str, Any]:
-        """Start values of the mechanism, and an operator for what is moved."""
+        """Start values of the mechanism, and the operators by moved coordinates."""
         return self.fmu_starts | {name: tabulated(*table) for name, table in self._knots.items()}
 
     @property
@@ -181,15 +181,15 @@ class Plan:
 
     @cached_property
     def _knots(self) -> dict[str, Array]:
-        """Knots of each operator, (4, n), all at the same times: so many that nothing of the plan is lost.
+        """Knots (4, n) of each operator, all at the same times: as many as the interpolation error asks for.
 
-        Of a polynomial of degree six the quintic through both ends misses c₆ (h/2)⁶.
+        The quintic through both ends of an interval differs from a polynomial of degree six by at most c₆ (h/2)⁶.
         """
         breaks, polynomials = self.solution.trajectory.breaks, self._polynomials
         h = np.diff(breaks)
         parts, kinks = np.ones(h.size), np.zeros(h.size, dtype=bool)
         for polynomial in polynomials.values():
-            lost = _LOST * max(np.ptp(polynomial(breaks)), np.finfo(float).tiny)
+            lost = _INTERPOLATION_ERROR * max(np.ptp(polynomial(breaks)), np.finfo(float).tiny)
             if len(polynomial.c) > 6:
                 parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 6 / lost) ** (1 / 6)))
             ends, begins = (_derivatives(polynomial, at) for at in (h, 0 * h))
@@ -203,9 +203,9 @@ class Plan:
         return {name: np.hstack([column(p, k) for k in range(h.size)]) for name, p in polynomials.items()}
 
     def _parabolas(self, step: float) -> dict[str, Array]:
-        """Knots of each operator, (4, n), a step apart: value, rate, and the acceleration that leads to the next value.
+        """Knots (4, n) of each operator at equal steps: value, rate, and the acceleration that leads to the next value.
 
-        Whoever extrapolates from them meets each value, whatever σ̈ does on the way, be it a jump.
+        Extrapolation from a knot meets the next value, even if σ̈ jumps between them.
         """
         times = step * np.arange(round(self.duration / step) + 1)
         knots = {}
@@ -216,7 +216,7 @@ class Plan:
         return knots
 
     def _times(self) -> Array:
-        """Communication points: the knots, and an instant before each jump."""
+        """Communication points: the knots, and one just before each jump."""
         times = next(iter(self._knots.values()))[0]
         jumps = times[:-1][np.diff(times) == 0]
         return np.unique(np.concatenate([times, jumps - JUMP_LEAD * self.duration]))
@@ -248,11 +248,11 @@ class Plan:
 
     @classmethod
     def load(cls, path: Path | str, component: Target | None = None, *, trust: bool = False) -> Plan:
-        """Read what :meth:`save` has written.
+        """Read a file of :meth:`save`.
 
-        :param component: the mechanism, instead of what the file names; needed if that is not in the catalogue.
-        :param trust: run the Python file that the plan names; without, opening a plan runs no code.
-        :raises PlanError: if it is no plan.
+        :param component: the mechanism, instead of that in the file; needed if the catalogue does not have that.
+        :param trust: run the Python file that the plan names; by default opening a plan runs no code.
+        :raises PlanError: if the file is no plan.
         """
         path = as_path("path", path, PlanError)
         try:
@@ -277,17 +277,14 @@ class Plan:
 
 
 def _even(end: float, longest: float) -> float:
-    """A step [s] of which a whole number fills the duration, and, if there is such a one, of whole nanoseconds.
-
-    There are masters that count these.
-    """
+    """A step [s] that divides the duration, if possible of whole nanoseconds, which some masters count."""
     least = math.ceil(end / longest - 1e-6)
     steps = (end / n for n in range(least, 2 * least))
     return next((round(step, 9) for step in steps if abs(step - round(step, 9)) < 1e-12), end / least)
 
 
 def _derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
-    """Value, first and second derivative in the intervals k, so long after their begins: (3, n)."""
+    """Value, first and second derivative (3, n) in the intervals k, at local times after their starts."""
     polynomials = [polynomial, polynomial.derivative(), polynomial.derivative().derivative()]
     return np.array([sum(c * local**n for n, c in enumerate(p.c[::-1, k])) + 0 * local for p in polynomials])
 
@@ -301,7 +298,7 @@ def _plain(value: Any) -> Any:
 
 
 def _tuples(value: Any) -> Any:
-    """Lists of JSON as the tuples that they were."""
+    """A value of JSON with its lists as tuples."""
     if isinstance(value, list):
         return tuple(map(_tuples, value))
     return {name: _tuples(item) for name, item in value.items()} if isinstance(value, dict) else value
@@ -346,7 +343,7 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     if not arcs or not (columns["durations"] > 0).all():
         raise PlanError("it has to have arcs with durations > 0")
     (low, high), T = problem.duration, columns["durations"].sum()
-    if not low * (1 - _SAME) <= T <= high * (1 + _SAME):
+    if not low * (1 - _DURATION_ERROR) <= T <= high * (1 + _DURATION_ERROR):
         raise PlanError(f"its arcs last {T:g} s, where the goal's duration is {low:g} s to {high:g} s")
     for i, bound in (active for arc in arcs for active in arc.active_bounds):
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):

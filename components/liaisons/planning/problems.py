@@ -1,7 +1,7 @@
 """The problem of optimal control of a goal: rates, cost and rows in CasADi.
 
-Of the coordinates that move, σ, the plan chooses the highest derivative that the equations let it choose, tested
-numerically at states nearby.  This is the order of control:
+The plan controls σ, σ̇ or σ̈: the lowest derivative on which motion, cost and constraints allow a choice, as tests at
+states nearby show.  Its number is the order of control:
 
 =====  ===========================  ==================================================================================
 order  state, beside (q, p)         when
@@ -32,7 +32,7 @@ from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols, middl
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Scalars that have to lie in ranges: low <= function <= high."""
+    """Scalar constraints: low <= function <= high."""
 
     labels: tuple[str, ...]
     function: ca.Function
@@ -42,23 +42,23 @@ class Rows:
 
     @property
     def equalities(self) -> list[int]:
-        """Rows that are given as numbers."""
+        """Indices of the rows with equal bounds."""
         return [int(i) for i in np.flatnonzero(self.low == self.high)]
 
     def relative(self, *sizes: Array) -> Rows:
-        """The same in units of sizes, of arguments in units of theirs."""
+        """The same in units of sizes, for arguments in units of sizes."""
         function = _relative(self.function, self.sizes, *sizes)
         return replace(self, function=function, low=self.low / self.sizes, high=self.high / self.sizes)
 
     def violation(self, values: Array) -> Array:
-        """By how much values (rows,) or (rows, points) leave their ranges; 0 inside."""
+        """Distances of values (rows,) or (rows, points) from their ranges; 0 inside."""
         low, high = (bound.reshape(-1, *[1] * (values.ndim - 1)) for bound in (self.low, self.high))
         return np.maximum(low - values, values - high).clip(0)
 
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """Sizes of what a problem of optimal control is made of."""
+    """Sizes of the variables of an optimal control problem."""
 
     states: Array
     controls: Array
@@ -69,7 +69,7 @@ class Scales:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Optimal control: X' = rates(X, U), least ∫ cost dt, with rows at the start, at the end and along the motion."""
+    """Optimal control problem: minimise ∫ cost dt with X' = rates(X, U) and rows at start, end and along the path."""
 
     name: str  # of the component
     moves: tuple[str, ...]
@@ -93,12 +93,12 @@ class Problem:
 
     @property
     def is_loop(self) -> bool:
-        """Whether all coordinates that move come back to where they were."""
+        """Whether all moved coordinates are closed."""
         closed = {self.states[i] for i in self.closed}
         return bool(closed) and set(self.moves) <= closed
 
     def indices(self, names: Iterable[str]) -> list[int]:
-        """Of states by name."""
+        """Indices of states by name."""
         return [self.states.index(name) for name in names]
 
     def end_values(self, state: Array) -> Array:
@@ -230,7 +230,7 @@ def _states(symbols: GoalSymbols, order: int) -> list[_State]:
 
 
 def _rows_at_rest(symbols: GoalSymbols, given: set[str]) -> list[Row]:
-    """σ̇ = 0 at the start, where the goal gives nothing else."""
+    """Rows σ̇ = 0 at the start, unless the goal gives these rates."""
     goal = symbols.goal
     if is_expression(goal.start):
         return []
@@ -239,7 +239,7 @@ def _rows_at_rest(symbols: GoalSymbols, given: set[str]) -> list[Row]:
 
 
 def _order(symbols: GoalSymbols, rows: GoalRows) -> int:
-    """The order of control."""
+    """The order of control, see the table of the module."""
     value, rate, acceleration = symbols.motion
     declared = set(symbols.goal.moves) - set(symbols.start)  # where σ would start if it could not jump at once
     start = (row for row in rows.start if row.label not in declared)
@@ -261,7 +261,7 @@ def _closed(symbols: GoalSymbols, states: set[str]) -> list[str]:
 
 
 def _initial_values(symbols: GoalSymbols, states: list[_State], start: list[Row]) -> dict[str, float]:
-    """A number for each state at the start."""
+    """Values of all states at the start."""
     values = {state.name: 0.0 for state in states}
     first = symbols.evaluate(symbols.initial_state, 0.0).ravel()
     values |= by_name(symbols.state_names, map(float, first))
@@ -282,14 +282,14 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
 
 
 def _conserved(symbols: GoalSymbols, states: list[_State], start: list[Row]) -> set[str]:
-    """States that start at a number and stay there."""
+    """Names of the states that start at a number and have no rate."""
     started = {row.label for row in start if row.low == row.high}
     relative = {state.name: state.rate * (symbols.time / state.size) for state in states if state.name in started}
     return {name for name, rate in relative.items() if symbols.vanishes(rate)}
 
 
 def _needed(symbols: GoalSymbols, states: list[_State], rows: GoalRows, closed: list[str]) -> set[str]:
-    """Names of the states on which rows and cost depend."""
+    """Names of the states on which constraints and cost depend, directly or by the rates of others."""
     expressions = ca.vertcat(rows.along, *(row.relative for row in rows.end))
     pending = [state for state in states if state.name in closed or symbols.depends(expressions, state.symbol)]
     needed: set[str] = set()
@@ -305,7 +305,10 @@ def _needed(symbols: GoalSymbols, states: list[_State], rows: GoalRows, closed: 
 
 
 def _changes(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: Iterable[ca.SX], label: str) -> bool:
-    """Whether a plan can change a row; at the end, a constant must fit already."""
+    """Whether a plan can change a row.
+
+    :raises PlanError: if a row at the end is constant, and outside of its range.
+    """
     if ca.depends_on(expression, ca.vertcat(*arguments)):
         return True
     value = float(ca.Function("value", [], [expression])()["o0"])
@@ -318,7 +321,7 @@ def _changes(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: Itera
 
 
 def _refuse_excluded(symbols: GoalSymbols, rows: GoalRows) -> None:
-    """Refuse ends that lie outside of bounds."""
+    """Refuse starts and ends outside of the bounds."""
     bounds = {row.label: row for row in rows.path}
     for label, ends in (("start", rows.start), ("end", rows.end)):
         for row in ends:
@@ -330,7 +333,7 @@ def _refuse_excluded(symbols: GoalSymbols, rows: GoalRows) -> None:
 
 
 def _refuse_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, names: tuple[str, ...]) -> None:
-    """Refuse rows at an instant that depend on controls, which are chosen anew at each instant."""
+    """Refuse rows at start and end that depend on controls, which may take any value at a single instant."""
     for label, ends in (("start", rows.start), ("end", rows.end)):
         for row in ends:
             if symbols.depends(row.relative, controls):
@@ -341,7 +344,7 @@ def _refuse_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, name
 
 
 def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
-    """Refuse given rates where these may jump: there is no least cost then, but ever shorter impulses."""
+    """Refuse given rates that may jump: ever shorter impulses cost ever less, so that there is no optimum."""
     moves = symbols.goal.moves
     rates = [f"{name}_dot" for name in moves]
     given = [row.label for row in (*rows.start, *rows.end) if row.label in rates]
@@ -385,7 +388,7 @@ def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, 
 
 
 def _relative(function: ca.Function, value: Array, *sizes: Array) -> ca.Function:
-    """A function in units of a size, of arguments in units of theirs."""
+    """A function in units of a size, with arguments in units of sizes."""
     arguments = [ca.SX.sym(f"x{i}", size.size) for i, size in enumerate(sizes)]
     result = function(*(x * ca.DM(size) for x, size in zip(arguments, sizes, strict=True)))
     return ca.Function(function.name(), arguments, [ca.densify(result / ca.DM(value))])

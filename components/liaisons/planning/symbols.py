@@ -33,12 +33,12 @@ from liaisons.planning.goals import (
 )
 
 ROUNDING = 1e-10
-"""Nothing that is smaller than this, in units of its size, can be told from 0."""
+"""Values below this, in units of their sizes, count as 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class GoalSymbols:
-    """Expressions of the state and of σ, σ̇, σ̈, and their numbers at the start."""
+    """Symbols of the state and of σ, σ̇, σ̈, expressions of them, and their values at the start."""
 
     goal: Goal
     component: Any
@@ -120,7 +120,7 @@ class GoalSymbols:
 
     @property
     def initial_sigma_sizes(self) -> Array:
-        """Sizes of σ at the start: what is > 0 stays so."""
+        """Sizes of σ at the start: its absolute values, so that nearby states keep the signs."""
         return np.where(self.initial_sigma == 0, self.motion_sizes[0], np.abs(self.initial_sigma))
 
     @property
@@ -130,12 +130,12 @@ class GoalSymbols:
 
     @property
     def forces(self) -> ca.SX:
-        """Operators' forces of the coordinates that move."""
+        """Operator forces of the moved coordinates."""
         return ca.vertcat(*(self.signals[f"{name}_force"] for name in self.goal.moves))
 
     @property
     def mass(self) -> ca.SX:
-        """Effective mass Θ of the coordinates that move."""
+        """Effective mass Θ of the moved coordinates."""
         return ca.jacobian(self.forces, self.motion[2])
 
     @property
@@ -145,9 +145,9 @@ class GoalSymbols:
         return np.array([self.parameters[starts[name]] if name in starts else 0.0 for name in self.state_names])
 
     def evaluate(self, expression: ca.SX, spread: float, seed: int = 0) -> Array:
-        """Numbers of an expression at the start, or at random states around it.
+        """Values of an expression at the start, or at random states around it.
 
-        :param spread: how far around, in units of sizes.
+        :param spread: radius of the neighbourhood, in units of sizes.
         """
         rng, state = np.random.default_rng(seed), self.declared_state
         state[[i for i, name in enumerate(self.state_names) if name == Orientation.quaternion[0]]] = 1.0
@@ -169,7 +169,7 @@ class GoalSymbols:
         return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[x.name()] for x in ca.vertsplit(symbols)]))
 
     def acts(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
-        """Which symbols enter which rows, numerically: terms that cancel are none.
+        """Numerical sparsity of the Jacobian (rows, symbols), so that terms may cancel.
 
         :param expression: in units of its size.
         """
@@ -180,7 +180,7 @@ class GoalSymbols:
         return np.any([np.abs(self.evaluate(slope, 0.3, seed)) > ROUNDING for seed in range(1, 4)], axis=0)
 
     def depends(self, expression: ca.SX, symbols: ca.SX) -> bool:
-        """Whether any of the symbols enters.
+        """Whether an expression depends on any of the symbols.
 
         :param expression: in units of its size.
         """
@@ -192,7 +192,7 @@ class GoalSymbols:
         return not self.depends(expression, everything) and abs(self.evaluate(expression, 0.3).item()) < ROUNDING
 
     def magnitude(self, expression: ca.SX) -> float:
-        """Size of a scalar at states around the start: of its value and of its changes."""
+        """Size of a scalar: median norm of its value and its gradient at states around the start."""
         slope = self.slope(expression, ca.vertcat(*self.arguments))
         column = ca.densify(ca.horzcat(expression, slope))
         values = np.array([np.linalg.norm(self.evaluate(column, 0.5, seed)) for seed in range(1, 10)])
@@ -201,7 +201,7 @@ class GoalSymbols:
 
 
 def goal_symbols(goal: Goal) -> GoalSymbols:
-    """Symbols of a goal's mechanism, and their numbers.
+    """Symbols of a goal's mechanism, and their values at the start.
 
     :raises PlanError: for an unknown name, with the nearest one, or a value that is not allowed.
     """
@@ -255,7 +255,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
 
 
 def middle(value: Any, default: float) -> float:
-    """A number in a range."""
+    """The middle of a range, as far as it is finite; a number itself; None gives the default."""
     if value is None:
         return default
     if isinstance(value, (tuple, list)):
@@ -283,7 +283,7 @@ def _check_moves(goal: Goal, owner: str, flat: Model) -> None:
 
 
 def _values(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], dict[str, Any]]:
-    """Parameters and inputs, with the values of the goal."""
+    """Values of parameters and inputs: those of the goal, others as declared."""
     owner = declared.__name__
     parameters, inputs = ({v.name: v.starts[0] for v in group} for group in (flat.parameters, flat.inputs))
     moved = {name for move in goal.moves for name in motion_names(move)}
@@ -304,10 +304,10 @@ def _values(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], d
 
 
 def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Array:
-    """Sizes of the base units such that all numbers of a goal are as near to 1 as can be: least squares of logarithms.
+    """Sizes of the base units that bring all numbers of a goal nearest to 1, by least squares of logarithms.
 
-    Divided by them, the quantities of a goal are the same in all units, so that nothing that is done with them depends
-    on units.  Zero, infinity, and pure numbers say nothing.
+    Divided by them, the quantities of a goal are the same in all units, and so is the plan.  Zero, infinity and pure
+    numbers do not count.
 
     :param values: of parameters and inputs.
     :returns: one size a base unit, in the order of :data:`liaisons.base.units.Powers`.
@@ -331,5 +331,5 @@ def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]
 
 
 def _size(base: Array, unit: str) -> float:
-    """Of a quantity with this unit."""
+    """Size of a quantity with a unit."""
     return 1.0 if unit == ANY else float(np.prod(base ** np.array(powers(unit), dtype=float)))

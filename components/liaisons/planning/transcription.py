@@ -28,8 +28,8 @@ DEGREE = 5
 """Collocation points in an interval: of order 10 at its ends."""
 
 _ACTIVE = 1e-7
-"""So near to its bound, in units of its size, a row is active where IPOPT has come to its end."""
-_MOST = 400  # iterations
+"""Distance from a bound, in units of the row's size, below which a row is active at a solution of IPOPT."""
+_MOST_ITERATIONS = 400
 _GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
 
@@ -40,21 +40,21 @@ POWERS = np.arange(DEGREE)
 TO_POWERS = np.linalg.inv(POINTS[:, None] ** POWERS)
 """Values at the Gauss points -> coefficients of the polynomial through them."""
 A = (POINTS[:, None] ** (POWERS + 1) / (POWERS + 1)) @ TO_POWERS
-"""Runge and Kutta's matrix."""
+"""Runge-Kutta matrix of the collocation."""
 B = (1 / (POWERS + 1)) @ TO_POWERS
-"""And weights."""
+"""Its weights."""
 
 
 @dataclass(frozen=True)
 class Arc:
-    """A part of the motion without a kink: so many equal intervals, and rows of the path that stay at a bound."""
+    """A smooth part of the motion: its number of equal intervals, and the rows of the path held at a bound."""
 
     intervals: int
     active_bounds: tuple[tuple[int, float], ...] = ()
 
 
 def interval_count(arcs: Sequence[Arc]) -> int:
-    """Intervals of all arcs."""
+    """Number of intervals of all arcs."""
     return sum(arc.intervals for arc in arcs)
 
 
@@ -78,7 +78,7 @@ class CollocatedTrajectory:
 
     @property
     def instants(self) -> Array:
-        """Of the collocation points [s], (m · DEGREE,)."""
+        """Collocation points [s], (m · DEGREE,)."""
         breaks = self.breaks
         return (breaks[:-1, None] + np.diff(breaks)[:, None] * POINTS).ravel()
 
@@ -91,7 +91,7 @@ class CollocatedTrajectory:
         return self.evaluate(problem.cost).ravel() + (adjoints * self.evaluate(problem.rates)).sum(axis=0)
 
     def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
-        """The same motion on another mesh, linear between the points: to start from."""
+        """The motion interpolated linearly on another mesh, as a start for IPOPT."""
         blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
         instants, scale = self.instants, durations.sum()
         times = np.append(self.breaks, instants)
@@ -107,11 +107,11 @@ class CollocatedTrajectory:
 
 
 class Clock:
-    """How long solutions may take, all together, and who is told at each iteration.
+    """Time limit of all solutions together, with progress and interrupts.
 
     :param limit: [s].
-    :param show: is told how many seconds have passed.
-    :param interrupts: from the keyboard; CasADi, in which they may come, swallows exceptions.
+    :param show: function that shows the elapsed seconds.
+    :param interrupts: interrupts from the keyboard, collected because CasADi swallows exceptions.
     """
 
     def __init__(
@@ -130,18 +130,18 @@ class Clock:
 
     @property
     def left(self) -> float:
-        """[s]."""
+        """Remaining time [s], at least 0.01."""
         return max(1e-2, self._end - time.perf_counter())
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing is left."""
+        """Whether no time is left, or the user interrupted."""
         return self.is_interrupted or time.perf_counter() >= self._end
 
     def tick(self, _iteration: int) -> None:
-        """An iteration has passed.
+        """Show the time of an iteration.
 
-        :raises KeyboardInterrupt: which ends IPOPT, if there was one.
+        :raises KeyboardInterrupt: after an interrupt, to end IPOPT.
         """
         self._show(self._limit - max(0.0, self._end - time.perf_counter()))
         if self.is_interrupted:
@@ -150,11 +150,11 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What IPOPT has made of it."""
+    """A solution of the nonlinear program, or the last iterate."""
 
     trajectory: CollocatedTrajectory
     cost: float
-    status: str  # IPOPT's word
+    status: str  # of IPOPT
     hamiltonian: Array  # at the collocation points; constant along an extremal
     adjoints: Array  # (n, m · DEGREE)
     end_multipliers: Array  # dJ/d(row at the end), of rows that are given as numbers
@@ -165,7 +165,7 @@ class Solution:
 
     @property
     def succeeded(self) -> bool:
-        """Whether IPOPT says so."""
+        """Whether IPOPT reports success."""
         return self.status in _GOOD
 
 
@@ -180,7 +180,7 @@ def relative(problem: Problem, solution: Solution) -> Solution:
 
 
 def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> Solution:
-    """Multiplied by powers of the scales; rows are held at the bounds that the other problem has."""
+    """A solution multiplied by powers of the scales, with the active bounds of the other problem."""
     scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
     X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
@@ -235,14 +235,14 @@ def solve(
 ) -> Solution:
     """Solve the problem on the mesh of the guess.
 
-    :param clock: a limit, at which the last iterate is returned as not finished.
-    :param soft: come as near to the end as possible, at any cost, instead of reaching it.
-    :param shift: added to the values at the end.
-    :param near: the guess is all but the solution: stay with it.
+    :param clock: time limit, at which the last iterate is returned as not finished.
+    :param soft: minimise the distance from the end instead of the cost.
+    :param shift: displacement of the end.
+    :param near: start with a small barrier, because the guess is close to the solution.
     """
     program = _constrained(problem, guess, soft=soft, shift=shift)
     opti, constraints = program.opti, program.constraints
-    status = _run(opti, near=near, most=200 if soft else 100 if near else _MOST, clock=clock)
+    status = _run(opti, near=near, most=200 if soft else 100 if near else _MOST_ITERATIONS, clock=clock)
 
     def value(expression: Any, *shape: int) -> Array:
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
@@ -299,15 +299,14 @@ def _constrained(
 
 
 def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | None:
-    """Eigenvalues of the reduced Hessian at a solution, the least first; None if IPOPT does not stay there.
+    """Eigenvalues of the reduced Hessian at a solution, the least first; None if IPOPT leaves the solution.
 
-    It is that of the cost along all that constraints leave free, in L2 of the controls.
-    States follow from controls by the linearised equations, and the directions that are left are those in which active
-    constraints do not change.
+    The Hessian is that of the Lagrangian, in the L2 norm of the controls: states follow from controls by the linearised
+    equations, and its directions are those in which active constraints do not change.
     """
     trajectory = solution.trajectory
     opti = _constrained(problem, trajectory).opti
-    if _run(opti, near=True, most=_MOST, clock=clock, barrier=1e-5) not in _GOOD:
+    if _run(opti, near=True, most=_MOST_ITERATIONS, clock=clock, barrier=1e-5) not in _GOOD:
         return None
     x, g, value = opti.x, opti.g, opti.debug.value
     hessian, _ = ca.hessian(opti.f + ca.dot(opti.lam_g, g), x)
@@ -376,7 +375,7 @@ def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
 
 
 def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
-    """IPOPT's word, after so many iterations at most."""
+    """Run IPOPT, and return its status."""
     ipopt = {
         "print_level": 0,
         "sb": "yes",
@@ -401,7 +400,7 @@ def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float =
 
 
 def _within(opti: ca.Opti, rows: Rows, values: Any) -> Any:
-    """Keep rows in their ranges; returns the constraint of those that are equalities, if any are."""
+    """Constrain rows to their ranges; return the constraint of the equalities, if there are any."""
     equalities = rows.equalities
     for i in range(len(rows.labels)):
         if i not in equalities:
@@ -420,10 +419,10 @@ def _bounded(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
 
 
 def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
-    """Rows of the path in their ranges, or held: at the collocation points, of states at the ends of intervals, too.
+    """Constrain rows of the path to their ranges or bounds at the collocation points; states also at the knots.
 
-    A coordinate that is moved is held at its bound by its control, and what depends on states alone by its rate: it
-    comes there at the arc's begin, and stays.
+    A moved coordinate is held at its bound by its control, a function of states by its rate: each has its value at the
+    start of the arc, and no rate along it.
     """
     start, instant = problem.start, set(problem.path.function.jac_sparsity(0, 1).row())  # rows with controls
     rates = path_rates(problem).map(program.inner.shape[1])(program.inner, program.controls)
@@ -475,10 +474,10 @@ def _fix_phase(opti: ca.Opti, problem: Problem, program: _Program) -> None:
 
 
 def _smooth(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
-    """Where the cost knows states but no controls, these are polynomials of a degree less.
+    """Lower the degree of the controls by one if the cost depends on states only.
 
-    Else their integral is not unique: Legendre's polynomial of degree ``DEGREE`` vanishes at all points, and so much of
-    it as one likes, up and down in turn from interval to interval, costs nothing.
+    Otherwise the controls are not unique: multiples of the Legendre polynomial of degree ``DEGREE``, which vanishes at
+    all points, cost nothing if they alternate from interval to interval.
     """
     if [problem.cost.jac_sparsity(0, k).nnz() > 0 for k in (0, 1)] != [True, False]:
         return
@@ -494,5 +493,5 @@ def _smooth(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Prog
 
 
 def mixture(count: int) -> Array:
-    """Weights of σ that no bound on one of them makes constant."""
+    """Weights of a sum of σ that is not constant even if one coordinate is at a bound."""
     return np.power(0.6, np.arange(count))

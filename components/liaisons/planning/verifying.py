@@ -1,4 +1,4 @@
-"""What makes a plan believed: IPOPT's word alone is never enough."""
+"""Verdicts on a plan, independent of what IPOPT reports."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from liaisons.planning.transcription import Array, Clock, Solution, curvature, i
 from liaisons.results import Result
 
 NOTHING = 1e-10
-"""What IPOPT leaves of multipliers; nothing that is smaller can be told from 0."""
+"""Error of IPOPT's multipliers; smaller numbers count as 0."""
 _RELATIVE = 1e-6
 _FLAT = 1e-7
-"""Eigenvalues of the reduced Hessian, relative to the largest, that are as good as 0."""
+"""Eigenvalues of the reduced Hessian below this, relative to the largest, count as 0."""
 _SLOPE = 1e-4
-"""By how much the slope of the cost may differ from the multipliers, relative to these."""
+"""Tolerance of the slope of the cost, relative to the multipliers."""
 _TURNS = 3
-"""How often the direction is turned in which the end is moved, until the multipliers stay what they are."""
+"""Iterations that turn the displacement of the end until the multipliers are constant."""
 _SHIFT = 1e-4
-"""By how much the end is moved to see what that costs."""
+"""Displacement of the end, in units of sizes, whose cost is compared with the multipliers."""
 
 
 def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
-    """All of them.
+    """All verdicts on a plan.
 
-    :param problem: a relative one.
+    :param problem: in relative units.
     :param solution: its solution.
     :param replay: the motion as the FMUs perform it, in SI units.
-    :param clock: how long further solutions may take; a claim for which no time is left fails.
+    :param clock: time limit of further solutions; a claim for which no time is left fails.
     """
     text = (
         f"the search came to its end: best of {solution.starts} {'start' if solution.starts == 1 else 'starts'}, "
@@ -58,7 +58,7 @@ def _finer(problem: Problem, solution: Solution, clock: Clock) -> Solution:
 
 
 def _curved(problem: Problem, meshes: Iterable[Callable[[], Solution]], clock: Clock) -> Verdict:
-    """The second-order condition, on the mesh of the solution, or a finer one: what a coarse one bends is its own."""
+    """The second-order condition on one of the meshes: a coarse one may add negative curvature of its own."""
     eigenvalues = None
     for solution in meshes:
         eigenvalues = None if clock.is_over else curvature(problem, solution(), clock)
@@ -104,7 +104,7 @@ def _replayed(problem: Problem, replay: Result) -> Iterator[Verdict]:
 
 
 def _law(problem: Problem, solution: Solution) -> Iterator[Verdict]:
-    """Along an extremal the Hamiltonian is constant; it is 0 where the duration is free."""
+    """Verdicts on the Hamiltonian, which is constant along an extremal, and 0 if the duration is free."""
     trajectory, path = solution.trajectory, problem.path
     H = solution.hamiltonian / hamiltonian_scale(problem, solution)
     why = f"relative to its terms, or {NOTHING:g}; an extremal that the mesh resolves keeps it to 1e-8"
@@ -125,14 +125,14 @@ def _law(problem: Problem, solution: Solution) -> Iterator[Verdict]:
 
 
 def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
-    """Size of the terms that the Hamiltonian is made of."""
+    """Mean size of the terms of the Hamiltonian."""
     running = solution.trajectory.evaluate(problem.cost).ravel()
     rates = solution.trajectory.evaluate(problem.rates)
     return max(NOTHING / _RELATIVE, float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))))
 
 
 def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution], clock: Clock) -> Iterator[Verdict]:
-    """A mesh half as fine again, and the price of another end."""
+    """Verdicts on the costs of a finer mesh and of displaced ends."""
     trajectory = solution.trajectory
     second = finer()
     scale = max(NOTHING / _RELATIVE, abs(solution.cost))
@@ -156,7 +156,7 @@ def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution],
             return shifted.cost if shifted.succeeded else np.nan
 
         def one_sided(parts: int) -> float:
-            """Slope of the parabola through the end and two ends beyond, of second order in δ, too."""
+            """Slope of the parabola through the costs of the end and of two displaced ends, an error of order δ²."""
             return (4 * cost(parts) - cost(2 * parts) - 3 * solution.cost) / (2 * by * parts)
 
         direction = gradient
@@ -184,6 +184,6 @@ def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution],
 
 
 def _violation(rows: Rows, values: Array) -> float:
-    """By how much values leave their ranges, relative to these where they are large."""
+    """Greatest distance of values from their ranges, relative to bounds above 1."""
     ends = np.where(np.isfinite([rows.low, rows.high]), np.abs([rows.low, rows.high]), 0).max(axis=0)
     return float(np.max(rows.violation(values) / np.maximum(1.0, ends)[:, None], initial=0.0))
