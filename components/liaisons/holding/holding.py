@@ -47,7 +47,7 @@ _UNBOUNDED = 1e30
 
 
 @dataclass(frozen=True)
-class Settings:
+class SynthesisSettings:
     """Numbers of the synthesis, with their reasons; times are in radians of the fastest free motion."""
 
     fewest_steps: int = 40
@@ -84,7 +84,7 @@ class Settings:
     """Tolerance for calling a plan closed, or at rest at its end, relative to sizes: verified plans keep 1e-8."""
 
 
-_SETTINGS = Settings()
+_SETTINGS = SynthesisSettings()
 
 
 def hold(
