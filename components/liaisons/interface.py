@@ -77,7 +77,7 @@ def show(
     :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
     :raises ProjectError: if there is no such file or component.
     :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
-    :raises BuildError: if there is no compiler for WebAssembly; ``pip install ziglang`` is one.
+    :raises BuildError: if there is no compiler for WebAssembly: ``pip install 'liaisons[cross]'``.
     """
     *beside, last = further or (None,)
     if last is not None and path is None and not is_target(last):

@@ -19,7 +19,7 @@ def test_without_a_compiler_for_webassembly_the_motion_is_shown(
     out = runs("show", "Pendulum", "--set", "theta_0=1")
     assert out.count("\n") == 1
     assert out.startswith(
-        "page: Pendulum.html, a recorded motion; a live page needs ziglang: pip install ziglang (100 MB"
+        "page: Pendulum.html, a recorded motion; a live page needs a compiler: pip install 'liaisons[cross]' (100 MB"
     )
     assert opened == [(tmp_path / "Pendulum.html").as_uri()]
     assert "play(JSON.parse(" in (tmp_path / "Pendulum.html").read_text()

@@ -179,7 +179,10 @@ def test_coupling_without_a_compiler_is_explicit(component, monkeypatch, caplog,
     system = wired("upper.bob -> lower.pivot", **parts) if not inputs else wired(upper=parts["upper"])
     monkeypatch.setattr(compiled, "steps", lambda: None)
     first = system.simulate(0.02, 0.01, inputs=inputs)
-    assert "would be coupled implicitly, but no C compiler is found: pip install ziglang: coupled by" in caplog.text
+    assert (
+        "would be coupled implicitly, but no C compiler is found: pip install 'liaisons[cross]': coupled by"
+        in caplog.text
+    )
     _assert_same_bits(first, system.simulate(0.02, 0.01, inputs=inputs, coupling="gauss-seidel"))
     with pytest.raises(SimulationError, match="coupling = 'implicit' is made by compiled code, and no C compiler"):
         system.simulate(0.02, 0.01, inputs=inputs, coupling="implicit")

@@ -690,7 +690,7 @@ def test_what_has_no_sources_is_refused(fmu: Fmu, tmp_path: Path) -> None:
 def test_without_a_compiler_it_says_what_to_install(fmu: Fmu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     same = changed(fmu(catalogue()["Pendulum"]), tmp_path / "other.fmu", lambda _, content: content)
     monkeypatch.setattr(compiler, "zig_compiler", lambda: None)
-    with pytest.raises(BuildError, match="pip install ziglang"):
+    with pytest.raises(BuildError, match=r"no C compiler for WebAssembly is found: pip install 'liaisons\[cross\]'"):
         live_page(same)
 
 
@@ -712,7 +712,8 @@ def test_a_damaged_picture_is_refused(content: bytes, fmu: Fmu, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("zig", "cure"), [(None, "as our native FMUs have them: pip install ziglang"), (["zig"], "as our FMUs have them")]
+    ("zig", "cure"),
+    [(None, "as our native FMUs have them: pip install 'liaisons[cross]'"), (["zig"], "as our FMUs have them")],
 )
 def test_an_fmu_without_sources(fmu: Fmu, monkeypatch: pytest.MonkeyPatch, zig: list[str] | None, cure: str) -> None:
     """Such as are built where there is no compiler."""

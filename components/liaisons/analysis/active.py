@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.analysis.numeric import at_zero, frozen, integrate
+from liaisons.analysis.numeric import at_zero, final_state, frozen
 from liaisons.analysis.phase_space import hamiltonian, hamiltonian_field
 from liaisons.analysis.quantity import (
     Quantity,
@@ -219,7 +219,7 @@ def holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: 
     rate = ca.substitute(connection, m.active.s, sigma) @ ca.jacobian(sigma, a)
     start = np.atleast_1d(Quantity(equations, x).evaluate(**values))
     rate = frozen(equations, rate, values, x)
-    end = integrate(rate, x, start, t=a, duration=_TURN, tolerance=tolerance, owner=equations.name)
+    end = final_state(rate, x, start, t=a, duration=_TURN, tolerance=tolerance, owner=equations.name)
     end[: len(m.coordinates)] -= start[: len(m.coordinates)]
     return dict(zip(map(str, ca.vertsplit(x)), end.tolist(), strict=True))
 

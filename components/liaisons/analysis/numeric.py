@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.analysis.quantity import numbers_of
+from liaisons.base.reference_integration import integrate
 from liaisons.errors import ComponentError
 from liaisons.mechanics.equations import Equations
 
@@ -27,29 +28,22 @@ def at_zero(expression: ca.SX, t: ca.SX) -> float:
     return float(ca.Function("start", [t], [expression])(0))
 
 
-def integrate(
+def final_state(
     rate: ca.SX, X: ca.SX, start: NDArray, *, t: ca.SX, duration: float, tolerance: float, owner: str
 ) -> NDArray:
-    """X at the end of Ẋ = rate(t, X) over [0, duration]; Dormand and Prince's method of order 8.
+    """X at the end of Ẋ = rate(t, X) over [0, duration].
 
     :param owner: name of the component, for the message.
     :raises ComponentError: where the integration cannot go on.
     """
-    from scipy.integrate import solve_ivp  # half a second that an import of the mechanics should not take
+    function = ca.Function("velocity", [t, X], [ca.densify(rate)])
 
-    velocity = ca.Function("velocity", [t, X], [ca.densify(rate)])
-    solution = solve_ivp(
-        lambda instant, state: np.asarray(velocity(instant, state))[:, 0],
-        (0.0, duration),
-        start,
-        method="DOP853",
-        rtol=tolerance,
-        atol=tolerance,
-        t_eval=[duration],
-    )
-    if not solution.success or not np.all(np.isfinite(solution.y)):
-        raise ComponentError(f"{owner}: the motion cannot be continued: {solution.message} Start elsewhere")
-    return solution.y[:, -1]
+    def velocity(instant: float, state: NDArray) -> NDArray:
+        return np.asarray(function(instant, state))[:, 0]
+
+    tolerances = {"rtol": tolerance, "atol": tolerance}
+    span, error = (0.0, duration), ComponentError
+    return integrate(owner, velocity, start, span, times=[duration], **tolerances, error=error)[:, -1]
 
 
 def spline_integral(time: NDArray, samples: NDArray) -> NDArray:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.analysis.numeric import at_zero, frozen, integrate
+from liaisons.analysis.numeric import at_zero, final_state, frozen
 from liaisons.analysis.quantity import (
     Formula,
     Quantity,
@@ -151,7 +151,7 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     rate = ca.vertcat(velocity, ca.vec(ca.jacobian(velocity, X) @ J))
     beginning = np.concatenate([start, np.eye(start.size).ravel()])
     state = ca.vertcat(X, ca.vec(J))
-    end = integrate(rate, state, beginning, t=t, duration=duration, tolerance=tolerance, owner=owner)
+    end = final_state(rate, state, beginning, t=t, duration=duration, tolerance=tolerance, owner=owner)
     names = [str(symbol) for symbol in ca.vertsplit(X)]
     return Flow(
         dict(zip(names, end[: start.size].tolist(), strict=True)), end[start.size :].reshape(J.shape, order="F")

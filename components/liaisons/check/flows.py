@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import numbers
+from liaisons.base.reference_integration import integrate
 from liaisons.errors import ValidityError
 
 _STEP = 1e-30
@@ -28,8 +29,6 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
     :returns: shape ``(2n, *times.shape)``.
     :raises ValidityError: for an odd number of values, times that go back, or an H that is not finite on the way.
     """
-    from scipy.integrate import solve_ivp
-
     z = numbers("hamiltonian_flow: start", start, ValidityError)
     t = numbers("hamiltonian_flow: times", times, ValidityError)
     n, odd = divmod(z.size, 2)
@@ -44,8 +43,6 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
         slope = np.broadcast_to(np.imag(hamiltonian(*(state[:, None] + directions))) / _STEP, 2 * n)
         return np.append(slope[n:], -slope[:n])
 
-    span, points = (0, instants[-1]), np.unique(instants)
-    solution = solve_ivp(rate, span, z, "DOP853", t_eval=points, rtol=_TOLERANCE, atol=_TOLERANCE)
-    if not solution.success or not np.all(np.isfinite(solution.y)):
-        raise ValidityError(f"hamiltonian_flow: stopped at t = {solution.t[-1]:g}: {solution.message}")
-    return solution.y[:, np.searchsorted(solution.t, t)]
+    span, points, tolerances = (0, instants[-1]), np.unique(instants), {"rtol": _TOLERANCE, "atol": _TOLERANCE}
+    states = integrate("hamiltonian_flow", rate, z, span, times=points, **tolerances, error=ValidityError)
+    return states[:, np.searchsorted(points, t)]

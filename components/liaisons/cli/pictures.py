@@ -102,7 +102,7 @@ def show(
     Where the compiler for WebAssembly is not installed, a page with the recorded motion.
     """
     from liaisons import interface
-    from liaisons.base.compiler import zig_compiler
+    from liaisons.base.compiler import INSTALLATION, zig_compiler
     from liaisons.cli._subject import resolved, simulation
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_path
@@ -123,7 +123,7 @@ def show(
     else:
         _system, asked = simulation(fmu, starts, None, None, None, None, given=())
         performed(asked).animate(page)
-        print(f"page: {page}, a recorded motion; a live page needs ziglang: pip install ziglang ({_ZIG})")
+        print(f"page: {page}, a recorded motion; a live page needs a compiler: {INSTALLATION} ({_ZIG})")
     if launch:
         webbrowser.open(page.resolve().as_uri())
     return 0

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import listed, numbers
 from liaisons.base.logs import logger
+from liaisons.base.reference_integration import integrate
 from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values as valid
@@ -221,8 +222,6 @@ class FmuMotion:
 
     def _integrated(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
         """Variational equations."""
-        from scipy.integrate import solve_ivp
-
         with ExitStack() as stack:
             equations = stack.enter_context(self.equations(values))
             neighbours = [
@@ -255,13 +254,12 @@ class FmuMotion:
                     return np.full_like(z, np.nan)
 
             z, recorded = np.transpose([equations.x, *by_values(lambda fmu: fmu.x)]), {}
-            options: Any = {"method": "DOP853", "rtol": self.tolerance, "atol": self.tolerance * equations.sizes.min()}
+            tolerances = {"rtol": self.tolerance, "atol": self.tolerance * equations.sizes.min()}
             for begin, end in pairwise([self.start_time, *self._points().tolist()]):
                 if begin < end:
-                    solution = solve_ivp(rates, (begin, end), z.ravel(), args=(end,), **options)
-                    if not solution.success:
-                        raise SimulationError(f"{self.name}: {solution.message}")
-                    z = solution.y[:, -1].reshape(z.shape)
+                    moving, span = partial(rates, end=end), (begin, end)
+                    states_on_way = integrate(self.name, moving, z.ravel(), span, **tolerances, error=SimulationError)
+                    z = states_on_way[:, -1].reshape(z.shape)
                 recorded[end] = calculate(end, z, end)[states:]
         result = np.stack([recorded[time] for time in self.times.tolist()], axis=1)
         return result[..., 0], result[..., 1:], np.zeros((len(result), len(changes)))

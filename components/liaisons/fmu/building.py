@@ -11,7 +11,16 @@ from typing import Literal, get_args
 from uuid import UUID
 
 from liaisons.base.arguments import as_path, chosen
-from liaisons.base.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
+from liaisons.base.compiler import (
+    FLAGS,
+    INSTALLATION,
+    TARGETS,
+    compile_library,
+    host,
+    no_compiler,
+    system_compiler,
+    zig_compiler,
+)
 from liaisons.errors import BackEndError, BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
@@ -81,7 +90,7 @@ def _compilers() -> list[str] | None:
 
 @cache
 def _warn_no_compiler() -> None:
-    _log.warning("no C compiler is found: FMUs are built in Python; for native ones: pip install ziglang")
+    _log.warning("FMUs are built in Python: %s", no_compiler())
 
 
 def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, arrays: bool) -> Path:
@@ -118,7 +127,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
-    remedy = "take backend='native'" if _compilers() else "native FMUs take them: pip install ziglang"
+    remedy = "take backend='native'" if _compilers() else f"native FMUs take them: {INSTALLATION}"
     refuse_contacts(model, "the Python back end", remedy, BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()

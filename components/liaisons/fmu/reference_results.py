@@ -14,14 +14,13 @@ import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
-from liaisons.errors import ComponentError, suggestion
+from liaisons.base.reference_integration import integrate
+from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.fmu.calls import Call
 from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
 from liaisons.fmu.markup import document, element
@@ -76,7 +75,7 @@ class Trajectory:
         return self.values[:, self._outputs[name]]
 
 
-class _GivenUpError(Exception):
+class _GivenUpError(LiaisonsError):
     """The experiment takes too long, or ends in a singularity."""
 
 
@@ -153,19 +152,13 @@ def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArra
         return
     rate = _rate(model, motion, k)
     nominals = np.array(model.nominals.call([ca.DM(0), y, motion(0.0), k])[0]).ravel()
-    t, waiting = 0.0, list(times[1:])
+    t, tolerances = 0.0, {"rtol": TOLERANCE, "atol": TOLERANCE * nominals}
     while t < times[-1]:
         corner = min(model.next_event(k, t), float(times[-1]))
-        solver = DOP853(rate, t, y, corner, rtol=TOLERANCE, atol=cast(Any, TOLERANCE * nominals))
-        while solver.status == "running":
-            solver.step()
-            if solver.status == "failed":
-                raise _GivenUpError
-            if waiting and waiting[0] < solver.t:
-                between = solver.dense_output()
-                while waiting and waiting[0] < solver.t:
-                    yield between(waiting.pop(0))
-        t, y = corner, solver.y
+        instants = [*times[1:][(t <= times[1:]) & (times[1:] < corner)], corner]
+        *between, y = integrate(model.name, rate, y, (t, corner), times=instants, **tolerances, error=_GivenUpError).T
+        yield from between
+        t = corner
     yield y
 
 

@@ -62,7 +62,7 @@ def show(
     :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
     :raises ProjectError: if there is no such file or component.
     :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
-    :raises BuildError: if there is no compiler for WebAssembly; ``pip install ziglang`` is one.
+    :raises BuildError: if there is no compiler for WebAssembly: ``pip install 'liaisons[cross]'``.
     """
     starts = merged("show", start_values, keywords)
     if isinstance(subject, System) and starts:

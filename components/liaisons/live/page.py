@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from liaisons.base.array_names import split
-from liaisons.base.compiler import compile_wasm, zig_compiler
+from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.description.fmu import read_description
@@ -106,7 +106,7 @@ def _compiled(path: Path, *_identity: int) -> str:
             with archive.open(member) as file:
                 sources[member.removeprefix("sources/")] = file.read()
     if "fmi2Functions.h" not in sources:
-        ours = "as our FMUs have them" if zig_compiler() else "as our native FMUs have them: pip install ziglang"
+        ours = "as our FMUs have them" if zig_compiler() else f"as our native FMUs have them: {INSTALLATION}"
         raise SimulationError(f"{path}: a live page needs the C sources of FMI 2.0 inside, {ours}")
     sources["page.c"] = (files("liaisons.pictures") / "web" / "page.c").read_bytes()
     return base64.b64encode(gzip.compress(compile_wasm(sources, *_EXPORTS), 9, mtime=0)).decode()

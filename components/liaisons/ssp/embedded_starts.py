@@ -22,6 +22,7 @@ from zipfile import ZipFile, ZipInfo
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.base.compiler import INSTALLATION
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
@@ -59,7 +60,7 @@ def with_table(path: Path, table: NDArray[np.float64]) -> bytes:
     """
     with ZipFile(path) as archive:
         if _PYTHON in archive.namelist():
-            raise SimulationError(f"{path.name}: {table.shape[1]} knots need a native FMU; pip install ziglang")
+            raise SimulationError(f"{path.name}: {table.shape[1]} knots need a native FMU; {INSTALLATION}")
     return _copy(path, [f"t 0 {table.size} {_bits('>d', table.ravel())} table\n"], {})
 
 

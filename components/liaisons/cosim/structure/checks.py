@@ -11,6 +11,7 @@ from typing import final, get_args
 import numpy as np
 
 from liaisons.base.arguments import chosen
+from liaisons.base.compiler import no_compiler
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.messages import logger
@@ -22,7 +23,6 @@ from liaisons.errors import SimulationError
 
 ITERATING = {"implicit", "waveform"}
 """Couplings that repeat steps."""
-_NO_COMPILER = "no C compiler is found: pip install ziglang"
 
 
 @final
@@ -87,7 +87,7 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
             )
         if compiled.steps() is None:
             raise SimulationError(
-                f"coupling = {asked!r} is made by compiled code, and {_NO_COMPILER}; or choose coupling='gauss-seidel'"
+                f"coupling = {asked!r} is made by compiled code, and {no_compiler()}; or choose coupling='gauss-seidel'"
             )
         return asked
     two_ways = [connection for connection in connections if connection.back]
@@ -95,7 +95,7 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
     if asked is None and (two_ways or (not graph.cyclic and _gains(parts, connections, graph.driven))):
         if compiled.steps() is None:
-            hurdles.append(_NO_COMPILER)
+            hurdles.append(no_compiler())
         if not hurdles:
             return "implicit"
         logger.warning(

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
+from liaisons.base import reference_integration
+from liaisons.errors import ValidityError
 from liaisons.models.solutions.validity import require
 
 
@@ -25,12 +26,18 @@ def integrate(
     :param t: times [s], any shape and order, >= 0.
     :param longest: of the steps [s], where the rates come and go.
     :returns: shape (n, *t.shape).
-    :raises ValidityError: for a negative time.
+    :raises ValidityError: for a negative time, or where the integration cannot go on.
     """
     times, order = np.unique(np.ravel(np.asarray(t, dtype=float)), return_inverse=True)
     require(not np.any(times < 0), f"{where}: t = {np.min(times)} must be >= 0")
     y = np.repeat(np.reshape(np.asarray(start, dtype=float), (-1, 1)), times.size, axis=1)
     if times[-1] > 0:
-        span, method = (0.0, times[-1]), "DOP853"
-        y = solve_ivp(rates, span, y[:, 0], method, times, rtol=1e-13, atol=1e-14, max_step=longest).y
+        y = reference_integration.integrate(
+            *(where, rates, y[:, 0], (0.0, times[-1])),
+            times=times,
+            rtol=1e-13,
+            atol=1e-14,
+            longest=longest,
+            error=ValidityError,
+        )
     return y[:, order].reshape(-1, *np.shape(t))
