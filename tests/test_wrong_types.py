@@ -131,7 +131,7 @@ CALLS: dict[str, tuple[Call, Any]] = {
     **keywords(
         "ensemble", lambda _, **w: ensemble("Pendulum", **MEMBERS | w), start_values=(), stop_time=NUMBER,
         step_size=NUMBER, samples=NUMBER, start_time=int, method=(), operators=NOTHING, record=NOTHING,
-        threads=NONE, backend=(),
+        threads=NONE,
     ),
     "ensemble operator": (lambda _, w: ensemble("Pendulum", **MEMBERS, operators={"length": w}), ()),
     "identify": (lambda _, w: identify(w, MEASURED, ["length"]), ()),

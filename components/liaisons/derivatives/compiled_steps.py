@@ -25,7 +25,7 @@ DIRECTIONS = 8
 _OPTIONS: dict[Purpose, tuple[str, ...]] = {"run": ("-fno-tree-vectorize",), "tangents": (), "adjoint": ()}
 """Of the compiler: a single motion waits for vectors that have been written number by number."""
 _STEPS = 2_000_000
-"""From so many on there are too many."""
+"""Steps of one motion from which on it is refused."""
 
 _RUN = """\
 long choose(long intervals, const double *cuts, const long *rows, const double *limits, const double *k,

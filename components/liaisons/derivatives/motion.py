@@ -39,20 +39,20 @@ from liaisons.language import Variable
 Weights: TypeAlias = "ArrayLike | Callable[[Floats], ArrayLike]"
 
 _MARGIN = 8
-"""So many roundings before an event it has not come yet, and so many after it has passed."""
+"""Distance from an event, in units in the last place of its time, at which the equations of one side hold."""
 _PART = 0.002
-"""Of the tolerance, by which a step and two of half its size may differ: derivatives have larger errors than states."""
+"""Allowed difference of a step and two halves, over the tolerance: derivatives have larger errors than states."""
 _ROUNDING = 4e-15
 _CHUNK, _ROOM = 2**21, 2**25
-"""Numbers that are kept for derivatives: by a part of the steps, and by all."""
+"""Most stage values in memory: of the steps of one piece, and of all steps."""
 EQUAL = 1e-9
-"""Jumps of inputs that are less, relative to them, are roundings."""
+"""Largest relative jump of an input that is rounding."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Some steps between two events, the recorded times among their ends, and instant and slope of an event before."""
+    """Steps between two events, indices of recorded times at their ends, and instant and slope of the event before."""
 
     steps: Steps
     recorded: Integers
@@ -71,7 +71,7 @@ class _Landing:
 @final
 @dataclass(frozen=True, eq=False)
 class _Leg:
-    """Some steps between two events.
+    """Integrated steps between two events.
 
     :param y: first state.
     :param kept: states of stages; None: to be calculated once more.

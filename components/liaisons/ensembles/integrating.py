@@ -25,16 +25,16 @@ from liaisons.mechanics.model import refuse_contacts, refuse_samples
 from liaisons.results import Result
 
 _CHUNK = 16
-"""Blocks that a thread takes at once, at most."""
-_TURNS = 4
-"""So often a thread takes blocks, at least where there are enough: the last ones to be done are few."""
+"""Most blocks in one task of a thread."""
+_TASKS = 4
+"""Least number of tasks for each thread, so that none waits long for the last one."""
 _MOST_STEPS, _MOST_NUMBERS = 10**12, 10**10
 _CONVERGES = 2.0
-"""By how much the difference has to shrink when the steps are halved: as of a method of first order."""
-_LOST = 0.1
-"""States that differ by more of their size have parted: how much more a finer step would change is not to be seen."""
+"""Least ratio of the differences before and after halving the steps: that of a method of first order."""
+_LARGEST_DIFFERENCE = 0.1
+"""Largest relative difference of two runs from which an error is estimated."""
 _ROUNDINGS = 1e-12
-"""Differences that are less, of the largest value, are roundings of thousands of steps, and do not shrink."""
+"""Largest relative difference that is rounding, which does not shrink with the step."""
 
 
 def ensemble(
@@ -153,7 +153,7 @@ def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, step
     records = np.empty((len(time), *first.shape))
     records[0] = first
 
-    size = min(_CHUNK, -(-len(lanes) // (_TURNS * threads)))
+    size = min(_CHUNK, -(-len(lanes) // (_TASKS * threads)))
 
     def advance_chunk(begin: int) -> None:
         chunk = slice(begin, begin + size)
@@ -187,8 +187,8 @@ def _estimate(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
         ratio = before / apart
         shown = np.where(apart > 0, np.clip(np.ceil(np.log2(ratio)), 1, order), 1)
         if order == 1:  # rates jump inside steps, in each run elsewhere: what halving the steps changes is not regular
-            return np.where(apart > _LOST, np.inf, np.maximum(near, far / 2))
-        diverges = (apart > 0) & ((ratio <= _CONVERGES) | (apart > _LOST))
+            return np.where(apart > _LARGEST_DIFFERENCE, np.inf, np.maximum(near, far / 2))
+        diverges = (apart > 0) & ((ratio <= _CONVERGES) | (apart > _LARGEST_DIFFERENCE))
     return np.where(diverges, np.inf, near / (2**shown - 1))
 
 
@@ -219,7 +219,7 @@ def _count(owner: str, lanes: Mapping[str, Floats]) -> int:
 
 
 def _outside(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
-    """Cases with a value outside its domain, and what is wrong with it."""
+    """Cases with a value outside its domain, and the reason."""
     texts: dict[int, str] = {}
     for name, array in arrays.items():
         variable, values = variables[name], np.broadcast_to(array, count)
@@ -233,7 +233,7 @@ def _outside(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], co
 
 
 def _lost(outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats) -> dict[int, tuple[int, str]]:
-    """Case -> from which time on it is not to be used, and why."""
+    """Case -> index of the first recorded time at which it is invalid, and the reason."""
     checks = {f"{text} (t = {{:g}} s)": row > 0 for text, row in zip(texts, conditions, strict=True)}
     checks["no longer finite at t = {:g} s; take smaller steps"] = np.isfinite(outputs).all(axis=0)
     failures: dict[int, tuple[int, str]] = {}
