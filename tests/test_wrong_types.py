@@ -41,7 +41,7 @@ from liaisons.scenarios import Claims, scenario, within
 
 WRONG: list[Any] = [None, 5, b"x", ["x", 1], {"a": None}, {1: 2.0}, object(), np.zeros((2, 2)), lambda: 0, "x y"]
 SPAN: dict[str, Any] = {"stop_time": 0.02, "step_size": 0.01}
-MEMBERS: dict[str, Any] = {"start_values": {"theta_0": [0.1, 0.2]}, "backend": "numpy", "estimate": False, **SPAN}
+MEMBERS: dict[str, Any] = {"start_values": {"theta_0": [0.1, 0.2]}, "estimate": False, **SPAN}
 UNKNOWN: dict[str, Any] = {"unknown": ["length"]}
 MEASURED: dict[str, Any] = {"time": [0.0, 0.1, 0.2], "theta": [0.1, 0.09, 0.08]}
 CASES: dict[str, Any] = {"cases": {"theta_0": [0.1]}, "keep": "theta", **SPAN}
