@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from .component import Component
 
-INTERPOLATE = 2  # of input_reconstruction; 0: hold, 1: extrapolate
-
 # Error of an internal step: this part of the importer's tolerance, so that hundreds of periods stay near it, and not
 # less than rounding allows.
 _PART, _LEAST = 0.02, 1e-14
@@ -80,7 +78,7 @@ class Motion:
     def take_inputs(self) -> None:
         """Make the given inputs those of the present time, unless they are interpolated."""
         n = self.n
-        if n.mode[0] != INTERPOLATE and n.u.tobytes() != n.given.tobytes():
+        if n.mode[0] < 2 and n.u.tobytes() != n.given.tobytes():  # 2: they are interpolated
             n.u[:], n.jumped[0] = n.given, 1
 
     def step(self, H: float) -> None:
