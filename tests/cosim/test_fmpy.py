@@ -101,7 +101,8 @@ def test_descriptions_are_read_as_fmpy_reads_them(component: FmuPaths, name: str
     units = {unit.name: unit.baseUnit for unit in theirs.unitDefinitions}
     assert ours.units.keys() == units.keys()
     for unit, base in units.items():
-        assert unit and base
+        assert unit
+        assert base
         assert ours.units[unit] == UnitDefinition(
             tuple(getattr(base, quantity) for quantity in BASE_UNITS), base.factor, base.offset
         )
