@@ -74,12 +74,13 @@ def test_run_that_cannot_start_is_released(fmu: FmuPaths, trace: Trace) -> None:
 
 
 def test_instances_share_the_functions_of_their_library(fmu: FmuPaths) -> None:
+    before = dict(loading._libraries)  # an FMU that has returned Fatal keeps its library
     system = wired(a=fmu("Cart"), b=fmu("Cart"), c=fmu("Probe"))
     with system.start(stop_time=1.0, step_size=0.5) as run:
         a, b, c = (run.fmu(name)._functions for name in "abc")
         assert a is b is not c
-        assert len(loading._libraries) == 2
-    assert not loading._libraries
+        assert len(loading._libraries) == len(before) + 2
+    assert loading._libraries == before
 
 
 @pytest.mark.parametrize("name", ["Oscillator", "fmi3/Oscillator", "python/Oscillator", "PendulumChain"])
