@@ -63,8 +63,8 @@ static int rests(const Instance *self, const Prescribed *at) {
 
 /* The polynomial of an input, which is constant so far. */
 static double *polynomial(Instance *self, size_t index) {
-    const size_t found = self->movers.of_input[index];
-    if (found < self->movers.count && self->movers.list[found].index == index) return self->movers.list[found].c;
+    Mover *mover = mover_of(self, index);
+    if (mover != NULL) return mover->c;
     const Variable *variable = core_variable_at(self->model, self->model->parameters + index);
     self->movers.of_input[index] = self->movers.count;
     self->movers.list[self->movers.count] = (Mover){.index = index, .variable = variable, .c = {self->v.u[index]}};

@@ -13,11 +13,31 @@ void core_settle_movers(Instance *);
 /* What the inputs do in this step: LOADS, MOVES. */
 int core_activity(const Instance *);
 
+/* The polynomial of an input; NULL if it does not move. */
+static inline Mover *mover_of(Instance *self, size_t index) {
+    const size_t i = self->movers.of_input[index];
+    return i < self->movers.count && self->movers.list[i].index == index ? &self->movers.list[i] : NULL;
+}
+
 /* What an input is when the part x of the step has passed. */
 static inline double input_at(const Mover *mover, double x) {
     double value = mover->c[mover->degree];
     for (int j = mover->degree - 1; j >= 0; j--) value = mover->c[j] + x * value;
     return value;
+}
+
+/* Its slope there. */
+static inline double input_slope(const Mover *mover, double x) {
+    double slope = 0;
+    for (int j = mover->degree; j > 0; j--) slope = slope * x + j * mover->c[j];
+    return slope;
+}
+
+/* Its integral from 0 to x. */
+static inline double input_integral(const Mover *mover, double x) {
+    double sum = 0;
+    for (int j = mover->degree; j >= 0; j--) sum = x * (sum + mover->c[j] / (j + 1));
+    return sum;
 }
 
 /* u at a time inside the step; 0 if one leaves its domain. */

@@ -7,7 +7,7 @@
 #include <float.h>
 #include <string.h>
 
-#include "instance.h"
+#include "inputs.h"
 #include "solver.h"
 
 /* Jumps below this part of σ are rounding errors. */
@@ -53,19 +53,11 @@ void core_depart(Instance *self) {
     }
 }
 
-/* Integral over the step of a polynomial in the fraction of it. */
-static double integral(const Instance *self, const Mover *mover) {
-    const double x = self->step.reach / self->step.size;
-    double sum = 0;
-    for (int j = mover->degree; j >= 0; j--) sum = x * (sum + mover->c[j] / (j + 1));
-    return sum * self->step.size;
-}
-
 void core_arrive(Instance *self) {
     FOR_EACH(p) {
-        const size_t found = self->movers.of_input[p->rate];
-        const int moves = found < self->movers.count && self->movers.list[found].index == p->rate;
-        const double went = moves ? integral(self, &self->movers.list[found]) : self->step.reach * p->past->rate;
+        const Mover *rate = mover_of(self, p->rate);
+        const double went = rate == NULL ? self->step.reach * p->past->rate
+                                         : input_integral(rate, self->step.reach / self->step.size) * self->step.size;
         p->past->size = self->step.reach;
         p->past->followed =
             self->s->reconstruction == INTERPOLATE ? self->v.u[p->value] : bounded(p->past->value + went);

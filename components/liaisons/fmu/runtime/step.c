@@ -117,18 +117,16 @@ static const double ROUGH = 1e-6;
  * it is the greatest part of an operator's work where the rate hardly moves but for a jump that is interpolated. */
 static int moves_roughly(void *context, double t, double h) {
     static const double NODES[] = {0.1127016653792583, 0.5, 0.8872983346207417}, WEIGHTS[] = {5 / 18., 8 / 18., 5 / 18.};
-    const Instance *self = context;
+    Instance *self = context;
     for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
-        const size_t found = self->movers.of_input[p->rate];
-        if (found >= self->movers.count || self->movers.list[found].index != p->rate) continue;
-        const Mover *mover = &self->movers.list[found];
+        const Mover *mover = mover_of(self, p->rate);
+        if (mover == NULL) continue;
         const double x = t / self->step.size, part = h / self->step.size;
         const double begin = input_at(mover, x), end = input_at(mover, x + part);
         double sum = 0, greatest = fmax(begin * begin, end * end);
         for (int i = 0; i < 3; i++) {
-            double slope = 0;
-            for (int j = mover->degree; j > 0; j--) slope = slope * (x + part * NODES[i]) + j * mover->c[j];
-            sum += WEIGHTS[i] * part * slope * input_at(mover, x + part * NODES[i]);
+            const double at = x + part * NODES[i];
+            sum += WEIGHTS[i] * part * input_slope(mover, at) * input_at(mover, at);
         }
         if (fabs(sum - (end * end - begin * begin) / 2) > ROUGH * greatest) return 1;
     }
