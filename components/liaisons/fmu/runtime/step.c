@@ -175,15 +175,21 @@ static int shorter_leads_on(Instance *self, const Problem *problem) {
     return t > 0;
 }
 
+/* The distance of times that differ, inside the step. */
+static double clock_resolution(const Step *step) {
+    const double latest = fmax(fabs(step->start), fabs(step->start + step->size));
+    return nextafter(latest, INFINITY) - latest;
+}
+
 /* The states from the start of the step to where it leads, event by event. */
 static int move_states(Instance *self) {
     const double start = self->step.start;
     const int moves = self->movers.count > 0;
-    const double latest = fmax(fabs(start), fabs(start + self->step.size));
-    const Events events = {events_shorten, self->model->indicators, watch, nextafter(latest, INFINITY) - latest};
+    const size_t indicators = self->model->indicators;
+    const Events events = {events_shorten, indicators, watch, indicators > 0 ? clock_resolution(&self->step) : 0};
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
-                             events.indicators > 0 ? &events : NULL};
+                             indicators > 0 ? &events : NULL};
     double t = 0, event = start, end = 0;
     Pace pace = {0, 0, 0};
     while (t < self->step.reach) {

@@ -580,14 +580,13 @@ static void drift(Instance *self, double time, double by) {
     }
 }
 
-int core_settle(Instance *self, double time) {
+int core_settle_contacts(Instance *self, double time) {
     const int exchange = self->s->phase >= EVENT && self->s->use == USE_MODEL_EXCHANGE;
     const Contacts *c = &self->contacts;
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const size_t gaps = self->model->gaps;
     double late = 0, most = 0; /* an importer finds an event when it is past */
     size_t first = gaps;       /* what came into contact first */
-    if (self->model->indicators == 0) return 1;
     inspect(self, time);
     /* It knows positions to its tolerance, or worse. */
     self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;

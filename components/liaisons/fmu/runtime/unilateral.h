@@ -5,8 +5,12 @@
 
 #include "instance.h"
 
+int core_settle_contacts(Instance *, double time);
 /* Impacts, then modes, at the present state and an instant; a gap that overlaps by more than rounding is refused. */
-int core_settle(Instance *, double time);
+static inline int core_settle(Instance *self, double time) {
+    return self->model->indicators == 0 || core_settle_contacts(self, time);
+}
+
 /* Whether there are impacts, or other modes, at the present state: an event for an importer that handles them. */
 int core_is_unsettled(Instance *, double time);
 /* Put what is held back to 0 after a step of the solver. */
