@@ -1,4 +1,4 @@
-"""What all FMUs of a run share: the values that go from one to another, and the clock.
+"""The bus of a run: one array of all values that FMUs exchange, and the clock.
 
 The values lie in one array, so that a row of a recording is one copy of it.
 """
@@ -55,7 +55,7 @@ class Bus:
         self.start, self.size, self.end = c_double(), c_double(), c_double()
 
     def set_step(self, start: float, end: float) -> None:
-        """Turn the clock to the step between two instants [s]."""
+        """Set start and end of the communication step [s]."""
         self.start.value, self.size.value, self.end.value = start, end - start, end
 
     def perform(self, calls: Iterable[Call]) -> None:
@@ -68,7 +68,7 @@ class Bus:
                 self.check_status(call, status)
 
     def check_status(self, call: Call, status: int) -> None:
-        """Look at what a call has returned, unless that was OK.
+        """Check a status other than OK.
 
         :raises SimulationError: unless it was a warning.
         """
@@ -84,35 +84,35 @@ class Bus:
         return f" {since} t = {self.end.value:.10g} s"
 
     def outputs(self, name: str, *, every: bool = True) -> list[VariableReference]:
-        """What is read from a component: what feeds something, and ``every`` other thing that is recorded."""
+        """Outputs of a component that feed inputs and, with ``every``, its other recorded variables."""
         return [*self._connected[name], *(self._recorded_only[name] if every else ())]
 
     def recorded_only(self, name: str) -> list[VariableReference]:
-        """What is read from a component to be recorded only."""
+        """Variables of a component that are recorded and feed no input."""
         return self._recorded_only[name]
 
     def view(self, references: Sequence[VariableReference]) -> Vector:
-        """View of places that lie side by side."""
+        """View of neighbouring values."""
         first = self.index[references[0]]
         return self.values[first : first + len(references)]
 
     def buffer(self, references: Sequence[VariableReference]) -> Array[c_double]:
-        """The same for foreign functions."""
+        """Neighbouring values as an array of ctypes."""
         return (c_double * len(references)).from_buffer(self.view(references).data)
 
     def source(self, input_: VariableReference) -> int | None:
-        """Where what feeds an input stands; None if nothing does."""
+        """Column of the output that feeds an input; None if none does."""
         return self.index[self._feeds[input_]] if input_ in self._feeds else None
 
     def room(self, size: int) -> tuple[int, Vector, Array[c_double]]:
-        """Further numbers without names, recorded with the rest: where the first is, and both views of them."""
+        """Add columns without names; returns the index of the first, and views of all by NumPy and ctypes."""
         first = len(self.values)
         self.values = self._store[: first + size]
         view = self.values[first:]
         return first, view, (c_double * size).from_buffer(view.data) if size else (c_double * 0)()
 
     def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
-        """Calls that copy to inputs what feeds them, neighbours at once, or convert it."""
+        """Calls that copy outputs to the inputs that they feed, or convert them; neighbours are one call."""
         runs: list[tuple[int, int, int]] = []
         converted: list[Call] = []
         for reference in inputs:

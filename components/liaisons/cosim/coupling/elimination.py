@@ -21,7 +21,7 @@ from liaisons.cosim.coupling.records import EliminationRecord
 from liaisons.cosim.coupling.signals import Indices
 
 _SMALLEST_PIVOT = 1e-3
-"""Of the largest number below it in its column; with less, the order of elimination is chosen anew."""
+"""Smallest pivot, relative to its column; below it the order of elimination is chosen anew."""
 
 
 @final
@@ -53,7 +53,7 @@ class Elimination:
         row_order, column_order = (np.array(order, dtype=np.intp) for order in (factors.perm_r, factors.perm_c))
         order = row_order.tolist()
         matrix = [[(order[row], index) for row, index in self._columns[k]] for k in np.argsort(column_order).tolist()]
-        above, below = _filled([[row for row, _ in column] for column in matrix])
+        above, below = _fill_in([[row for row, _ in column] for column in matrix])
         self.record.ordered = True
         self.record.point(
             values=self.values,
@@ -77,7 +77,7 @@ class Elimination:
             raise RuntimeError("Factor is exactly singular")
 
 
-def _filled(columns: Iterable[Sequence[int]]) -> tuple[list[list[int]], list[list[int]]]:
+def _fill_in(columns: Iterable[Sequence[int]]) -> tuple[list[list[int]], list[list[int]]]:
     """Rows of the entries of U above the diagonal and of L below it, column by column.
 
     :param columns: rows of the entries of the matrix.

@@ -16,15 +16,15 @@ from liaisons.cosim.structure.sources import SIGNALS, Drive, Vector
 Calls = list[Call]
 
 
-def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> tuple[Calls, Calls, Calls]:
+def prepared_calls(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> tuple[Calls, Calls, Calls]:
     """Calls that exchange values in initialization, after it, and in a communication step."""
-    prepared_calls: dict[tuple[Operation, bool], Calls] = {}  # repeated operations share their calls
+    calls_of: dict[tuple[Operation, bool], Calls] = {}  # repeated operations share their calls
 
     def calls(program: Sequence[Operation], *, initial: bool = False) -> Calls:
         for key in dict.fromkeys((operation, initial) for operation in program):
-            if key not in prepared_calls:
-                prepared_calls[key] = list(_lowered(simulation, instances, bus, *key))
-        return [call for operation in program for call in prepared_calls[operation, initial]]
+            if key not in calls_of:
+                calls_of[key] = list(_calls_of_operation(simulation, instances, bus, *key))
+        return [call for operation in program for call in calls_of[operation, initial]]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     newest = {name for name, part in simulation.parts.items() if part.approximation.method in {None, 2}}
@@ -35,7 +35,7 @@ def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus
     )
 
 
-def _lowered(
+def _calls_of_operation(
     simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, operation: Operation, initial: bool
 ) -> Iterator[Call]:
     """The calls of one operation; in initialization, only what is connected is read."""

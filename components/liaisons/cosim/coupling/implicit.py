@@ -27,12 +27,12 @@ from liaisons.errors import SimulationError
 Snapshot = tuple[State, list[Past]]
 
 _ROOM = 17
-"""Numbers of scratch memory for an unknown: points and changes, secants, and the present ones."""
+"""Doubles of scratch memory for each unknown: secants of the iteration, and the present values."""
 
 
 @final
 class Coupled:
-    """All strong components of a system, each step of which is repeated until inputs and outputs fit."""
+    """All strong components of a system; each step is repeated until inputs and outputs agree."""
 
     def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
         self._bus = bus
@@ -61,14 +61,14 @@ class Coupled:
         library = compiled.steps()
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
-        self._record = self._prepared()
+        self._record = self._system_record()
         advance = Call(library.advance_coupled, byref(self._record), bus.start, bus.size)
         self.advance = advance.recorded(COUPLED, addressof(self._record)).with_failure("couple", self._failure)
 
-    def _prepared(self) -> SystemRecord:
-        """The system, for compiled code."""
+    def _system_record(self) -> SystemRecord:
+        """The structure that compiled code reads."""
         signals, components = self.signals, self._components
-        self._drive_call = Call(self._drive_on)
+        self._drive_call = Call(self._evaluate_sources)
         self._source_calls = [
             Call(self._step_in_thirds, k) if component.source else None for k, component in enumerate(components)
         ]
@@ -111,11 +111,11 @@ class Coupled:
             component.reset()
 
     def snapshot(self) -> Snapshot:
-        """What :meth:`rewind` needs."""
+        """The state for :meth:`rewind`."""
         return self.signals.snapshot(), [history.snapshot() for history in (self._driven, *self._histories)]
 
     def rewind(self, snapshot: Snapshot) -> None:
-        """Forget what was since the snapshot."""
+        """Return to a snapshot."""
         signals, states = snapshot
         self.signals.rewind(signals)
         for history, state in zip((self._driven, *self._histories), states, strict=True):
@@ -123,12 +123,12 @@ class Coupled:
 
     @property
     def slopes(self) -> dict[VariableReference, int]:
-        """Outputs whose slopes are on the bus, and where."""
+        """Output -> column of its slope on the bus."""
         return {output: k for node in self._nodes for output, k in node.slopes_at.items()}
 
     @property
     def gains(self) -> dict[tuple[VariableReference, VariableReference], int]:
-        """Outputs and inputs, and where on the bus the derivative of the one by the other is."""
+        """Output and input -> column of ∂(output)/∂(input) on the bus."""
         return {pair: k for node in self._nodes for pair, k in node.gains.items()}
 
     @property
@@ -139,7 +139,7 @@ class Coupled:
     def settle(self, *, initial: bool) -> None:
         """Solve the equations at the start of a piece, the present time."""
         time = self._bus.end.value
-        self._drive(time, self._ahead(time))
+        self._drive(time, self._later_instant(time))
         for component in self._components:
             if initial:
                 component.read_start_values()
@@ -150,10 +150,10 @@ class Coupled:
         self.signals.before[:] = self.signals.now
 
     def cross(self) -> None:
-        """Make the present step, a tiny one, to a break, with all inputs extrapolated; forget the past."""
+        """Make the tiny step to a break with all inputs extrapolated, and forget the past."""
         signals, time = self.signals, self._bus.end.value
         signals.now[:] = signals.before
-        self._drive(time, self._ahead(time))
+        self._drive(time, self._later_instant(time))
         held = signals.held.copy()
         signals.held[:] = True
         try:
@@ -166,8 +166,8 @@ class Coupled:
             history.reset()
         self.settle(initial=False)
 
-    def _ahead(self, time: float) -> float | None:
-        """A later instant of the piece that starts at this one [s]; None if there is none, or no function of time."""
+    def _later_instant(self, time: float) -> float | None:
+        """Another instant of the piece that starts at this one [s]; None without one, or without functions of time."""
         if not self._drives:
             return None
         reference = bisect_right(self._times, time + rounding(time))
@@ -185,10 +185,10 @@ class Coupled:
         source.collect(self.signals.now)
         return 1
 
-    def _drive_on(self) -> int:
-        """Functions of time, and inside the step those whose slopes are made.
+    def _evaluate_sources(self) -> int:
+        """Evaluate the functions of time at the end of the step and, where slopes are estimated, at its thirds.
 
-        :returns: 1 if there are such.
+        :returns: 1 if slopes are estimated.
         """
         start, end, size, driven = self._bus.start.value, self._bus.end.value, self._bus.size.value, self._driven
         self._drive(end, start)
@@ -204,7 +204,7 @@ class Coupled:
         return 1
 
     def _drive(self, time: float, other: float | None) -> None:
-        """Values of the functions of time, and the slope of an acceleration, by another instant of its piece [s]."""
+        """Evaluate the functions of time at an instant [s]; slopes of accelerations follow from another instant [s]."""
         for (drive, indices), slope in zip(self._drives, self._slopes, strict=True):
             values = drive(time)
             self.signals.now[indices] = values

@@ -1,4 +1,4 @@
-"""Newton's method for x = F(x): the known part of ∂F/∂x, and the equations with it."""
+"""Newton's method for x = F(x): the matrix 1 - ∂F/∂x, as far as directional derivatives give it."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Newton:
 
 
 def _through_motion(triple: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:
-    """How the data of an input at t + H move a port: (of the port, of the input, factor, power of H)."""
+    """Entries of the matrix by which an input at t + H moves a port: (row, column, factor, power of H)."""
     if len(triple) < 3 or len(curve.data) > len(_INTEGRALS) or curve.order > 0:
         return []
     integrals = _INTEGRALS[len(curve.data)]

@@ -20,17 +20,30 @@ from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.schedule import Depends, VariableReference
 
 _TIMES = np.arange(1, INTERMEDIATE_INSTANTS + 1) / INTERMEDIATE_INSTANTS
-"""Where it asks for inputs inside a step of length 1."""
+"""Instants at which an FMU asks for inputs inside a step of length 1."""
 INSIDE = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
-"""What a derivative adds to the value at each of these, shape (HIGHEST, INTERMEDIATE_INSTANTS)."""
+"""Factors of the derivatives in the values at these instants, shape (HIGHEST, INTERMEDIATE_INSTANTS)."""
 
 Phase = Literal["initialization", "instant", "crossing", "step"]
-"""Of what an evaluation is part: equations of initialization, or of one instant; a step to a break, or another one."""
+"""Phase of an evaluation: initialization, an instant between steps, the tiny step to a break, another step."""
 
 
 @final
 class Node:
     """One FMU in a coupled step.
+
+    The calls of an evaluation, in their order:
+
+    ==================  ====================================================================================
+    initialization      set inputs, get outputs
+    instant             set inputs, get outputs, get slopes
+    step to a break     hand over the motion of inputs, step, get outputs
+    step                in a cycle restore the state; motion, step, set inputs at the end, get outputs, slopes
+    ==================  ====================================================================================
+
+    The motion of inputs, by the interface of the FMU: ``"derivatives"`` are set before the step; ``"intermediate
+    update"`` has values ready for when they are asked for; ``"mean value"`` is set and held; ``"end value"`` is set
+    before the step and not after it, since the FMU interpolates by itself.
 
     :param cycle: those that it is solved together with, itself among them; empty if it is outside of cycles.
     :param prescribed: its inputs hold or extrapolate, as the user has said.
@@ -86,7 +99,7 @@ class Node:
         }
 
     def _reconstruct_inputs(self) -> list[Call]:
-        """Calls before a step that say how inputs move within it, by the numbers in ``_shape``."""
+        """Calls before a step that hand over the motion of inputs within it, as the interface of the FMU takes it."""
         self._reconstruction, self._polynomials, self._shape = AS_SET, None, np.empty(0)
         if self._interface is None:
             return []
@@ -120,7 +133,7 @@ class Node:
         return [set_rates, read]
 
     def _along_inputs(self) -> Call:
-        """A call that adds to the slopes of outputs what comes from rates of inputs that the FMU does not know.
+        """A call that adds ∂(outputs)/∂(inputs) times the rates of inputs that the FMU does not know to the slopes.
 
         By itself it takes the rates of an active coordinate from its port, and other inputs for constant.
         """
@@ -140,14 +153,14 @@ class Node:
         return Call(add).with_failure("derive", self._instance.failure)
 
     def _set_input_derivatives(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Call]:
-        """A call that sets derivatives of inputs, (input, order) each, and the numbers that it takes."""
+        """Numbers, and a call that sets these derivatives of inputs, (input, order) each, from them."""
         values, buffer = _buffer(len(which))
         variables, orders = [self.inputs[k] for k, _ in which], [order for _, order in which]
         return values, self._instance.input_derivatives(variables, orders, buffer)
 
     @property
     def order(self) -> int:
-        """Order of the error in H that the motion of its inputs within a step leads to."""
+        """Order in H of the error that the polynomials of its inputs cause."""
         if self._interface is None:
             return 1
         if self._interface == "end value":  # by itself: triples quintic, others linear
@@ -168,7 +181,7 @@ class Node:
         return np.array(outputs[:2])
 
     def program(self, phase: Phase) -> tuple[list[Call], NodeRecord]:
-        """The calls of one evaluation, and the node with them, for compiled code."""
+        """The calls of one evaluation, and the structure that compiled code reads."""
         calls = self._calls[phase]
         record = NodeRecord(
             repeated=self._repeated and phase == "step",

@@ -17,7 +17,7 @@ HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
 
 _MOST = 6
-"""Data at both ends, of a port."""
+"""Largest number of data of a curve: three at either end of a step."""
 
 
 @final
@@ -41,7 +41,7 @@ class Polynomials:
 
 
 def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomials:
-    """How inputs move in a step.
+    """Derivatives of inputs at the start of a step, by the signals at its ends.
 
     :param curves: what each input follows.
     :param width: number of signals at one end.
@@ -61,7 +61,7 @@ def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomial
 
 @lru_cache(maxsize=1024)
 def _alike(terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling: tuple[int, ...], highest: int) -> Any:
-    """What all inputs have in common that follow such curves; of a thousand FMUs it stays in the cache."""
+    """The fields of :class:`Polynomials` that do not depend on indices; shared, to stay in the processor's cache."""
     which = [(k, order) for k in range(len(terms)) for order in range(1, highest + 1)]
     columns = np.empty((len(which), _MOST), dtype=np.intp)
     factors = np.zeros(columns.shape)

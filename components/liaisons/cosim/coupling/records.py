@@ -1,4 +1,4 @@
-"""What compiled code knows of a coupled step: the structures of ``coupling.c``."""
+"""The structures of ``coupling.c``, which compiled code reads."""
 
 from __future__ import annotations
 
@@ -134,6 +134,6 @@ DIVERGED = -2
 
 
 def records(calls: Iterable[Call]) -> Any:
-    """An array of how calls are made."""
+    """The records of calls, as an array."""
     array = [call.compiled() for call in calls]
     return (CallRecord * len(array))(*array)

@@ -37,7 +37,7 @@ class SignalHistory:
         self.instants, self.others = np.zeros(2), np.zeros((2, n))
 
     def record(self, step_in_thirds: Call | None) -> SignalHistoryRecord:
-        """The same, for compiled code.
+        """The structure that compiled code reads.
 
         :param step_in_thirds: makes a step, and sets :attr:`others` to the outputs inside it.
         """
@@ -53,11 +53,11 @@ class SignalHistory:
             numbers[:] = first
 
     def snapshot(self) -> Past:
-        """What :meth:`rewind` needs."""
+        """The state for :meth:`rewind`."""
         past, spans, depth = self._state
         return past.copy(), spans.copy(), depth.copy()
 
     def rewind(self, state: Past) -> None:
-        """Forget what was since the snapshot."""
+        """Return to a snapshot."""
         for own, other in zip(self._state, state, strict=True):
             own[:] = other

@@ -18,7 +18,7 @@ State = tuple[Vector, Vector, float]
 
 
 def watched(parts: Mapping[str, SystemComponent], feeds: Feeds) -> list[VariableReference]:
-    """Outputs that are read besides the connected ones, since these are derivatives, or have them, in one port."""
+    """Outputs in the ports of connected outputs, which are read along with them."""
     ports = (curve(parts, feeds, source)[0] for source in feeds.values())
     return [reference for triple in ports for reference in triple]
 
@@ -26,7 +26,7 @@ def watched(parts: Mapping[str, SystemComponent], feeds: Feeds) -> list[Variable
 def curve(
     parts: Mapping[str, SystemComponent], feeds: Feeds, source: VariableReference
 ) -> tuple[list[VariableReference], int]:
-    """The outputs of the port that an output is a part of, and which derivative it is; of another output, itself.
+    """The outputs of the port of an output, and which derivative it is; without a port, the output and 0.
 
     A function of time that drives a whole port is a port as well.
     """
@@ -47,7 +47,7 @@ def driven(feeds: Feeds, source: VariableReference) -> VariableReference:
 @final
 @dataclass(frozen=True)
 class Curve:
-    """What an input follows: a derivative of the polynomial through data at both ends.
+    """Curve of an input within a step: a derivative of the polynomial through data at both ends.
 
     :param data: indices of value, first and second derivative, as far as there are any.
     :param order: which derivative the input is.
@@ -115,7 +115,7 @@ class Signals:
         return self.count + self.index[reference] if whole or reference[0] in self.sloped else self.zero
 
     def curve(self, input_: VariableReference, cycle: Collection[str] = ()) -> Curve:
-        """What an input follows.
+        """The curve of an input.
 
         :param cycle: components that are solved together with it, whose slopes cannot be made.
         """
@@ -127,7 +127,7 @@ class Signals:
         return Curve(tuple(data), order, self._rate(source))
 
     def root(self, input_: VariableReference, cycle: Collection[str]) -> int:
-        """Index of what the curve of an input begins with; that of the zero if it comes from within its cycle."""
+        """Index of the value at the start of an input's curve; that of the zero if its source is in its cycle."""
         source = self._feeds[input_]
         return self.zero if source[0] in cycle else self.index[curve(self._parts, self._feeds, source)[0][0]]
 
@@ -169,7 +169,7 @@ class Signals:
         return np.unique(units, return_inverse=True)[1]
 
     def measure(self) -> None:
-        """Note how large the signals of each unit are."""
+        """Update the largest value of each unit."""
         np.maximum.at(self.sizes, self.kinds, np.abs(self.now[: self.count]))
 
     def reset(self) -> None:
@@ -179,9 +179,9 @@ class Signals:
         self.result[:] = 0.0
 
     def snapshot(self) -> State:
-        """What :meth:`rewind` needs."""
+        """The state for :meth:`rewind`."""
         return self.ends.copy(), self.earlier.copy(), float(self.since[0])
 
     def rewind(self, snapshot: State) -> None:
-        """Forget what was since the snapshot."""
+        """Return to a snapshot."""
         self.ends[:], self.earlier[:], self.since[:] = snapshot

@@ -61,10 +61,10 @@ class StrongComponent:
         running = self._newton(simulation, initial=False)
         starting = self._newton(simulation, initial=True)
         self._equations: dict[Phase, _Equations] = {
-            "step": self._prepared("step", running, cyclic=cyclic),
-            "instant": self._prepared("instant", running, cyclic=cyclic),
-            "initialization": self._prepared("initialization", starting, cyclic=cyclic),
-            "crossing": self._prepared("crossing", None, cyclic=False),
+            "step": self._equations_of("step", running, cyclic=cyclic),
+            "instant": self._equations_of("instant", running, cyclic=cyclic),
+            "initialization": self._equations_of("initialization", starting, cyclic=cyclic),
+            "crossing": self._equations_of("crossing", None, cyclic=False),
         }
 
     def _newton(self, simulation: Simulation, *, initial: bool) -> Newton | None:
@@ -73,7 +73,7 @@ class StrongComponent:
             return None
         return Newton(self.nodes, self._signals, self._unknowns, depends, initial=initial)
 
-    def _prepared(self, phase: Phase, newton: Newton | None, *, cyclic: bool) -> _Equations:
+    def _equations_of(self, phase: Phase, newton: Newton | None, *, cyclic: bool) -> _Equations:
         calls, nodes = zip(*(node.program(phase) for node in self.nodes), strict=True)
         record = StrongComponentRecord(cyclic=cyclic, tolerance=self._tolerance, count=len(nodes))
         record.n, record.valued = len(self._unknowns), np.searchsorted(self._unknowns, self._signals.count)
@@ -94,13 +94,13 @@ class StrongComponent:
             node.reset()
 
     def forget_derivatives(self) -> None:
-        """Calculate the derivatives anew for the next equations."""
+        """Have the derivatives calculated anew."""
         for equations in self._equations.values():
             if equations.newton is not None:
                 equations.newton.record.ready = False
 
     def read_start_values(self) -> None:
-        """Take the outputs that follow from the start values for a first guess, in a cycle."""
+        """Read the outputs at the start values of a cycle: the first guess."""
         for node in self.nodes if self._cyclic else ():
             node.read()
             node.collect(self._signals.now)

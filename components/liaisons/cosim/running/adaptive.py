@@ -33,9 +33,9 @@ _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
 _FIRST, _MOST = 4, 1000
 """Steps between two communication points: the first number to try, and the largest."""
 _MEMORY = 5
-"""Points that are kept for the estimate."""
+"""Number of points that are kept for the estimate."""
 _SHORTEST = 1e-12
-"""Part of the whole time; no step is shorter."""
+"""Shortest step, relative to the whole time."""
 
 
 class Point(NamedTuple):
@@ -102,7 +102,7 @@ class Stepper:
         return saves, restores
 
     def until(self, now: float, end: float, size: float) -> float | None:
-        """How far steps of some size lead at most, to the end or shortly before a break [s].
+        """End of a step of some size: the given end, or an instant shortly before a break [s].
 
         :returns: None if the break is so near that it is to be crossed.
         """
@@ -146,7 +146,7 @@ def adapted(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
             points = [point]
             yield point._replace(result_time=now)
             continue
-        count = 2 if len(points) == 1 and estimate.looks else 1  # of one step alone there is no estimate
+        count = 2 if len(points) == 1 and estimate.has_targets else 1  # of one step alone there is no estimate
         go_back = stepper.keep(estimate)
         ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
         error /= tolerance
@@ -229,7 +229,7 @@ def _attempt(
 
 
 def kinds(simulation: Simulation, bus: Bus) -> Indices:
-    """Number of the unit of each value on the bus; other than Reals of FMUs, each is compared with itself only."""
+    """Number of the unit of each value on the bus; a value that is no Real has a number of its own."""
     variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
 
     def kind(name: str, variable: str) -> str:

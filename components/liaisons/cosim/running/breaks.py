@@ -19,9 +19,9 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import rounding
 
 _NEVER = 1e300
-"""FMUs announce no break by the largest floating-point number [s]."""
+"""An announced instant beyond this is none: FMUs announce the largest floating-point number [s]."""
 _SHORT = 1e-9
-"""Of a communication step: the tiny step to a break."""
+"""Size of the tiny step to a break, relative to a communication step."""
 
 
 @final
@@ -47,12 +47,12 @@ class Breaks:
         self.next = math.inf
 
     def begin_piece(self, time: float) -> None:
-        """From an instant [s] on, functions of time have their limits from the right there."""
+        """Start a smooth piece: functions of time return their limits from the right at this instant [s]."""
         for drive in self._drives:
             drive.begin(time)
 
     def find_next(self, time: float) -> None:
-        """Find the next one after an instant [s], to which all FMUs have been stepped."""
+        """Find the next break after an instant [s] that all FMUs have reached."""
         self._bus.perform(self._calls)
         instants = [number[0] for number in self._numbers]
         if self.divides:

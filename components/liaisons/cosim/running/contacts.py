@@ -1,4 +1,4 @@
-"""What contacts make of coupling errors, which reach the motion through impacts only.
+"""Coupling errors of mechanisms with contacts, which reach the motion through impacts only.
 
 Where the height h over a table σ is off by x, its rate by v, and σ by d, the gap g = h - σ closes (x - d)/w later, with
 the speed w.  With the coefficient of restitution e and the acceleration a of the gap (the saltation matrix; Leine,
@@ -23,9 +23,9 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 
 _PEAK, _SLOPE = 2.2, 7.5
-"""Largest value and slope of θ³(1 - θ)³, in its mean: the remainder of a quintic within a step."""
+"""Largest value and slope of a quintic's remainder θ³(1 - θ)³, relative to its mean."""
 _DEVIATIONS = 2
-"""Standard deviations that are taken for the error."""
+"""Number of standard deviations in an error."""
 
 
 @final
@@ -107,7 +107,7 @@ def _accelerations(rates: Vector, steps: Vector, struck: Vector) -> Vector:
 
 
 def _lowest(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -> Vector:
-    """Smallest distance within each step, by the cubic through its ends, less what that is off; else infinite."""
+    """Lower bound of the distance within each step, by the cubic through its ends; infinite where it is monotonic."""
     x = np.linspace(0, 1, 17)[:, None, None]
     g, v = begin = gaps[:, :-1], rates[:, :-1]
     c_2, c_3 = upper_coefficients(begin, (gaps[:, 1:], rates[:, 1:]), steps)

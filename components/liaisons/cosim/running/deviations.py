@@ -21,7 +21,7 @@ from liaisons.errors import SimulationError
 
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = (1 + _ROOTS) / 2, _WEIGHTS / 2
-"""Of a step: Gauss's quadrature is exact for the remainders of all the polynomials that inputs follow."""
+"""Gauss's nodes and weights in a step: exact for the remainders of all polynomials that inputs follow."""
 _ONCE_TWICE = np.stack([_WEIGHTS, _WEIGHTS * (1 - _NODES)], axis=-1)
 _THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
 _CUBIC = np.vander(_NODES, increasing=True) @ np.linalg.inv(np.vander(_THIRDS, increasing=True))
@@ -31,9 +31,9 @@ _SMOOTH = 1 / 10
 break may do so once, where it comes to lie at an end.
 """
 _NOTHING = 2e-14
-"""A deviation of this part of the function may be rounding."""
+"""Deviations below this, relative to the function, may be rounding."""
 _MOST, _OFTEN = 20, 3
-"""Most breaks in a step; a function with more, so often, is not searched any more."""
+"""Breaks in a step, and number of steps with more, from which on a function is not searched any more."""
 
 
 @final
@@ -106,7 +106,7 @@ class Deviations:
         return np.hstack(integrals)[:many]
 
     def _allowed(self, size: ArrayLike) -> Vector:
-        """Largest deviation without a break, of a function of some size."""
+        """Largest deviation of a smooth function of this size."""
         return self._tolerance * np.where(np.asarray(size) > 0, size, 1.0)
 
     def integrate(self, start: float, end: float, *, locate: bool = True) -> float:
@@ -133,7 +133,7 @@ class Deviations:
             self._breaks[k], self._end = 0, end
         if self._breaks[k] >= _MOST or self._overrun[k] >= _OFTEN:
             return math.inf
-        instant = _located(drive, start, end, deviation, _NOTHING * (size or 1.0)) if deviation > allowed else None
+        instant = _locate_break(drive, start, end, deviation, _NOTHING * (size or 1.0)) if deviation > allowed else None
         if instant is None and np.max(np.abs(drive.right(end) * powers - last)) > allowed:
             instant = end
         if instant is None or instant <= start + rounding(start):
@@ -143,14 +143,14 @@ class Deviations:
 
 
 def _integrals(off: Vector, size: ArrayLike) -> Vector:
-    """∫ and ∫∫ of deviations at the nodes, all taken with the sign of their mean, so that nothing cancels."""
+    """∫ and ∫∫ of deviations at the nodes; each takes the sign of their mean, so that none cancel."""
     size = np.asarray(size)
     sizes = np.copysign(np.abs(off), (off @ _WEIGHTS)[..., None])
     return (sizes @ _ONCE_TWICE) * np.stack([size, size**2], -1)
 
 
-def _located(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
-    """The end of the shortest interval that has the break with the largest effect; None if the function is smooth."""
+def _locate_break(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
+    """Locate the break of the largest deviation by bisection [s]; None if the function is smooth."""
     before = 0.0
     while start < (middle := (start + end) / 2) < end and deviation > nothing:
         left, right = (float(np.max(np.abs(_deviation(drive, *half)))) for half in ((start, middle), (middle, end)))

@@ -28,13 +28,13 @@ Flags = NDArray[np.bool_]
 Integrals = tuple[Vector, Vector]
 
 ALLOWED = 1e-4
-"""A step that adds a larger error, relative to the size of the signal, is warned of."""
+"""Error of a step, relative to the size of the signal, above which there is a warning."""
 _NUMBERS = 60_000
-"""Values that are evaluated together."""
+"""Number of values in a block of steps that is evaluated at once."""
 _BACK = 4
-"""Points before a step that are used."""
+"""Number of points before a step that its estimate uses."""
 _SUDDEN = 1 / 50
-"""A step shorter by this factor is not used for its neighbour: rounding prevails."""
+"""Smallest ratio of a step to its neighbour at which it serves the estimate; below, rounding prevails."""
 _SAFETY = 0.8
 
 Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest"]
@@ -65,7 +65,7 @@ class InputReconstruction:
 
     @property
     def power(self) -> int:
-        """Of H, in the error of a step."""
+        """Power of H in the error of a step."""
         count = len(self.data)
         whole = {"hermite": 2 * count + 1, "points": 5, "quintic": 7, "cubic": 5, "taylor": count - self.order + 1}
         return whole.get(self.shape, 3 if self.shape == "mean" else 2)
@@ -74,7 +74,7 @@ class InputReconstruction:
 @final
 @dataclass(frozen=True)
 class Worst:
-    """The largest error of a step: when [s], whose signal, what made it, and which power of the step's size [s]."""
+    """The largest error of a step: its time [s], signal, connection, size [s], and the power of that size."""
 
     error: float
     time: float
@@ -84,7 +84,7 @@ class Worst:
     power: int
 
     def warn(self, total: float) -> None:
-        """Warn if it is too large, or the sum of all steps is."""
+        """Warn if this error, or the total of all steps, is too large."""
         if not max(self.error, total) > ALLOWED:
             return
         one = f"coupling error {self.error:.2g} of {self.signal} at t = {self.time:.6g} s"
@@ -98,7 +98,7 @@ class Worst:
         )
 
     def _enough(self, total: float) -> float:
-        """Step size [s] that would keep the total small enough, one digit."""
+        """Step size [s] that keeps the total below :data:`ALLOWED`, rounded down to one digit."""
         enough = _SAFETY * self.size * (ALLOWED / max(self.error, total)) ** (1 / (self.power - 1))
         digit = 10.0 ** floor(log10(enough))
         return floor(enough / digit) * digit
@@ -107,7 +107,7 @@ class Worst:
 @final
 @dataclass(frozen=True)
 class _Watched:
-    """A mechanism with contacts, indices of its inputs that are prescribed motions, and of where its motion errs."""
+    """A mechanism with contacts; indices of its prescribed motions, and of the targets of their errors."""
 
     mechanism: ContactMechanism
     items: list[int]
@@ -165,7 +165,7 @@ class Estimate:
         self.worst: Worst | None = None
 
     @property
-    def looks(self) -> bool:
+    def has_targets(self) -> bool:
         """Whether any error can be estimated."""
         return len(self._targets) > 0
 
@@ -177,7 +177,7 @@ class Estimate:
         :returns: shape (points,); 0 for the first of each piece, not a number for one whose only step has no neighbour.
         """
         errors = np.zeros(len(times))
-        if not self.looks:
+        if not self.has_targets:
             return errors
         off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
         block = max(_BACK, _NUMBERS // rows.shape[1])
@@ -191,11 +191,11 @@ class Estimate:
             off[:, first:end], added[:, first:end] = (both[:, first - begin - 1 :] for both in self._contacts)
         for watched, *both in zip(self._mechanisms, off, added, strict=True):
             if np.any(both):
-                np.fmax(errors, self._magnified(watched, rows, times, *both), out=errors)
+                np.fmax(errors, self._magnify(watched, rows, times, *both), out=errors)
         return errors
 
-    def _magnified(self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector) -> Vector:
-        """What steps have added to the error of a mechanism with contacts, and impacts to that."""
+    def _magnify(self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector) -> Vector:
+        """Errors of a mechanism with contacts, magnified by its impacts."""
         off = np.fmax(np.fmax(off, np.append(off[1:], 0.0)), np.append(0.0, off[:-1]))  # one alone may be 0 by chance
         increase = np.diff(accumulated(watched.mechanism, rows, times, off, added), prepend=0.0)
         latest = int(np.argmax(increase))
@@ -210,7 +210,7 @@ class Estimate:
 
         :param count: how many; those before have been estimated.
         """
-        if not self.looks:
+        if not self.has_targets:
             return np.zeros(count)
         signals = np.ascontiguousarray(rows.T)
         errors = self._of_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool))
@@ -220,11 +220,11 @@ class Estimate:
         return errors
 
     def snapshot(self) -> tuple[Vector, Worst | None]:
-        """What :meth:`rewind` needs."""
+        """The state for :meth:`rewind`."""
         return self._sizes.copy(), self.worst
 
     def rewind(self, snapshot: tuple[Vector, Worst | None]) -> None:
-        """Forget what was since the snapshot, but for sizes of what was 0 until then."""
+        """Return to a snapshot; signals that were 0 until then keep their sizes."""
         sizes, self.worst = snapshot
         np.copyto(self._sizes, sizes, where=sizes > 0)
 
@@ -267,7 +267,7 @@ class Estimate:
         return errors[first - 1 :]
 
     def _lever(self, watched: _Watched, k: int, signals: Vector) -> float:
-        """By how much an input moves distances: those of another unit, as their sizes are."""
+        """Ratio of a change of distance to that of an input; between different units, the ratio of their sizes."""
         pair = [self._followed[k].column, int(watched.mechanism.contacts[0, 0])]
         if self._kinds[pair[0]] == self._kinds[pair[1]]:
             return 1.0
@@ -283,7 +283,7 @@ class Estimate:
 
 
 def _effects(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:
-    """Column of the error, input, column of the derivative (-1: unknown), whether integrated once."""
+    """Yield target column, input, column of the derivative (-1: unknown), and whether it is integrated once."""
     if not item.effects:
         yield item.column, k, -1, 1
     smooth = item.shape in {"hermite", "quintic"}
@@ -297,7 +297,7 @@ def _effects(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int,
 def _integrals(
     key: tuple[Shape, int, int], columns: Indices, signals: Vector, steps: Vector, crossing: Flags
 ) -> Integrals:
-    """∫ e and ∫ (t + H - τ) e over each step, e by what inputs are off, shape (inputs, steps) each."""
+    """∫ e and ∫ (t + H - τ) e over each step of the errors e of inputs, shape (inputs, steps) each."""
     shape, count, order = key
     data = signals[columns[:, 1:].T]  # (count, inputs, points)
     change = np.diff(data[0])
@@ -319,7 +319,7 @@ def _integrals(
 
 
 def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
-    """By the polynomial through value, and slope, at the point before the step, or after it, too."""
+    """The integrals for Hermite polynomials: their remainder follows from one more point, before or after the step."""
     m, many = len(data), len(steps)
     sizes = np.concatenate([[0.0], np.where(crossing, 0.0, steps), [0.0]])  # 0: on the other side of a break
     before, after = sizes[:-2] / steps, sizes[2:] / steps
@@ -347,7 +347,7 @@ def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
 
 
 def _points_of_pieces(values: Vector, steps: Vector, crossing: Flags) -> Vector:
-    """The same of what is followed by points, piece by piece."""
+    """∫ e for cubics through points, piece by piece."""
     once = np.zeros((len(values), len(steps)))
     for first, end in pairwise((-1, *np.flatnonzero(crossing), len(steps))):
         if end > first + 1:
@@ -356,7 +356,7 @@ def _points_of_pieces(values: Vector, steps: Vector, crossing: Flags) -> Vector:
 
 
 def _points(values: Vector, steps: Vector) -> Vector:
-    """By the polynomial through one more point before the step; at the start, by the first one."""
+    """∫ e for cubics through points of one piece: their remainder follows from one more point before the step."""
     differences = [values]
     for order in range(1, min(_BACK, len(steps)) + 1):
         spans = sum(steps[k : len(steps) - order + 1 + k] for k in range(order))

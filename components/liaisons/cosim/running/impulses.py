@@ -14,7 +14,7 @@ from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 
 _NOTHING = 1e-8
-"""Part of the impulse that the largest force would have in the whole time."""
+"""Smallest impulse that counts, relative to the largest force times the whole time."""
 
 
 class MissingImpulses(NamedTuple):
@@ -49,18 +49,18 @@ def sums_of_missing(simulation: Simulation) -> dict[VariableReference, Connectio
 def missing_impulses(
     connections: Mapping[VariableReference, Connection], times: Vector, columns: Mapping[VariableReference, Vector]
 ) -> list[MissingImpulses]:
-    """Those of all connections that lack some.
+    """Impulses that connections lack, of each connection that lacks some.
 
     :param connections: by their sums of impulses.
     :param columns: values at the communication points.
     """
-    found: list[MissingImpulses] = []
+    missing: list[MissingImpulses] = []
     for variable, connection in connections.items():
         sums, force = columns[variable], columns[connection.source.place]
         least = _NOTHING * np.abs(force).max() * (times[-1] - times[0])
         if len(points := 1 + np.flatnonzero(np.abs(np.diff(sums)) > least)):
-            found.append(MissingImpulses(connection, variable, sums, points))
-    return found
+            missing.append(MissingImpulses(connection, variable, sums, points))
+    return missing
 
 
 def warn_of_missing(title: str, times: Vector, impulses: Iterable[MissingImpulses]) -> None:

@@ -1,4 +1,4 @@
-"""What the inputs of a system follow within a step, and how much they matter: for the estimate of errors."""
+"""Polynomials of inputs within a step, and their effects on accelerations: the data of the error estimate."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class InitialDerivatives:
 
 
 def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
-    """Components with contacts to which something is fed."""
+    """Components with contacts whose inputs are connected."""
     mechanisms: list[ContactMechanism] = []
     for name, contacts in contacts_of_fed(simulation).items():
         part, index = simulation.parts[name], bus.index
@@ -74,7 +74,7 @@ def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanis
 
 
 def contacts_of_fed(simulation: Simulation) -> dict[str, list[list[VariableReference]]]:
-    """Name of each component with contacts to which something is fed -> their variables."""
+    """Name of each component with contacts whose inputs are connected -> variables of its contacts."""
     fed = {name for name, _ in simulation.feeds}
     contacts = {name: contact_variables(part) for name, part in simulation.parts.items() if name in fed}
     return {name: variables for name, variables in contacts.items() if variables}
@@ -87,7 +87,7 @@ def input_reconstructions(
     gains: Gains,
     deviations: Mapping[VariableReference, tuple[int, int]],
 ) -> list[InputReconstruction]:
-    """What every connected input follows within a step: the first row of the table that applies to it.
+    """Polynomials of all connected inputs within a step: for each, the first row of the table that applies.
 
     :param slopes: columns of the derivatives of outputs that FMUs give.
     :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
@@ -164,7 +164,7 @@ def _effects(
 
 
 def _extrapolated(part: SystemComponent, target: VariableReference, bus: Bus, own: int) -> tuple[list[int], int]:
-    """Columns of the data that an FMU extrapolates an input from, of a port all three, and which derivative it is."""
+    """Columns of the data from which an FMU extrapolates an input, and which derivative of them the input is."""
     triple, order = Port(part, target[1]).curve()
     if part.approximation.method != 1 or triple is None:
         return [own], 0
@@ -173,7 +173,7 @@ def _extrapolated(part: SystemComponent, target: VariableReference, bus: Bus, ow
 
 
 def _acceleration(part: SystemComponent, name: str) -> tuple[Port, Port] | None:
-    """Rate and value, if this is an acceleration that the FMU gives."""
+    """Rate and value of the port whose acceleration this output is; None for another variable."""
     triple, order = Port(part, name).curve()
     if triple is None or order != 2 or part.fmu.variables[name].causality != "output":
         return None

@@ -22,12 +22,12 @@ from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
-"""Of a communication step."""
+"""Tolerance for the end of a step, relative to its size."""
 
 
 @final
 class Loop:
-    """Communication steps, and what was on the bus after each.
+    """Communication steps, and the recorded values of the bus after each.
 
     :param calls: those of one step.
     :param capacity: expected number of communication points.
@@ -127,7 +127,7 @@ class Loop:
             self.done += 1
 
     def _judge(self, call: Call, status: int) -> None:
-        """Check a status; where an FMU ends the simulation, that point is recorded if all others get there."""
+        """Raise the error of a status; the end that an FMU asks for is recorded if all other FMUs reach it."""
         bus, calls = self._bus, self._calls
         try:
             bus.check_status(call, status)

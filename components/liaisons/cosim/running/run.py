@@ -75,7 +75,7 @@ class Run:
         self._coupled: Coupled | None = None
         parts, times = simulation.parts, simulation.times
         self.repeats = again and all(part.fmu.can_get_and_set_state for part in parts.values())
-        with ExitStack() as stack, _made_to_stay():
+        with ExitStack() as stack, _without_garbage_collection():
             if folders is None:
                 folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
             for name, part in parts.items():
@@ -99,13 +99,13 @@ class Run:
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
-            self._initial, self._settle, self._step = self._prepared()
+            self._initial, self._settle, self._step = self._prepare_calls()
             self._deviations = Deviations(simulation.drives, self._bus, simulation.step_tolerance)
             self._batch = 1  # steps for which functions of time are evaluated at once
-            self._initial_derivatives, self._estimate = self._estimating()
+            self._initial_derivatives, self._estimate = self._prepare_estimate()
             self._breaks = Breaks(simulation, self._instances, self._bus)
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
-            self._divides = self._breaks.divides and self._estimate.looks and not reads_samples
+            self._divides = self._breaks.divides and self._estimate.has_targets and not reads_samples
             self._loop = Loop(self._step, self._bus, len(times))
             self._back: Sequence[Call] = []
             if self.repeats:
@@ -178,7 +178,7 @@ class Run:
         """
         simulation = self._simulation
         if simulation.error_tolerance is None and not simulation.adapts:
-            self._go(simulation.times, on_progress)
+            self._step_to(simulation.times, on_progress)
             return
         stepper = Stepper(
             simulation,
@@ -199,7 +199,7 @@ class Run:
             if on_progress:
                 on_progress(point.time)
 
-    def _go(self, points: Sequence[float], on_progress: Callable[[float], None] | None) -> None:
+    def _step_to(self, points: Sequence[float], on_progress: Callable[[float], None] | None) -> None:
         """Step to each of the communication points, and to the breaks between them."""
         loop, breaks, done = self._loop, self._breaks, 1
         most = _MOST_IN_BATCH if self._deviations else len(points)
@@ -229,7 +229,7 @@ class Run:
                 on_progress(float(loop.times[loop.done - 1]))
 
     def _advance(self, instants: Sequence[float], *, in_result: bool = True) -> int:
-        """Step to instants, one after the other, as far as there is no break; returns to how many."""
+        """Step to these instants up to the next break; returns how many were reached."""
         loop, deviations = self._loop, self._deviations
         if not deviations:
             loop.advance(instants, in_result=in_result)
@@ -257,7 +257,7 @@ class Run:
         return self._divides and loop.done - 1 == (loop.after_break[-1] if loop.after_break else 0)
 
     def _cross(self, start: float, stop: float) -> Vector:
-        """Make the tiny step to a break, and find the next one; returns the values of the bus."""
+        """Step across a break and find the next one; returns the values of the bus."""
         bus, coupled = self._bus, self._coupled
         bus.set_step(start, stop)
         self._breaks.begin_piece(stop)
@@ -270,7 +270,7 @@ class Run:
         return bus.values
 
     def result(self) -> Result:
-        """What was recorded so far."""
+        """The result of all that was recorded so far."""
         simulation, loop = self._simulation, self._loop
         in_result, times = loop.result_rows()
         rows = loop.rows[in_result]
@@ -281,7 +281,7 @@ class Run:
         numbers, indices = np.unique(values[strings], return_inverse=True)
         values[strings] = indices.reshape(values[strings].shape)
         words = tuple(text(number).decode(errors="replace") for number in numbers)
-        self._error = self._estimated(in_result)
+        self._error = self._errors_between(in_result)
         columns = {place: rows[:, k] for place, k in self._bus.index.items()}
         self._missing = missing_impulses(self._sums, times, columns)
         for missing in self._missing:
@@ -301,7 +301,7 @@ class Run:
         )
 
     def concluded(self) -> Result:
-        """What was recorded, warned of where it is not finite, or its coupling errors are too large."""
+        """Warn of values that are not finite, lost impulses and large coupling errors; returns the result."""
         result = self.result()
         warn_of_what_is_not_finite(result)
         warn_of_missing(result.title, result.time, self._missing)
@@ -309,8 +309,8 @@ class Run:
             self._estimate.worst.warn(float(np.nansum(self._error)))
         return result
 
-    def _estimated(self, in_result: Indices) -> Vector:
-        """What has been added since the communication point before, of the rows that belong to the result."""
+    def _errors_between(self, in_result: Indices) -> Vector:
+        """Coupling error added between neighbouring points of the result, shape (points,)."""
         if self._errors:
             return np.array([0.0, *self._errors])
         loop, sums = self._loop, np.zeros(len(in_result))
@@ -324,17 +324,17 @@ class Run:
         """The last communication point [s]; None before the first."""
         return float(self._loop.times[self._loop.done - 1]) if self._loop.done else None
 
-    def _prepared(self) -> tuple[list[Call], list[Call], list[Call]]:
-        """Calls for initialization, after it, and for a communication step."""
+    def _prepare_calls(self) -> tuple[list[Call], list[Call], list[Call]]:
+        """Prepare the coupling; returns the calls of initialization, after it, and of a communication step."""
         if not self._simulation.iterates:
-            return explicit.prepared(self._simulation, self._instances, self._bus)
+            return explicit.prepared_calls(self._simulation, self._instances, self._bus)
         self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
         recorded_only = [call for name in self._instances for call in self._other_readings(name)]
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
         return [first], [settle, *recorded_only], [coupled.advance, *recorded_only]
 
-    def _estimating(self) -> tuple[InitialDerivatives, Estimate]:
-        """The derivatives at the start, and what estimates coupling errors."""
+    def _prepare_estimate(self) -> tuple[InitialDerivatives, Estimate]:
+        """The derivatives at the start, and the estimate of coupling errors."""
         simulation, bus, coupled = self._simulation, self._bus, self._coupled
         gains = {} if coupled is None else coupled.gains
         initial = InitialDerivatives(simulation, self._instances, bus, gains)
@@ -350,8 +350,8 @@ class Run:
 
 
 @contextmanager
-def _made_to_stay() -> Iterator[None]:
-    """Switch garbage collection off while thousands of FMUs are instantiated, where it took half of the time."""
+def _without_garbage_collection() -> Iterator[None]:
+    """Switch garbage collection off: it takes half of the time in which thousands of FMUs are instantiated."""
     looks = gc.isenabled()
     gc.disable()
     try:
@@ -405,11 +405,11 @@ def performed(simulation: Simulation, *, progress: bool = False, verify: bool = 
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
             raise Interrupted(f"{reached}; .result of this exception has the result so far", run.concluded()) from None
         result = run.concluded()
-        return _verified(simulation, result) if verify else result
+        return _with_differences(simulation, result) if verify else result
 
 
-def _verified(simulation: Simulation, result: Result) -> Result:
-    """The result with its differences from one at half the steps."""
+def _with_differences(simulation: Simulation, result: Result) -> Result:
+    """Simulate once more at half the steps; returns the result with the differences as its errors."""
     middles = (result.time[:-1] + result.time[1:]) / 2
     times = np.insert(result.time, np.arange(1, len(result.time)), middles)
     with Run(replace(simulation, times=times.tolist(), error_tolerance=None, adapts=False)) as run:

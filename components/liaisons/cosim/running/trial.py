@@ -25,7 +25,7 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
 
 _LAST = "done"
-"""Follows the stages."""
+"""Comes after all stages."""
 _tried: WeakSet[Fmu] = WeakSet()
 
 

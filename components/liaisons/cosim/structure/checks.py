@@ -119,7 +119,7 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
 def _gains(
     parts: Mapping[str, SystemComponent], connections: Sequence[Connection], driven: Collection[VariableReference]
 ) -> bool:
-    """Whether an FMU of ours takes derivatives of a continuous input, and iterations carry all signals."""
+    """Whether implicit coupling reduces the error of an FMU outside of cycles, and can carry all signals."""
     if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
         return False
     if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
@@ -153,7 +153,7 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
 
 
 def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemComponent]:
-    """The components as the coupling needs them.
+    """The components with the start values that the coupling needs.
 
     In an iteration, FMUs of ours that take no derivatives of inputs interpolate their inputs.  In explicit coupling
     those do whose inputs are all known at the end of a step, and continuous, unless start values say otherwise.
@@ -279,4 +279,4 @@ def inputs(parts: Mapping[str, SystemComponent], graph: ConnectionGraph) -> None
 
 _VARIABLE_STEP = "canHandleVariableCommunicationStepSize"
 _LONGEST = 1000
-"""Longer arrays are not searched for elements without a source."""
+"""Size of the largest array that is searched for elements without a source."""

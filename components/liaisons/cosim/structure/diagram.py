@@ -237,7 +237,7 @@ def _arrows(
 
 
 def _cut(words: str, most: int) -> str:
-    """The text, shortened to so many characters."""
+    """Shorten a text to this number of characters."""
     return words if len(words) <= most else f"{words[: most - 1]}…"
 
 

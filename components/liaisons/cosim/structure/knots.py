@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 ROUNDING = 1e-13
-"""Relative tolerance for two knots at one instant to be equal; a number of 13 digits is so far off."""
+"""Relative tolerance within which two knots at one instant are one; a number with 13 digits errs by as much."""
 Join = Literal["quintic", "pchip", "linear"]
 _COLUMNS = ("times", "values", "rates", "accelerations")
 
@@ -97,7 +97,7 @@ def _smooth(
 
 
 def _piecewise(times: NDArray, values: NDArray, join: Join) -> NDArray[np.float64]:
-    """Knots at both ends of each interval, since the second derivative, of straight lines the first, jumps there."""
+    """Knots at both ends of each interval of a piecewise polynomial, whose derivatives jump between intervals."""
     from scipy.interpolate import PchipInterpolator, PPoly  # slow to load
 
     steps = np.diff(times)

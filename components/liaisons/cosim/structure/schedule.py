@@ -63,13 +63,13 @@ def _strong(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
             sources[target].append(node)
     seen: set[_Vertex] = set()
     components = [
-        _reached([node], edges, seen) for node in reversed(_reached(number, sources, set())) if node not in seen
+        _postorder([node], edges, seen) for node in reversed(_postorder(number, sources, set())) if node not in seen
     ]
     return [sorted(group, key=number.__getitem__) for group in reversed(components)]
 
 
-def _reached(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]], seen: set[_Vertex]) -> list[_Vertex]:
-    """Vertices that can be reached, in postorder; they are added to ``seen``."""
+def _postorder(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]], seen: set[_Vertex]) -> list[_Vertex]:
+    """Vertices that can be reached from roots, in postorder; adds them to ``seen``."""
     finished: list[_Vertex] = []
     for root in roots:
         path = [] if root in seen else [(root, iter(edges[root]))]
@@ -102,10 +102,12 @@ def algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[VariableReferen
         for input_ in inputs.get(source[0], ()):
             if depends(source, input_):
                 edges[input_].append(source)
-    return [_round(group[0], set(group), edges) for group in _strong(edges) if len(group) > 1]
+    return [_shortest_cycle(group[0], set(group), edges) for group in _strong(edges) if len(group) > 1]
 
 
-def _round(start: _Vertex, group: Collection[_Vertex], edges: Mapping[_Vertex, list[_Vertex]]) -> list[_Vertex]:
+def _shortest_cycle(
+    start: _Vertex, group: Collection[_Vertex], edges: Mapping[_Vertex, list[_Vertex]]
+) -> list[_Vertex]:
     """A shortest cycle through a vertex, by breadth-first search."""
     before: dict[_Vertex, _Vertex] = {}
     front = [start]

@@ -27,13 +27,13 @@ from liaisons.cosim.structure.sources import Drive, Function, drives
 from liaisons.errors import InvalidValueError, SimulationError, suggestion
 
 _DEFAULT_TOLERANCE = 1e-8
-"""That of our FMUs, where neither the user nor anything else says more."""
+"""Tolerance of FMUs of liaisons, where neither the user nor a file gives another."""
 _POINTS = 500
-"""So often an FMU of Model Exchange is looked at if neither it nor the user says how often."""
+"""Number of steps in the simulation of an FMU of Model Exchange without a step size."""
 _ALIKE = 4
-"""Units in the last place of the largest time, by which instants differ that are one but for rounding."""
+"""Difference below which two instants are one, in units in the last place of the largest time."""
 _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
-"""What FMUs hand each other has to fit within this part of the tolerance, but not better than rounding allows."""
+"""Interface tolerance, relative to the tolerance of the solvers; and the smallest one that rounding allows."""
 
 
 @final
@@ -95,7 +95,7 @@ class Simulation:
 
     @cached_property
     def jumping(self) -> frozenset[str]:
-        """Names in the result of what changes in jumps only."""
+        """Names in the result of discrete variables."""
         return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
 
     @property
@@ -111,7 +111,7 @@ class Simulation:
 
     @property
     def scene(self) -> FmuScene:
-        """What it looks like."""
+        """The picture of the system."""
         prefix = {part: name.removesuffix(variable) for name, (part, variable) in self.recorded.items()}
         number = {name: i for i, name in enumerate(self.parts)}
         pairs = ((number[c.source.part.name], number[c.target.part.name]) for c in self.connections)
@@ -130,7 +130,7 @@ class Simulation:
 
     @property
     def interface_tolerance(self) -> float:
-        """How well what FMUs hand each other has to fit, relative to its size."""
+        """Tolerance for inputs to agree with outputs in implicit coupling, relative to their size."""
         return max(_INTERFACE * self.step_tolerance, _FINEST_INTERFACE)
 
     @cached_property

@@ -98,7 +98,7 @@ class Drive:
         return values.reshape(*times.shape, -1)
 
     def rounding(self, t: ArrayLike) -> Vector:
-        """Distance [s] from t beyond which a function is past a break at t, whatever it rounds."""
+        """Distance [s] from a break at t beyond which rounding cannot bring a function back to its other side."""
         return 8 * np.spacing(np.maximum(np.abs(t), np.max(np.abs(self.breaks), initial=0.0)))
 
     def begin(self, t: float) -> None:
@@ -113,7 +113,7 @@ class Drive:
             self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
     def next_break(self, time: float) -> float | None:
-        """The first of its breaks after an instant [s]."""
+        """First break of the function after an instant [s]; None if there is none."""
         index = int(np.searchsorted(self.breaks, time + rounding(time), side="right"))
         return float(self.breaks[index]) if index < len(self.breaks) else None
 
