@@ -63,7 +63,7 @@ def test_our_fmus_hold(runs: Runs, tmp_path: Path, name: str, backend: str) -> N
     ],
 )
 def test_what_does_not_hold_is_named(
-    liaisons: Cli, tmp_path: Path, name: str, step: str, failing: set[str], difference: float
+    liaisons: Cli, tmp_path: Path, *, name: str, step: str, failing: set[str], difference: float
 ) -> None:
     """An FMU straight from pythonfmu: its model description lacks InitialUnknowns, its result depends on the step."""
     (tmp_path / f"{name.lower()}.py").write_text(DECAY.replace("NAME", name).replace("STEP", step))

@@ -29,7 +29,8 @@ def test_two_workers_give_the_same_table_bit_by_bit(client, pendulum) -> None:
 
     def lose() -> None:
         """Leave what a sweep leaves whose client has gone."""
-        cluster._pools["lost", get_ident()] = Any, ExitStack()
+        pool: Any = None
+        cluster._pools["lost", get_ident()] = pool, ExitStack()
 
     for worker in client.nthreads():
         client.submit(lose, workers=[worker], pure=False).result()

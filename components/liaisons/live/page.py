@@ -27,7 +27,7 @@ from liaisons.pictures.inline import page
 
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
 _EXPORTS = ("-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free")  # all FMI functions, and memory
-_MOST_READ = 400  # elements of arrays that are read each frame
+_MOST_READ = 400  # elements of arrays read in each frame
 _MOST_SLIDERS = 8  # elements of an array with a slider each
 _STARTS = "resources/starts.txt"
 _FRAMES = 60  # a second
@@ -39,7 +39,6 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     """The page of an FMU or of a system: sliders, picture, plot, energy account.
 
     :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own.
-
     :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0.
     :raises BuildError: if there is no compiler for WebAssembly, or it fails.
     """
@@ -119,7 +118,7 @@ def _component(
     feeds: Mapping[tuple[str, str], tuple[str, str]],
     before: Collection[str],
 ) -> dict[str, Any]:
-    """What the page has to know of a component.
+    """Data of a component for the page.
 
     :param before: names of the components that are stepped before it.
     """
@@ -148,11 +147,11 @@ def _component(
     return {
         "prefix": prefix,
         "module": paths.index(part.fmu.path),
-        "guid": re.sub(r"}-\w+$", "}", part.fmu.guid),  # a longer one is of start values in a file, too
+        "guid": re.sub(r"}-\w+$", "}", part.fmu.guid),  # without what start values in a file add
         "variables": [v for v in listed if v.get("read") or v.get("set") or v["name"] in needed],
         "free": free,
         "settings": {} if mode is None else {str(reference): mode},
-        "reconstruction": _INTERPOLATE if mode is None else mode,  # others are given the newest
+        "reconstruction": _INTERPOLATE if mode is None else mode,  # others take the newest values
         "picture": picture.document,
         "units": {s: [variables[force].get("unit", ""), "W"] for s, *_ in free if (force := Port(part, s).force)},
     }
@@ -192,7 +191,7 @@ def _of_slider(v: Attributes, base: str) -> dict[str, Any]:
 
 
 def _signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:
-    """What is plotted at first: angles, or the attitude, or other coordinates, whose accelerations are read, too."""
+    """Names of the signals plotted at first: angles, else the attitude, else other coordinates with both rates."""
     shown = {v["name"]: v.get("unit") for v in component["variables"] if v.get("read") and "start" not in v}
     triples = {name: Port(part, name).triple() for name in shown}
     coordinates = [name for name, triple in triples.items() if triple and {p.name for p in triple} <= shown.keys()]

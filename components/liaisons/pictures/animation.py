@@ -24,17 +24,17 @@ from liaisons.pictures.openmodelica import visual
 from liaisons.pictures.stage import Stage
 
 LONGEST = 20.0
-"""[s] that an animation takes at most, unless its speed is given."""
+"""Longest animation [s], unless its speed is given."""
 
-_MANY = 100  # frames: from here on their progress is shown
+_MANY = 100  # frames, above which progress is shown
 _MOST = 100_000  # frames, of almost an hour
-_MOST_POINTS = 20_000_000  # in all frames; they take half a gigabyte
+_MOST_POINTS = 20_000_000  # of all frames: half a gigabyte
 
 _DRAWN = (".gif", ".png", ".mp4")
 _VISUAL = "_visual.xml"
 _KINDS = (*_DRAWN, ".glb", ".html", _VISUAL)
 
-_BYTES = 6  # of a number in a page: four in base64, rounded up
+_BYTES = 6  # of a number in a page: single precision in base64
 
 Values = Mapping[str, NDArray[np.float64]]
 
@@ -83,13 +83,13 @@ def animate(
         raise SimulationError(f"{path}: films need imageio-ffmpeg; pip install 'liaisons[film]', or write a .gif")
     if not scene.picture.shapes:
         raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
-    speed = _pace(time) if speed is None else _checked_speed(speed, time, scene.picture.count)
+    speed = _default_speed(time) if speed is None else _checked_speed(speed, time, scene.picture.count)
     finite("turns", turns)
     step = speed / RATE
     shown = motion_frames(scene, time, signals, step, title)
     ghost = None
     if against is not None:
-        drawn = scene.picture.variables  # these are calculated again
+        drawn = scene.picture.variables  # calculated anew for the ghost
         others = {name: values for name, values in signals.items() if name not in drawn}
         ghost = motion_frames(scene, time, {**others, **against}, step, title, shifts=shown.shifts)
     count = len(shown.time)
@@ -103,7 +103,7 @@ def animate(
             with replacing(path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")) as table_part:
                 table_part.write_bytes(table)
         elif kind == ".html":
-            part.write_bytes(_recorded(scene.picture, shown, title=title, speed=speed, rate=RATE))
+            part.write_bytes(_recording(scene.picture, shown, title=title, speed=speed, rate=RATE))
         else:
             from liaisons.pictures import drawing  # matplotlib is slow to load
 
@@ -116,22 +116,22 @@ def animate(
 
 
 def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, title: str, most: int) -> bytes:
-    """The motion as a page; empty if there is nothing to draw.
+    """The motion as a page of HTML; empty if there is nothing to draw.
 
-    :param most: bytes of the frames: where the picture needs many variables, fewer frames a second are shown.
+    :param most: bytes of all frames; a picture of many variables has fewer frames a second.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
     """
     picture = scene.picture
     if not picture.shapes or len(time) < 2:
         return b""
-    speed = _pace(time)
+    speed = _default_speed(time)
     fit = most // (_BYTES * max(len(picture.variables), 1))
     rate = min(RATE, fit * speed / float(time[-1] - time[0]))
     shown = motion_frames(scene, time, signals, speed / rate, title)
-    return _recorded(picture, shown, title=title, speed=speed, rate=rate)
+    return _recording(picture, shown, title=title, speed=speed, rate=rate)
 
 
-def _recorded(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
+def _recording(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
     plan = {
         "picture": picture.document,
         "signals": picture.variables,
@@ -162,11 +162,11 @@ def motion_frames(
     """
     count = int(float(time[-1] - time[0]) / step + 1e-9) + 1
     instants = time[0] + np.arange(count) * step
-    between = {name: _between(time, np.asarray(values, dtype=float), instants) for name, values in signals.items()}
+    between = {name: _interpolated(time, np.asarray(values, dtype=float), instants) for name, values in signals.items()}
     return frames(scene.picture, instants, scene.values(between).__getitem__, title=title, shifts=shifts)
 
 
-def _pace(time: NDArray[np.float64]) -> float:
+def _default_speed(time: NDArray[np.float64]) -> float:
     """Seconds of motion a second: real time, unless that takes longer than :data:`LONGEST`."""
     return max(1.0, float(time[-1] - time[0]) / LONGEST)
 
@@ -182,11 +182,11 @@ def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> floa
     return speed
 
 
-def _between(
+def _interpolated(
     time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Values between communication points; curves without overshoot where a coordinate jumps (Akima)."""
-    if len(time) < 3 or not np.isfinite(values).all():  # the frames name it
+    """Values at instants between communication points, by Akima's curves, which do not overshoot at jumps."""
+    if len(time) < 3 or not np.isfinite(values).all():  # frames() names it
         return np.interp(instants, time, values)
     from scipy.interpolate import Akima1DInterpolator
 

@@ -18,8 +18,8 @@ FACING = {"xz": (0.0, 0.0), "xy": (0.0, pi / 2), "yz": (pi / 2, 0.0), None: (-0.
 class Camera:
     """A direction of view, without perspective.
 
-    :param yaw: angle [rad] by which the eye goes round the vertical, from -y towards x.
-    :param pitch: angle [rad] by which it is raised.
+    :param yaw: angle [rad] of the eye about the vertical, from -y towards x.
+    :param pitch: angle [rad] of the eye above the horizon.
     """
 
     yaw: float

@@ -13,11 +13,11 @@ from liaisons.errors import SimulationError
 
 MEMBER = "resources/picture.json"
 VERSION = "1."
-"""Start of the versions of files that can be read."""
+"""How versions of readable files begin."""
 LARGEST = 1e18
-"""Of a coordinate [m]: its square is finite in single precision, too."""
+"""Largest coordinate [m]: its square is finite in single precision."""
 _MOST = 10_000
-"""Shapes, and points of wires; so many take matplotlib a second a frame."""
+"""Most shapes and points of wires; matplotlib draws these in a second."""
 
 Shape = Mapping[str, Any]
 _POINTS, _LISTS = ("from", "to", "at"), ("points", "axes")
@@ -47,7 +47,7 @@ class Picture:
         """Read the file.
 
         :param owner: for messages.
-        :raises SimulationError: if it is of another version, or no picture.
+        :raises SimulationError: if it has another version, or is no picture.
         """
         try:
             document = json.loads(text)
@@ -107,7 +107,7 @@ class Picture:
 
     @property
     def plane(self) -> str | None:
-        """The plane in which it lies, ``"xz"``, ``"xy"`` or ``"yz"``; None: it is spatial."""
+        """Plane of the picture, ``"xz"``, ``"xy"`` or ``"yz"``; None: it is spatial."""
         points = [point for shape in self.shapes for point in _points(shape)]
         for plane, across in (("xz", 1), ("xy", 2), ("yz", 0)):
             if points and len({str(point[across]) for point in points}) == 1 and not isinstance(points[0][across], str):
@@ -145,7 +145,7 @@ def _check(shape: Shape) -> None:
 def together(pictures: Mapping[str, Picture], groups: Iterable[Collection[int]] = ()) -> Picture:
     """The pictures of the parts of a system in one.
 
-    :param pictures: by what stands before the names of each part's variables.
+    :param pictures: prefix of a part's variables -> its picture.
     :param groups: numbers of the parts that are drawn together, each group beside the others; none: all in one.
     """
     parts = [picture.renamed(lambda name, p=prefix: f"{p}{name}") for prefix, picture in pictures.items()]

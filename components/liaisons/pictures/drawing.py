@@ -18,8 +18,8 @@ from liaisons.pictures.frames import RATE
 from liaisons.pictures.stage import COLOURS, Face, Stage
 
 
-def prepared(stage: Stage, axes: Axes) -> PolyCollection:
-    """An empty collection of polygons on hidden axes."""
+def add_polygons(stage: Stage, axes: Axes) -> PolyCollection:
+    """Hide the axes and add an empty collection of polygons."""
     axes.set_axis_off()
     axes.set(xlim=(-stage.half[0], stage.half[0]), ylim=(-stage.half[1], stage.half[1]), aspect="equal")
     polygons = PolyCollection([], linewidths=0.4)
@@ -42,7 +42,7 @@ def pixels(stage: Stage, *, turns: float = 0.0, width: int = 480) -> Iterator[ND
     """
     height = int(width * min(max(stage.ratio, 0.4), 1.6)) // 2 * 2
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
-    polygons = prepared(stage, figure.add_axes((0, 0, 1, 1)))
+    polygons = add_polygons(stage, figure.add_axes((0, 0, 1, 1)))
     canvas = FigureCanvasAgg(figure)
     count = len(stage.frames.time)
     for k in range(count):
@@ -81,11 +81,11 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
 
 
 def write_strip(stage: Stage, path: Path, *, count: int = 6, **_: object) -> None:
-    """Write some instants side by side, evenly spaced, as a PNG; the camera stands still."""
+    """Write evenly spaced instants side by side as a PNG; the camera stands still."""
     time = stage.frames.time
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     instants = np.linspace(0, len(time) - 1, count).round().astype(int)
     for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):
-        draw(prepared(stage, axes), stage.faces(k))
+        draw(add_polygons(stage, axes), stage.faces(k))
         axes.set_title(f"{time[k]:.3g} s", fontsize=9, color=COLOURS["rod"])
     figure.savefig(path, format="png")

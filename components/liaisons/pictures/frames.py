@@ -21,10 +21,10 @@ RATE = 30
 FLASH = 6
 """Frames that a flash lasts."""
 THICKNESS = 0.04
-"""Of a floor, as a fraction of its width."""
+"""Thickness of a floor, as a fraction of its width."""
 
 _SKEW = 1e-3
-"""Invisible deviation of the axes of a box from orthonormal vectors."""
+"""Allowed deviation of the axes of a box from orthonormal vectors: invisible."""
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 Signal = Callable[[str], NDArray]
@@ -73,7 +73,7 @@ class Frames:
     shapes: tuple[Moving, ...]
     plane: str | None
     values: NDArray  # (n, variables), in the order of the picture's
-    shifts: Sequence[float]  # of each shape along x [m], which its points have and values have not
+    shifts: Sequence[float]  # of each shape along x [m], contained in its points, not in values
 
     @property
     def points(self) -> NDArray:
@@ -87,7 +87,7 @@ def frames(
     """The shapes of a picture at some times, those of different groups side by side.
 
     :param title: for messages.
-    :param shifts: of each shape along x [m]; else as the groups need at the first of the times.
+    :param shifts: of each shape along x [m]; None: what places the groups side by side at the first time.
     :raises SimulationError: if a coordinate is not finite, or the axes of a box are no right-handed unit vectors.
     """
     values = np.stack([signal(name) for name in picture.variables] or [np.zeros(len(time))], axis=1)
@@ -117,7 +117,7 @@ def frames(
 
 
 def _side_by_side(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[float]:
-    """Shifts of shapes along x by what the groups before take at the start, with room to swing; as on live pages."""
+    """Shifts of shapes along x that place their groups side by side, with room to swing; as on live pages."""
     right, shifts = None, {}
     for group in dict.fromkeys(groups):
         members = [shape for shape, number in zip(shapes, groups, strict=True) if number == group]
@@ -162,7 +162,7 @@ def _hanging(ends: NDArray, length: NDArray) -> NDArray:
         return straight - sag[:, None] * 4 * part * (1 - part) * np.array([0, 0, 1])
 
     sag = np.zeros_like(length)
-    for k in range(2, 30):  # the curve is the longer, the deeper it hangs, and longer than twice its sag
+    for k in range(2, 30):  # bisection: a deeper curve is longer, and any is longer than twice its sag
         deeper = sag + length / 2**k
         short = np.linalg.norm(np.diff(curve(deeper), axis=1), axis=2).sum(axis=1, keepdims=True) <= length
         sag = np.where(short, deeper, sag)
@@ -181,7 +181,7 @@ def _upright(normal: NDArray) -> NDArray:
 
 
 def _strength(count: NDArray) -> NDArray:
-    """From 1 where a count (n, 1) has changed to 0 after the frames of a flash, (n, 1)."""
+    """Strength of a flash, (n, 1): 1 where its count (n, 1) changes, 0 after :data:`FLASH` frames."""
     frame, whole = np.arange(len(count))[:, None], np.round(count)
     last = np.maximum.accumulate(np.where(np.diff(whole, axis=0, prepend=whole[:1]) != 0, frame, -FLASH))
     return np.maximum(1 - (frame - last) / FLASH, 0)

@@ -82,7 +82,7 @@ class _Scene:
         return len(self.document[key]) - 1
 
     def accessor(self, values: NDArray, **view: int) -> int:
-        """Numbers in the buffer, (n,) or (n, k), of a view with these properties."""
+        """Append numbers (n,) or (n, k) to the buffer; the index of their accessor."""
         component = _SHORT if view.get("target") == _ELEMENT_ARRAY_BUFFER else _FLOAT
         table = values.reshape(len(values), -1).astype(np.uint16 if component == _SHORT else np.float32)
         self.buffer += bytes(-len(self.buffer) % 4)
@@ -106,7 +106,7 @@ class _Scene:
         return self.meshes[kind]
 
     def primitive(self, kind: str, *, mode: int = 4, indices: int | None = None, **attributes: NDArray) -> int:
-        """A mesh of one primitive, triangles unless the mode says otherwise."""
+        """Add a mesh of one primitive, by default of triangles; its index."""
         accessors = {name: self.accessor(values, target=_ARRAY_BUFFER) for name, values in attributes.items()}
         primitive = {"attributes": accessors, "mode": mode, "material": list(COLOURS).index(kind)}
         return self.add("meshes", name=kind, primitives=[primitive | ({} if indices is None else {"indices": indices})])
@@ -119,7 +119,7 @@ class _Scene:
         rotation: NDArray | None = None,
         scale: NDArray | None = None,
     ) -> None:
-        """A mesh, moved, rotated and scaled; what is constant has no keyframes."""
+        """Add a mesh, moved, rotated and scaled; constants have no keyframes."""
         node = self.add("nodes", name=name, mesh=mesh)
         for path, values in {"translation": translation, "rotation": rotation, "scale": scale}.items():
             if values is None:
@@ -172,7 +172,7 @@ def _quaternions(axes: NDArray) -> NDArray:
 
 
 def _continuous(quaternions: NDArray) -> NDArray:
-    """Of q and -q, which are the same rotation, the one that is nearer to the previous one."""
+    """Choose of q and -q, which are the same rotation, the one nearer to the previous keyframe."""
     flips = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0)
     return quaternions * np.cumprod([1.0, *flips])[:, None]
 

@@ -1,4 +1,4 @@
-"""The polygons of a frame, sorted by depth."""
+"""Polygons of a frame, sorted by depth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from liaisons.pictures.frames import RATE, Frames, Moving
 
 _TRAIL = 3 * RATE  # frames that a trail lasts
 COILS = 3, 9
-"""Least and most of a spring."""
+"""Least and largest number of coils of a spring."""
 COLOURS = {
     "rod": "#4b5b6b",
     "wire": "#8593a0",
@@ -32,7 +32,7 @@ _CIRCLE = np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
 
 _STAR = _CIRCLE * np.resize([1, 0.35], (24, 1))
 TEETH = 24
-"""Of the hatching of a floor."""
+"""Lines that hatch a floor."""
 
 SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.0025, "flash": 0.06}
 """Default radius of each kind of shape, as a fraction of the extent of the picture."""
@@ -64,7 +64,7 @@ class Stage:
         self.middle = (low + high) / 2  # (n, 3)
         projected = camera.see(points - self.middle[:, None])[..., :2]
         half = np.max(np.abs(projected), axis=(0, 1))
-        if frames.plane is None:  # it may be seen from all sides
+        if frames.plane is None:  # seen from all sides
             half = np.full(2, np.max(np.linalg.norm(points - self.middle[:, None], axis=-1)))
         self.half = 1.1 * np.maximum(half, 0.3 * np.max(half)) + 0.05 * self.extent
         self.ratio = float(self.half[1] / self.half[0])
