@@ -56,14 +56,14 @@ def test_our_fmus_hold(runs: Runs, tmp_path: Path, name: str, backend: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("name", "step", "failing", "difference"),
+    ("name", "step", "failing"),
     [  # two names, for a Python process imports a module of one name once
-        ("Euler", "*= 1 - step_size", {"fmpy's validator", "communication steps"}, 0.75**4 - 0.5**2),
-        ("Broken", "= float('nan')", {"fmpy's validator", "communication steps", "all signals"}, np.nan),
+        ("Euler", "*= 1 - step_size", {"fmpy's validator": "1", "communication steps": f"{0.75**4 - 0.5**2:.2g}"}),
+        ("Broken", "= float('nan')", {"fmpy's validator": "1", "communication steps": "nan", "all signals": "4"}),
     ],
 )
 def test_what_does_not_hold_is_named(
-    liaisons: Cli, tmp_path: Path, *, name: str, step: str, failing: set[str], difference: float
+    liaisons: Cli, tmp_path: Path, name: str, step: str, failing: dict[str, str]
 ) -> None:
     """An FMU straight from pythonfmu: its model description lacks InitialUnknowns, its result depends on the step."""
     (tmp_path / f"{name.lower()}.py").write_text(DECAY.replace("NAME", name).replace("STEP", step))
@@ -72,9 +72,10 @@ def test_what_does_not_hold_is_named(
     found = verdicts(reply.out)
     assert reply.status == 1
     assert "InitialUnknowns" in reply.out
-    assert {claim for claim, word in found.items() if word == "FAIL"} == failing
-    (compared,) = [line for line in reply.out.splitlines() if line.startswith("communication steps of 0.5 and 0.25 s")]
-    assert compared.split()[-3] == f"{difference:.2g}"
+    assert {claim for claim, word in found.items() if word == "FAIL"} == failing.keys()
+    errors = {" ".join(words[:2]): words[-3] for line in reply.out.splitlines() if len(words := line.split()) > 4}
+    assert failing.items() <= errors.items()
+    assert "communication steps of 0.5 and 0.25 s" in reply.out
 
 
 def test_default_experiment_that_cannot_be_simulated_is_named(liaisons: Cli, tmp_path: Path) -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Runs
+from .conftest import Cli, Runs, is_misuse
 
 
 def test_without_a_compiler_for_webassembly_the_motion_is_shown(
-    runs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    runs: Runs, liaisons: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
@@ -23,3 +23,7 @@ def test_without_a_compiler_for_webassembly_the_motion_is_shown(
     )
     assert opened == [(tmp_path / "Pendulum.html").as_uri()]
     assert "play(JSON.parse(" in (tmp_path / "Pendulum.html").read_text()
+    still = (tmp_path / "Pendulum.html").read_bytes()
+    runs("show", "Pendulum", "--set", "theta_0=1", "--input", "length=1 + 0.1*t", "--no-open")
+    assert (tmp_path / "Pendulum.html").read_bytes() != still
+    assert is_misuse(liaisons("show", "Pendulum", "Swing", "--input", "length=1"), "--input", "without --input")

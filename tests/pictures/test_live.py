@@ -603,7 +603,9 @@ def test_what_is_fed_by_a_later_component_extrapolates(fmu: Fmu, tmp_path: Path)
         system.connect(swing[name], pump[name])
     plan = re.search(r'<script[^>]*id="plan"[^>]*>(.*?)</script>', live_page(system).decode(), re.DOTALL)
     assert plan is not None
-    assert [part["reconstruction"] for part in json.loads(plan[1])["components"]] == [1, 2]
+    parts = json.loads(plan[1])["components"]
+    assert [part["reconstruction"] for part in parts] == [1, 2]
+    assert sorted(name for part in parts for name, *_ in part["free"]) == ["pivot_x", "pivot_z"]  # not the length
     assert json.loads(plan[1])["tolerance"] == 1e-8  # the finest
     system.add("held", fmu(catalogue()["Regulator"]), period=0.02)
     plan = re.search(r'"step_size": ?([^,]*)', live_page(system).decode())

@@ -16,7 +16,7 @@ TURNS = np.linspace(0, 2 * np.pi, 7)
 def test_everything_lies_within_what_is_seen(third: float | str) -> None:
     """A ball on a rod that goes round, in a plane and on a tilted one."""
     bob = ["x", third, "z"]
-    shapes = ({"shape": "rod", "from": [0, 0, 0], "to": bob}, {"shape": "ball", "at": bob})
+    shapes = ({"shape": "rod", "from": bob, "to": [0, 0, 0]}, {"shape": "ball", "at": bob})
     time = np.linspace(0, 2 * np.pi, 25)
     signals = {"x": 3 * np.cos(time), "y": 3 * np.cos(time), "z": np.sin(time)}
     stage = Stage(frames(Picture(shapes), time, signals.__getitem__, title="it"))
@@ -26,7 +26,8 @@ def test_everything_lies_within_what_is_seen(third: float | str) -> None:
         assert third or np.all(np.abs(corners).max(axis=0) >= 0.8 * stage.half)
     if not third:  # the rod is as thick on both sides
         rod, *_ = (face for face in stage.faces(2) if len(face.corners) == 14)
-        along = stage.frames.shapes[0].points[2, 1, ::2] / np.linalg.norm(stage.frames.shapes[0].points[2, 1])
+        end = stage.frames.shapes[0].points[2, 0]
+        along = end[::2] / np.linalg.norm(end)
         aside = (rod.corners + stage.middle[2, ::2]) @ (-along[1], along[0])
         assert [aside.min(), aside.max()] == pytest.approx([-SIZES["rod"] * stage.extent, SIZES["rod"] * stage.extent])
 

@@ -86,6 +86,7 @@ def animate(
     liaisons show Pendulum DoublePendulum
     liaisons show my_component.py
     liaisons show system.ssp
+    liaisons show Pendulum --input "length=1 + 0.1*sin(6*t)"
 """)
 def show(
     fmus: Annotated[list[str], subject(_WHAT, "files or components; several side by side")],
@@ -95,11 +96,13 @@ def show(
     ] = None,
     launch: Annotated[bool, typer.Option("--open/--no-open", help="open it in the browser")] = True,
     starts: Starts,
+    given: Inputs,
+    join: Join = "quintic",
     _limit: UnpackedLimit = None,
 ) -> int:
     """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account.
 
-    Where the compiler for WebAssembly is not installed, a page with the recorded motion.
+    With --input, or without the compiler for WebAssembly, a page with the recorded motion.
     """
     from liaisons import interface
     from liaisons.base.compiler import INSTALLATION, zig_compiler
@@ -109,6 +112,8 @@ def show(
     from liaisons.live import show as written
 
     fmu, *beside = fmus
+    if beside and given:
+        raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")
     if beside:
         page = interface.show(fmu, *beside, path=output, start_values=dict(starts)).path
         print(f"page: {page}")
@@ -117,13 +122,15 @@ def show(
         return 0
     found, rest = resolved(fmu, starts)
     page = output or default_path(found)
-    if zig_compiler():
+    live = zig_compiler()
+    if live and not given:
         written(found, page, start_values=rest)
         print(f"page: {page}")
     else:
-        _system, asked = simulation(fmu, starts, None, None, None, None, given=())
+        _system, asked = simulation(fmu, starts, None, None, None, None, given=given, join=join)
         performed(asked).animate(page)
-        print(f"page: {page}, a recorded motion; a live page needs a compiler: {INSTALLATION} ({_ZIG})")
+        cure = "" if live else f"; a live page needs ziglang: pip install ziglang ({_ZIG})"
+        print(f"page: {page}, a recorded motion{cure}")
     if launch:
         webbrowser.open(page.resolve().as_uri())
     return 0

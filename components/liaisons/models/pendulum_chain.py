@@ -47,7 +47,7 @@ class PendulumChain(Chain):
         return self.bob
 
     def picture(self) -> Shapes:
-        return [Rod(self.joint, self.bob), Ball(self.bob)]
+        return [Rod(self.joint, self.bob), Ball(self.bob, radius=0.15 * self.length)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared(self.bob)

@@ -1,4 +1,4 @@
-"""Diagrams of signals, one for each unit, the most telling first."""
+"""Figures of signals: one diagram a unit, free coordinates first."""
 
 from __future__ import annotations
 
@@ -26,30 +26,29 @@ Curves = Mapping[str, NDArray[np.float64]]
 """Name -> values, shape (points,) or (points, elements)."""
 _Grid = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]
 _Subplots = Callable[[Sequence[str], int], "Sequence[Axes]"]
-"""Makes diagrams for groups of signals, in so many columns."""
+"""Labels of groups of signals, and the number of columns -> a diagram a group."""
 
 DIAGRAMS, CURVES = 6, 8
-"""Most diagrams on a screen, and most curves in one that can be distinguished."""
+"""Most diagrams in a figure, and most curves in a diagram."""
 _PIXEL = 1 / 200
-"""Part of the height of a diagram below which a difference is invisible."""
-_LIVELY = 1 / 50
-"""Part of its largest value by which a signal has to change to be seen beside others that start at 0."""
-_SQUEEZED, _SLIGHTLY = 20, 1 / 2
-"""Room above and below the first signals for others that move or do not, in heights of the first."""
+"""Largest difference that cannot be seen, in heights of a diagram."""
+_CHANGING = 1 / 50
+"""Least change of a signal, relative to its largest value, that can be seen in a diagram from 0."""
+_CHANGING_MARGIN, _STILL_MARGIN = 20, 1 / 2
+"""How far other signals, changing or not, may lie outside the range of the first ones, in heights of that range."""
 _ROUNDING = 1e-9
-"""Below this part of the largest value of its unit, or of 1 if the unit has no scale, a value is 0 but for rounding."""
+"""Largest rounding error, relative to the largest value of a unit, or to 1 for angles and numbers without unit."""
 
 
 def essential(signals: Curves, units: Mapping[str, str], ports: Mapping[str, PortNames]) -> list[str]:
     """Names of the signals that are drawn by default.
 
-    At most six units and eight signals of each: free coordinates first, then their rates, what is prescribed, energies,
-    forces, powers; the rest (accelerations, momenta, loads) where there is room.  Left out are units in which nothing
-    moves, and signals that stay 0, cannot be told from 0 or from another one, or are so large or far away that nothing
-    would be seen of those that tell more; unless there is nothing else.
+    At most six units and eight signals of each: free coordinates, their rates, prescribed coordinates, energies,
+    forces and powers come before accelerations, momenta and loads.  Constant units are left out, and signals that look
+    like 0 or like another signal, or would flatten the curves of those before them; unless there are no others.
     """
-    called = {name: usual for value in ports for name, usual in zip(ports[value], port_names(value), strict=True)}
-    ranks = {name: _rank(called.get(name, name), units[name], signals) for name in signals}
+    our_names = {name: ours for value in ports for name, ours in zip(ports[value], port_names(value), strict=True)}
+    ranks = {name: _rank(our_names.get(name, name), units[name], signals) for name in signals}
     groups: dict[str, list[str]] = {}
     for name in sorted(signals, key=ranks.__getitem__):
         groups.setdefault(units[name], []).append(name)
@@ -61,19 +60,19 @@ def essential(signals: Curves, units: Mapping[str, str], ports: Mapping[str, Por
 def plot(
     result: LabelledSignals, names: Sequence[str], over: str | None, path: Path | None, axes: Axes | None = None
 ) -> Figure:
-    """Draw signals: those of one unit in one diagram, or of a sweep on a grid of two values a map of each.
+    """Draw a diagram a unit, or for a sweep on a grid of two values a map a signal.
 
-    :param names: what to draw; if empty, :func:`essential` chooses, or the first of the maps are drawn.
+    :param names: what to draw; if empty, what :func:`essential` chooses, or the first maps.
     :param over: signal on the horizontal axis; None: as in :meth:`liaisons.Result.plot`.
-    :param path: where to save the figure, which pyplot does not know then.
+    :param path: file of the figure, which pyplot does not know then.
     :param axes: where to draw the only diagram; None: in a new figure.
-    :raises SimulationError: if the axis has another shape than a signal, the axes are none or too few, or the file
-        cannot be written.
+    :raises SimulationError: if ``over`` and a signal have different shapes, ``axes`` are no ``Axes`` or one diagram is
+        not enough, or the file cannot be written.
     """
     subplots = partial(_subplots, result.title, axes, alone=path is not None)
     grid = _grid(result) if over is None else None
     if grid is None:
-        diagrams = _draw_diagrams(result, names, over, subplots, beside=axes is None)
+        diagrams = _draw_diagrams(result, names, over, subplots, legend_outside=axes is None)
     else:
         diagrams = _draw_maps(result, names, grid, subplots)
     figure = diagrams[0].figure.canvas.figure
@@ -83,9 +82,9 @@ def plot(
 
 
 def _draw_diagrams(
-    result: LabelledSignals, names: Sequence[str], over: str | None, subplots: _Subplots, *, beside: bool
+    result: LabelledSignals, names: Sequence[str], over: str | None, subplots: _Subplots, *, legend_outside: bool
 ) -> Sequence[Axes]:
-    """Curves, those of one unit in one diagram, with its legend beside or in it."""
+    """Draw a diagram a unit, its legend outside or inside."""
     timed = result.kind != "sweep"
     if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
         over = result.names[0]
@@ -115,7 +114,7 @@ def _draw_diagrams(
         if text:
             texts = result.texts[result.element(text)]
             diagram.set_yticks(range(len(texts)), texts)
-        outside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.05)} if beside else {}
+        outside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.05)} if legend_outside else {}
         diagram.legend(**outside, frameon=False, fontsize="small")
         diagram.grid(visible=True, alpha=0.3)
         diagram.margins(x=0.0)
@@ -124,7 +123,7 @@ def _draw_diagrams(
 
 
 def _grid(result: LabelledSignals) -> _Grid | None:
-    """The first two values of a sweep, ascending, and the case of each pair (second, first); None: it is on no grid."""
+    """Both values of a grid, ascending, and the case at [second, first]; None if the sweep is on no grid."""
     if result.kind != "sweep" or len(result.names) < 3:
         return None
     (x, columns), (y, rows) = (np.unique(values, return_inverse=True) for values in result.values[:2])
@@ -136,9 +135,9 @@ def _grid(result: LabelledSignals) -> _Grid | None:
 
 
 def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subplots: _Subplots) -> Sequence[Axes]:
-    """A map of each signal over the first two values of a sweep; cases that have failed stay blank."""
+    """Draw a map a signal over the first two values of a sweep; failed cases stay blank."""
     for name in names:
-        result.numbers(name)  # or it says that there is none
+        result.numbers(name)  # raises if it is unknown
     asked = [n for name in names for n in result.names if name in {n, split(n)[0]}] or result.names[2 : 2 + DIAGRAMS]
     chosen = list(dict.fromkeys(asked))
     x, y, cases = grid
@@ -153,7 +152,7 @@ def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subpl
 
 
 def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int, *, alone: bool) -> Sequence[Axes]:
-    """Diagrams for groups of signals, in a new figure, or the axes for the only group."""
+    """A diagram a group in a new figure, or the axes for the only group."""
     if axes is None:
         count = max(1, len(groups))
         rows = math.ceil(count / columns)
@@ -187,14 +186,14 @@ def save(figure: Figure, path: Path) -> None:
     try:
         with replacing(path) as part:
             figure.savefig(part, format=path.suffix[1:] or "png")
-    except (ValueError, RuntimeError) as error:  # of an unknown kind, or one that needs a program
+    except (ValueError, RuntimeError) as error:  # of an unknown format, or of one that needs another program
         raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
 
 
 def new_figure(*, alone: bool) -> Figure:
-    """An empty figure; if it is not to be alone, one that pyplot knows and shows.
+    """An empty figure, which pyplot knows and shows unless it is alone.
 
-    A notebook shows what pyplot knows, and what a cell returns: there it is alone, or it would be seen twice.
+    In a notebook pyplot does not know it: it would be shown there, and again as what the cell returns.
     """
     if alone:
         from matplotlib.figure import Figure
@@ -212,7 +211,7 @@ def new_figure(*, alone: bool) -> Figure:
 def _draw_curves(
     diagram: Axes, name: str, x: NDArray[np.float64], values: NDArray[np.float64], style: Mapping[str, Any]
 ) -> None:
-    """One curve, or those of an array from its first element, pale, to its last one."""
+    """Draw a signal, or the elements of an array, the first ones pale."""
     columns = values.reshape(len(values), -1).T
     along = np.broadcast_to(x.reshape(len(values), -1).T, columns.shape)
     for one, column, alpha in zip(along, columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
@@ -223,22 +222,22 @@ def _draw_curves(
 
 
 def _visible(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
-    """LabelledSignals of one unit that are visible in one diagram; none if nothing moves."""
+    """Names of the signals of one unit that can be seen in one diagram; none if all are constant."""
     sizes = {name: _largest(values) for name, values in signals.items()}
     motions = {name: _largest(values - values[:1]) for name, values in signals.items()}
     zero = _ROUNDING * max(*sizes.values(), 1.0 if unit in {"", "1", "rad"} else 0.0)
     moving = [name for name in signals if motions[name] > zero]
-    lively = [name for name in moving if motions[name] > _LIVELY * sizes[name]] or moving
-    if not lively:
+    changing = [name for name in moving if motions[name] > _CHANGING * sizes[name]] or moving
+    if not changing:
         return []
     ends = {name: _ends(values) for name, values in signals.items()}
-    first = [ends[name] for name in lively if ranks[name] == ranks[lively[0]]]
+    first = [ends[name] for name in changing if ranks[name] == ranks[changing[0]]]
     low, high = min(end[0] for end in first), max(end[1] for end in first)
     pixel = _PIXEL * (high - low)
     chosen: list[str] = []
     for name, values in signals.items():
-        room = (_SQUEEZED if name in lively else _SLIGHTLY) * (high - low)
-        near = low - room <= ends[name][0] and ends[name][1] <= high + room
+        margin = (_CHANGING_MARGIN if name in changing else _STILL_MARGIN) * (high - low)
+        near = low - margin <= ends[name][0] and ends[name][1] <= high + margin
         new = all(_largest(values - signals[other]) > pixel for other in chosen if values.shape == signals[other].shape)
         if sizes[name] > max(pixel, zero) and near and new:
             chosen.append(name)
@@ -251,13 +250,13 @@ def _largest(values: NDArray[np.float64]) -> float:
 
 
 def _ends(values: NDArray[np.float64]) -> tuple[float, float]:
-    """The smallest and the largest of the values that are finite; 0 if there is none."""
+    """Smallest and largest finite value; 0 if there is none."""
     finite = values[np.isfinite(values)]
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
 
 
 def _rank(name: str, unit: str, names: Container[str]) -> int:
-    """Rank of a signal, 0 first, by the names of the variables in our FMUs."""
+    """Rank of a signal in :func:`essential`, from 0, by its name in our FMUs."""
     owner, dot, last = split(name)[0].rpartition(".")
 
     def has(name: str) -> bool:

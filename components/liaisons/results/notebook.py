@@ -17,17 +17,17 @@ from liaisons.results.tables import summary
 _MOST_ROWS = 100
 """Rows of a table."""
 _MOST_BYTES, _MOST_FRAMES = 300_000, 120_000
-"""Limits of a motion and of its frames [bytes]; what is larger, :meth:`Result.animate` writes."""
+"""Largest page of a motion, and its frames [bytes]; :meth:`Result.animate` writes larger ones."""
 _FRAME_HEIGHT = 420
-"""Of a motion [px]."""
+"""Height of the page of a motion [px]."""
 _WIDTH, _HEIGHT = 120, 24
-"""Of a small picture [px], with one point a pixel at most."""
+"""Size of a small diagram [px]; one point a pixel at most."""
 _ROUNDING = 1e-9
-"""A signal that moves by less than this part of its size is drawn as constant."""
+"""Largest rounding error of a signal, relative to its size; a smaller change is drawn as none."""
 
 
 def html(signals: LabelledSignals) -> str:
-    """The motion, if there is one, and a table of the signals with small pictures."""
+    """The motion, if there is one, and a table of the signals with small diagrams."""
     remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
     motion, problems = _motion(signals)
     remarks += [*problems, *(f"Warning: {text}" for text in signals.warnings)]
@@ -37,7 +37,7 @@ def html(signals: LabelledSignals) -> str:
 
 
 def _motion(signals: LabelledSignals) -> tuple[str, list[str]]:
-    """The motion as a frame, or why it cannot be shown."""
+    """The motion as a frame of HTML, and why it cannot be shown."""
     if signals.scene is None:
         return "", []
     numbers = dict(zip(signals.names, signals.values, strict=True))
@@ -55,8 +55,8 @@ def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str],
     """A table, the names of its columns from the first row, a curve beside each row, remarks below."""
     columns = [f"<th>{escape(name)}</th>" for name in (rows[0] if rows else ())]
     lines = [[f"<td>{escape(cell)}</td>" for cell in row.values()] for row in rows]
-    for line, picture in zip(lines, curves, strict=False):
-        line.append(f"<td>{picture}</td>")
+    for line, curve in zip(lines, curves, strict=False):
+        line.append(f"<td>{curve}</td>")
     body = "".join(f"<tr>{''.join(line)}</tr>" for line in lines)
     below = "".join(f"<div>{escape(remark)}</div>" for remark in remarks)
     head = f"<caption>{escape(title)}</caption><thead><tr>{''.join(columns)}</tr></thead>"
@@ -64,7 +64,7 @@ def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str],
 
 
 def framed(page: bytes, height: int) -> str:
-    """A page as a part of a notebook, in a sandbox: its script cannot read the notebook.
+    """A page as a frame of a notebook, in a sandbox: its script cannot read the notebook.
 
     :param height: of the frame [px].
     """
@@ -75,7 +75,7 @@ def framed(page: bytes, height: int) -> str:
 
 
 def _curve(values: NDArray[np.float64]) -> str:
-    """A small picture of values (points, ...): the band between the lowest and the highest finite ones."""
+    """A small diagram of values (points, ...): the band between the smallest and largest finite ones."""
     parts = enumerate(np.array_split(values, min(len(values), _WIDTH)))
     bands = [(x, finite.min(), finite.max()) for x, part in parts if (finite := part[np.isfinite(part)]).size]
     if not bands:

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(LabelledSignals):
-    """LabelledSignals of a simulation, a sweep or an ensemble by name, read-only.
+    """Signals of a simulation, a sweep or an ensemble by name, read-only.
 
     ``result["swing.theta"]`` has the shape (times,) in a simulation, (cases,) in a sweep, (times, cases) in an
-    ensemble; :attr:`kind` is which of them it is.  If ``chain.theta[1]`` to ``chain.theta[10]`` were recorded,
+    ensemble; :attr:`kind` says which.  If ``chain.theta[1]`` to ``chain.theta[10]`` were recorded,
     ``result["chain.theta"]`` has all of them, with one more axis of 10.  As in a dictionary, ``in``, ``len``,
     ``get()``, ``keys()`` and iteration go by names, an array under its own: ``dict(result)`` has all signals.
 
@@ -41,16 +41,16 @@ class Result(LabelledSignals):
     :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
         (len(names), cases), from runs with steps twice and four times as long; infinite where these do not converge.
         Of a simulation that was verified, differences from a run with steps half as long, shape (len(names), times).
-    :param coupling_error: of a simulation, estimate of what each step has added to the error of a signal by coupling,
-        relative to its size, the largest of all, and impacts to that, shape (times,); not a number where it is unknown,
-        as where an impulse is lost.
-    :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
+    :param coupling_error: of a simulation, estimate of the error that coupling and impacts add in each step, relative
+        to the size of the signal, the largest of all signals, shape (times,); not-a-number where it is unknown, for
+        instance where an impulse is lost.
+    :param compiled: of an ensemble, whether compiled code simulated it, or NumPy.
     :param texts: name of a signal of strings -> its texts, which its values index from 0.
     :param jumping: names of signals that change in jumps only.
     :param ports: value -> names of its port, where an FMU calls them otherwise than ours do; none from a file.
     :param scene: picture of what was simulated; None after reading from a file, a sweep or an ensemble.
-    :param warnings: of a simulation, what was warned of, whatever the logger's level, each text once; of a sweep, with
-        the number of the case, a hundred of them.
+    :param warnings: warnings of the simulation, each text once, whatever the logger's level; of a sweep, a hundred at
+        most, with the number of the case.
     """
 
     def to_csv(self, path: Path | str) -> None:
@@ -121,7 +121,7 @@ class Result(LabelledSignals):
         up, the signal as a colour; what has failed stays blank.
 
         :param names: what to draw, one by one or in a list; if nothing is named, what
-            :func:`liaisons.results.figures.essential` finds worth it, or the first six maps.
+            :func:`liaisons.results.figures.essential` chooses, or the first six maps.
         :param over: signal on the horizontal axis, for phase portraits; else time, or of a sweep what was varied, if it
             is one ascending value, else the number of the case.
         :param axes: Matplotlib's axes to draw into, signals of one unit or one map, beside what is there already; else
@@ -165,7 +165,7 @@ class Result(LabelledSignals):
         """Rows of a table: start, end and extrema of each signal without the failed cases; of a sweep, its cases.
 
         :param most: how many rows; None: all.
-        :param few: arrays of no more elements than this have a row for each.
+        :param few: most elements of an array that has a row an element.
         """
         return tables.summary(self, most, few)
 

@@ -48,7 +48,7 @@ class LabelledSignals:
 
     @property
     def kind(self) -> Literal["simulation", "sweep", "ensemble"]:
-        """LabelledSignals over time are a simulation, over cases a sweep, over both an ensemble."""
+        """A simulation over time, a sweep over cases, or an ensemble over both."""
         if not self.time.size:
             return "sweep"
         return "simulation" if self.values.ndim == 2 else "ensemble"
@@ -74,7 +74,7 @@ class LabelledSignals:
         return self[name] if name in self else default  # noqa: SIM401 - it would call itself
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """A signal or an array of them as numbers, those of strings counting in ``texts``.
+        """A signal or an array of them as numbers; a string as its index in ``texts``.
 
         :raises UnknownSignalError: if there is none of this name.
         """
@@ -93,7 +93,7 @@ class LabelledSignals:
 
     @property
     def unconverged(self) -> tuple[int, ...]:
-        """Cases of an ensemble, one of whose signals does not converge as the steps shrink: numbers, from 0."""
+        """Numbers of the cases, from 0, that do not converge as the steps shrink; none without error estimates."""
         if self.errors is None or self.kind != "ensemble":
             return ()
         return tuple(np.flatnonzero(np.isinf(self.errors).any(axis=0)).tolist())
@@ -120,11 +120,11 @@ class LabelledSignals:
 
     @property
     def entries(self) -> tuple[str, ...]:
-        """Names, with those of whole arrays in place of their elements'."""
+        """Names of the signals, an array under its own."""
         return self.grouped(0)
 
     def grouped(self, size: int) -> tuple[str, ...]:
-        """Names, with those of arrays of more elements than this in place of their elements'."""
+        """Names of the signals, an array of more elements than this under its own."""
         elements = {row: name for name, (rows, _) in self._arrays.items() if len(rows) > size for row in rows}
         return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
 

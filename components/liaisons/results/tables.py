@@ -130,7 +130,7 @@ def summary(signals: LabelledSignals, most: int | None, few: int) -> list[dict[s
     """Rows of a table: start, end and extrema of each signal; of a sweep, its cases.
 
     :param most: number of rows; None: all.
-    :param few: arrays of no more elements than this have a row for each.
+    :param few: most elements of an array that has a row an element.
     """
     if signals.kind != "sweep":
         return [_extent(signals, name) for name in signals.grouped(few)[:most]]
@@ -182,7 +182,7 @@ def _notes(signals: LabelledSignals) -> list[tuple[str, str]]:
 
 
 def _reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:
-    """Why each of these cases has failed, empty if it has not."""
+    """Reason of the failure of each case; empty if it has none."""
     return np.array([signals.failures.get(case, "") for case in cases.tolist()], dtype=object)
 
 
@@ -196,7 +196,7 @@ def _fields(
     """Fields of :class:`LabelledSignals`, from its columns and notes.
 
     :param title: unless the notes have one.
-    :raises ValueError: if they are none, with the reason.
+    :raises ValueError: with the reason, if these are no signals.
     """
     noted = dict(notes)
     first = 1 if names[-1:] != [_FAILURE] else 2 if names[:2] == ["time", "case"] else int(names[0] == "time")
@@ -234,7 +234,7 @@ def _fields(
 
 
 def _ends(estimates: str, first: int, end: int) -> tuple[int, int]:
-    """Columns at which signals end and at which their errors end, in a file with these estimates.
+    """Columns after the last signal and after its error, in a file with these estimates.
 
     :param first: column of the first signal.
     :param end: column after the last number.
@@ -254,7 +254,7 @@ def _escaped(text: str) -> str:
 
 
 def _without_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
-    """The lines of a CSV file except its metadata, which are added to the notes."""
+    """Yield the lines of a CSV file without its metadata, and append that to ``notes``."""
     for line in lines:
         key, colon, text = line.rstrip("\r\n").partition(": ")
         if not (colon and key.startswith("# ") and key[2:] in _NOTES):

@@ -22,7 +22,7 @@ class Quantiles(Protocol):
 
 
 _MOST = 10_000_000
-"""Cases of one sweep: a table of them takes some gigabytes, and their simulation days."""
+"""Most cases of a sweep: their table takes some gigabytes, their simulation days."""
 
 Distribution: TypeAlias = Quantiles | tuple[float, float]
 """``(low, high)`` is uniform between them."""
@@ -46,7 +46,7 @@ class Cases(Mapping[str, NDArray[np.float64]]):
     def of(cls, columns: Mapping[str, ArrayLike]) -> Cases:
         """Cases one by one: the first of all columns, the second, ...
 
-        :raises SweepError: if there is nothing in them, or they differ in length.
+        :raises SweepError: if nothing is varied, or columns differ in length.
         """
         if isinstance(columns, Cases):
             return columns

@@ -32,7 +32,7 @@ _pools: dict[tuple[str, int], tuple[Pool, ExitStack]] = {}  # on a worker: sweep
 @final
 @dataclass(frozen=True)
 class _Unable:
-    """Answer of a worker that cannot start, its disk being full or the like."""
+    """Answer of a worker that cannot start, for instance because its disk is full."""
 
     worker: str
     reason: str
@@ -71,16 +71,16 @@ def simulate_on_cluster(
 class _Sweep:
     """The futures of a sweep.
 
-    :param task: arguments of :func:`_simulate` but the cases.
+    :param task: first argument of :func:`_simulate`.
     """
 
     def __init__(self, client: Client, task: tuple[Any, float | None], deliver: Deliver) -> None:
         from distributed import as_completed
 
         self._client, self._task, self._deliver = client, task, deliver
-        self._chunks: dict[Any, tuple[list[int], set[str]]] = {}  # future -> cases, and who may do them; all, if empty
+        self._chunks: dict[Any, tuple[list[int], set[str]]] = {}  # future -> cases, and their workers; empty: any
         self._unable: set[str] = set()
-        self._finished = as_completed(loop=client.loop)  # its own choice of a loop is that of the default client
+        self._finished = as_completed(loop=client.loop)  # else it takes that of the default client
 
     def run(self, chunks: Iterable[list[int]]) -> None:
         try:
@@ -117,12 +117,12 @@ class _Sweep:
         elif len(cases) == 1 and future.status == "error":
             words = " ".join(str(future.exception()).split())
             self._deliver({cases[0]: Failure(f"Dask: {words}", refused=False)})
-        else:  # several cases, one of which is to blame, or a result that was lost with its worker
+        else:  # one of several cases failed, or the result was lost with its worker
             for case in cases:
                 self._submit([case])
 
     def _rescue(self) -> None:
-        """Give the cases of lost workers to others."""
+        """Submit the cases of lost workers again."""
         alive = set(self._client.nthreads())
         lost = {future: cases for future, (cases, where) in self._chunks.items() if where and not where & alive}
         for future, cases in lost.items():
@@ -169,14 +169,14 @@ def connected(client: Client | str) -> Iterator[Client]:
 
 
 def _shipment(*parts: Any) -> Any:
-    """On a worker: the run's name, study and files; each other worker that needs them copies them from this one."""
+    """On a worker: the run's key, study and files, which other workers copy from this one."""
     return parts
 
 
 def _simulate(
     task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
 ) -> dict[int, Outcome] | _Unable:
-    """On a worker: simulate cases in the process of this thread, which stays for the next ones."""
+    """On a worker: simulate cases in the process of this thread, which is kept for the next ones."""
     (key, study, files), time_limit = task
     try:
         if (key, get_ident()) not in _pools:

@@ -25,18 +25,18 @@ from liaisons.sweeps.outcome import Completed, Failure, Outcome
 _logger = logging.getLogger("liaisons.sweeps")
 
 _CHECK = re.compile(rb', "check": "([0-9a-f]{8})"}$')
-_PATIENCE = 1.0  # [s] for the end of processes of a killed sweep, which have inherited its lock
-_FAR = 2**31 - 1  # the byte that is locked on Windows, where a locked byte cannot be read
+_PATIENCE = 1.0  # [s] for the processes of a killed sweep to end: they have inherited its lock
+_LOCKED_BYTE = 2**31 - 1  # on Windows: behind the content, for a locked byte cannot be read
 
 
 @final
 class Journal:
-    """A context manager of the file, which is created if it does not exist.
+    """A journal as a context manager; its file is created if it does not exist.
 
     :param key: :meth:`liaisons.sweeps.study.Study.key` of the sweep.
     :param cases: number of cases.
     :param columns: number of measures of a case.
-    :param retry: simulate again what the model has refused, too.
+    :param retry: simulate again also the cases that the model has refused.
     :ivar done: cases that are not simulated again.
     :raises JournalError: if it belongs to another sweep, is in use by one, or is no journal.
     :raises SweepError: if it cannot be read or written.
@@ -44,7 +44,7 @@ class Journal:
 
     def __init__(self, path: Path, key: str, cases: int, columns: int, *, retry: bool = False) -> None:
         self._path = path
-        self._seed = zlib.crc32(key.encode())  # a line of another sweep is not taken for one of this
+        self._seed = zlib.crc32(key.encode())  # so that lines of other sweeps have wrong checksums
         self._cases, self._columns = cases, columns
         with ExitStack() as stack:
             try:
@@ -65,7 +65,7 @@ class Journal:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with suppress(OSError):  # what could not be written still cannot
+        with suppress(OSError):  # as :meth:`add` has said
             self._file.close()
 
     def add(self, outcomes: Mapping[int, Outcome]) -> None:
@@ -75,7 +75,7 @@ class Journal:
         """
         self.done |= outcomes
         try:
-            self._write(b"".join(_line(_content(*item), self._seed) for item in outcomes.items()))
+            self._write(b"".join(_line(_record(*item), self._seed) for item in outcomes.items()))
         except OSError as error:
             raise SweepError(
                 f"{self._path}: cannot be written: {error.strerror}; make room, and the sweep goes on from there"
@@ -87,7 +87,7 @@ class Journal:
 
     def _lock(self) -> None:
         end = time.monotonic() + _PATIENCE
-        while not _locked(self._file):
+        while not _lock(self._file):
             if time.monotonic() > end:
                 raise JournalError(f"{self._path} is in use by another sweep; let that end, or choose another file")
             time.sleep(0.05)
@@ -104,11 +104,11 @@ class Journal:
         outcomes: dict[int, Outcome] = {}
         damaged: list[int] = []
         for number, line in enumerate(lines[1:], start=2):
-            content = _checked(line, self._seed)
+            content = _content(line, self._seed)
             if content is None:
                 damaged.append(number)
             else:
-                outcomes.update([self._parsed(content, number)])
+                outcomes.update([self._outcome(content, number)])
         if damaged:
             shown = ", ".join(map(str, damaged[:5])) + (f" and {len(damaged) - 5} more" if len(damaged) > 5 else "")
             _logger.warning("%s: damaged lines are left out, and their cases done again: %s", self._path, shown)
@@ -120,7 +120,7 @@ class Journal:
     def _check_header(self, line: bytes, key: str) -> None:
         if not line.startswith(b'{"liaisons sweep": '):
             raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
-        content = _checked(line, 0)
+        content = _content(line, 0)
         if content is None:
             raise JournalError(
                 f"{self._path}: line 1, which names the sweep, is damaged or of an earlier release; "
@@ -132,7 +132,7 @@ class Journal:
                 "choose another file, or delete it"
             )
 
-    def _parsed(self, content: Any, number: int) -> tuple[int, Outcome]:
+    def _outcome(self, content: Any, number: int) -> tuple[int, Outcome]:
         match content:
             case {"case": int(case), **outcome} if 0 <= case < self._cases:
                 match outcome:
@@ -148,7 +148,7 @@ class Journal:
         )
 
 
-def _content(case: int, outcome: Outcome) -> dict[str, object]:
+def _record(case: int, outcome: Outcome) -> dict[str, object]:
     if isinstance(outcome, Failure):
         return {"case": case, ("failure" if outcome.refused else "unfinished"): outcome.reason}
     warned = {"warnings": outcome.warnings} if outcome.warnings else {}
@@ -160,7 +160,7 @@ def _line(content: dict[str, object], seed: int) -> bytes:
     return text[:-1] + f', "check": "{zlib.crc32(text, seed):08x}"}}\n'.encode()
 
 
-def _checked(line: bytes, seed: int) -> Any:
+def _content(line: bytes, seed: int) -> Any:
     """Content of a line; None if its checksum is wrong."""
     check = _CHECK.search(line)
     text = line[: check.start()] + b"}" if check else b""
@@ -172,12 +172,12 @@ def _checked(line: bytes, seed: int) -> Any:
         return None
 
 
-def _locked(file: BufferedRandom) -> bool:
-    """Lock a file until it is closed or this process ends; whether that succeeded."""
+def _lock(file: BufferedRandom) -> bool:
+    """Lock a file until it is closed or this process ends; False if another one has locked it."""
     if sys.platform == "win32":
         import msvcrt
 
-        file.seek(_FAR)
+        file.seek(_LOCKED_BYTE)
         try:
             msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
         except OSError:

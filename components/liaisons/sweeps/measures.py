@@ -66,7 +66,7 @@ def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
 
 
 def identity(measure: Measure) -> bytes:
-    """Content of a measure for the key of a journal, which changes with the code of a function."""
+    """Bytes of a measure for the key of a journal; those of a function are its code and what it encloses."""
     if isinstance(measure, str):
         return measure.encode()
     code = getattr(measure, "__code__", None)

@@ -14,7 +14,7 @@ class Failure:
     """Why a case has no measures.
 
     :param reason: one line.
-    :param refused: by the model itself, which would do it again; else by the machine, or a function of the user.
+    :param refused: whether the model refused it, and would again; else the machine or a function of the user failed.
     """
 
     reason: str
@@ -24,7 +24,7 @@ class Failure:
 @final
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """Measures of a case, in the order of their names, and its warnings."""
+    """Measures of a case, in the order of :attr:`Study.keep`, and its warnings."""
 
     values: tuple[float, ...]
     warnings: tuple[str, ...] = ()

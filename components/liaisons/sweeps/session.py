@@ -27,12 +27,12 @@ Task: TypeAlias = tuple[Study, Mapping[Path, Path], str]
 
 
 SimulateCase: TypeAlias = Callable[[int, bool], Outcome]
-"""Simulates one case, with isolated FMUs if they are suspect."""
+"""(case, whether to isolate its FMUs) -> its outcome."""
 
 
 @contextmanager
 def session(task: Task) -> Iterator[SimulateCase]:
-    """A function that simulates one case, for a process of its own, which may be killed at any time."""
+    """A function that simulates one case; its process may be killed at any time."""
     study, folders, tempfile.tempdir = task
     logger.logger.propagate = False  # warnings go with the case
     logger.logger.addHandler(logging.NullHandler())

@@ -1,4 +1,4 @@
-"""The description of a sweep that processes and machines receive."""
+"""The description of a sweep, which its processes receive."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Study:
         return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
 
     def moved(self, paths: Mapping[Path, Path]) -> Study:
-        """The study with other paths of its FMUs."""
+        """The study whose FMUs lie elsewhere: old path -> new one."""
         parts = {
             name: replace(part, fmu=replace(part.fmu, path=paths[part.fmu.path]))
             for name, part in self.simulation.parts.items()
@@ -83,7 +83,7 @@ class Study:
         return digest.hexdigest()
 
     def _converted(self, owner: str, variable: str, value: float) -> object:
-        """A number in the type of its variable if it fits; the check of start values refuses others."""
+        """A number in the type of its variable, if it fits; else unchanged, and refused as a start value."""
         kind = self.simulation.parts[owner].fmu.variables[variable].type
         if kind in {"Integer", "Enumeration"} and value.is_integer():
             return int(value)

@@ -75,7 +75,7 @@ def sweep(
     :param start_values: start values that all cases have in common.
     :param record: signals that functions in ``keep`` can read; outputs and inputs if None.
     :param journal: a file that finished cases are written to; those in it already are not simulated again.
-    :param retry: simulate again what the model has refused, too.
+    :param retry: simulate again also the cases that the model has refused.
     :param time_limit: longest time that a case may take [s], the loading of its FMUs included; what takes longer is
         ended and counts as not finished.  There is none by default.
     :param workers: number of processes; one a core if None.
@@ -168,7 +168,7 @@ def _study(
         if parts[owner].fmu.variables[variable].type == "String":
             raise SweepError(f"keep {name!r}: a sweep keeps numbers, and this is a string")
     study = Study(simulation, {name: scalar(name) for name in cases}, cases, keep)
-    study.starts(0)  # refuses names that cannot be set before anything is simulated
+    study.starts(0)  # refuses, before any simulation, names that cannot be set
     return study
 
 
@@ -202,7 +202,7 @@ def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
 
 
 def _warned(done: Mapping[int, Completed]) -> tuple[str, ...]:
-    """Warnings of cases, with their numbers; the number of these cases and the first text are logged."""
+    """Warnings with the numbers of their cases; logs how many cases have any, and the first one."""
     collected = Warnings()
     for case, outcome in done.items():
         for text in outcome.warnings:

@@ -1,4 +1,4 @@
-"""A pool of processes that simulate cases; those that crash or take too long are replaced.
+"""A pool of processes that simulate cases; a process that crashes or takes too long is replaced.
 
 Pools in libraries report a whole portion of cases at a time, and lose it with the process; ours reports case by case,
 and runs in the daemons of Dask, too.
@@ -81,8 +81,8 @@ def simulate_locally(
 class _Worker:
     """A process, the pipe to it, and the cases that it has not reported yet.
 
-    :param task: for a fork, whose functions need not be importable; pickled, for a new interpreter, which a Dask worker
-        can start, too: its daemons may have no children of multiprocessing.
+    :param task: for a fork, whose functions need not be importable; pickled, for a new interpreter, as a Dask worker
+        needs, which may not have children of multiprocessing.
     :ivar current: start of the current case on the monotonic clock [s], infinite for none, and its number.
     """
 
@@ -91,20 +91,21 @@ class _Worker:
         file = folder / f"{uuid4().hex}.current"
         self.current = np.memmap(file, float, "w+", shape=(2,))
         self.current[:] = math.inf, 0.0
-        self.process, self.pipe = _interpreter(task, file) if isinstance(task, bytes) else _forked(task, self.current)
+        begun = _start_interpreter(task, file) if isinstance(task, bytes) else _fork(task, self.current)
+        self.process, self.pipe = begun
 
     def send(self, cases: list[int], *, suspect: bool = False) -> None:
         """Send the next cases; none: release the FMUs, and end."""
         self.cases = cases
-        with suppress(OSError):  # it has just died, which its pipe reports
+        with suppress(OSError):  # it has died, as its pipe will report
             self.pipe.send((cases, suspect))
 
     def elapsed(self) -> float:
-        """Time since the start of its current case [s]."""
+        """Time since the start of the current case [s]."""
         return max(0.0, time.monotonic() - self.current[0])
 
     def end(self, patience: float) -> int | None:
-        """Exit code of the process, which is killed unless it ends by itself within this time [s]."""
+        """End the process, by force after this time [s]; its exit code."""
         if isinstance(self.process, BaseProcess):
             self.process.join(patience)
             self.process.kill()
@@ -121,7 +122,7 @@ class Pool:
     """Processes for the cases of one sweep; ``close`` may be called from another thread.
 
     :param task: pickled if processes cannot be forked.
-    :param folder: that of the task.
+    :param folder: for temporary files.
     :param count: number of processes.
     :param time_limit: of a case [s].
     """
@@ -146,7 +147,7 @@ class Pool:
         for worker in self._workers:
             self._send_next(worker)
         while self._waiting and len(self._workers) < self._count:
-            self._workers.append(self._started())
+            self._workers.append(self._start_worker())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
             ready = wait([worker.pipe for worker in busy], self._timeout(busy))
@@ -166,7 +167,7 @@ class Pool:
                     )
 
     def close(self, patience: float = _PATIENCE) -> None:
-        """End the processes for good: busy ones are killed, idle ones have this time to release their FMUs [s]."""
+        """Kill the busy processes; the idle ones have this time to release their FMUs [s]."""
         self._closed = True
         for worker in self._workers:
             if worker.cases:
@@ -176,8 +177,8 @@ class Pool:
         for worker in self._workers:
             worker.end(patience)
 
-    def _started(self) -> _Worker:
-        """A new process with its first cases."""
+    def _start_worker(self) -> _Worker:
+        """Start a process with its first cases."""
         if self._closed:
             raise SweepError("the sweep has been ended")
         worker = _Worker(self._task, self._folder)
@@ -208,7 +209,7 @@ class Pool:
         return None if limit is None else max(0.01, limit - max(worker.elapsed() for worker in busy))
 
     def _stop(self, worker: _Worker, limit: float) -> None:
-        """End a process; its case is a failure unless it finished meanwhile."""
+        """End a process; its case is a failure unless it has just finished."""
         start = worker.current[0]
         worker.end(0.0)
         while worker.pipe.poll() and self._receive(worker):
@@ -234,10 +235,10 @@ class Pool:
     def _replace(self, worker: _Worker) -> None:
         self._suspects.extend(worker.cases)
         worker.pipe.close()
-        self._workers[self._workers.index(worker)] = self._started()
+        self._workers[self._workers.index(worker)] = self._start_worker()
 
 
-def _forked(task: Task, current: NDArray[np.float64]) -> tuple[BaseProcess, Connection]:
+def _fork(task: Task, current: NDArray[np.float64]) -> tuple[BaseProcess, Connection]:
     context = multiprocessing.get_context("fork")
     pipe, far = context.Pipe()
     process = context.Process(target=_work, args=(far, current, task, os.getpid()), daemon=True)
@@ -249,7 +250,7 @@ def _forked(task: Task, current: NDArray[np.float64]) -> tuple[BaseProcess, Conn
     return process, pipe
 
 
-def _interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[bytes], Connection]:
+def _start_interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[bytes], Connection]:
     key = secrets.token_bytes()
     process = subprocess.Popen(
         [sys.executable, "-c", _SERVE, str(os.getpid()), str(current)],
@@ -269,9 +270,9 @@ def _interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[bytes], C
 
 
 def serve(parent: int, current: str) -> None:
-    """Main function of such an interpreter.
+    """Main function of a new interpreter.
 
-    :param parent: its process.
+    :param parent: process id of its parent.
     :param current: file of the current case.
     """
     die_with_parent(parent)
