@@ -105,7 +105,7 @@ def show(
     With --input, or without the compiler for WebAssembly, a page with the recorded motion.
     """
     from liaisons import interface
-    from liaisons.base.compiler import INSTALLATION, zig_compiler
+    from liaisons.base.compiler import zig_compiler
     from liaisons.cli._subject import resolved, simulation
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_path
