@@ -279,6 +279,20 @@ def test_adapted_steps_keep_the_tolerance(component: FmuPaths) -> None:
     assert points[1] / points[0] == pytest.approx(1000**0.2, rel=1.0)
 
 
+def test_adapted_steps_do_not_pass_over_what_answers_later(component: FmuPaths) -> None:
+    """A child that crouches and rises between two points at which it stands; no step is longer than it crouches."""
+    parts: dict[str, Any] = {
+        "swing": (component("Pendulum"), {"theta_0": 0.1, "length": 1.0}),
+        "pump": (component("SwingPump"), {"low": 1.0, "high": 1.1, "rate": 400.0}),
+    }
+    wires = "pump.y -> swing.length", "swing.theta -> pump.theta", "swing.theta_dot -> pump.theta_dot"
+    result = wired(*wires, **parts).simulate(6.0, 0.01, tolerance=1e-9, error_tolerance=1e-5)
+    fine = wired(*wires, **parts).simulate(6.0, 0.001, tolerance=1e-9)
+    # a tolerance a step, which the growth of the swing multiplies by less than 3
+    assert abs(result["swing.theta"][-1] - fine["swing.theta"][-1]) < 3 * 1e-5 * len(result.time)
+    assert np.diff(result.time).max() < np.pi / 2 / math.sqrt(9.81)  # a quarter of a period of length 1 m
+
+
 def test_adapted_steps_shorten_where_something_happens(component: FmuPaths) -> None:
     motion = {"start_value": 1.0, "end_value": 0.8, "start_time": 1.0, "duration": 0.1}
     system = _pumped(component, "SmoothStep", motion, theta_0=0.5)

@@ -213,7 +213,7 @@ class Estimate:
         if not self.has_targets:
             return np.zeros(count)
         signals = np.ascontiguousarray(rows.T)
-        errors = self._of_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool))
+        errors = self._of_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool), ahead=True)
         for watched, off in zip(self._mechanisms, self._contacts[0], strict=True):
             sizes = np.abs(signals[sorted(watched.mechanism.inputs)]).max(initial=0.0)
             errors = np.fmax(errors, off[-count:] / (sizes or 1.0))
@@ -228,11 +228,12 @@ class Estimate:
         sizes, self.worst = snapshot
         np.copyto(self._sizes, sizes, where=sizes > 0)
 
-    def _of_block(self, signals: Vector, times: Vector, first: int, crossing: Flags) -> Vector:
+    def _of_block(self, signals: Vector, times: Vector, first: int, crossing: Flags, *, ahead: bool = False) -> Vector:
         """Errors of a few steps, from the one that ends at the point ``first`` on.
 
         :param signals: shape (width, points).
         :param crossing: which of the steps are the tiny ones to a break.
+        :param ahead: an FMU without derivatives may answer later, by as much as its input changes.
         """
         steps = np.diff(times)
         scales = np.abs(signals[self._targets])
@@ -247,7 +248,8 @@ class Estimate:
         recorded[self._blind] = False
         added[recorded] *= signals[self._gains[recorded], 1:]
         added[behind] *= self._constants[self._gains[behind] - len(signals), None]
-        for j, answers in zip(self._blind, self._answers, strict=True):
+        for j, outputs in zip(self._blind, self._answers, strict=True):
+            answers = np.append(outputs, self._followed[self._of[j]].column) if ahead else outputs
             largest = np.abs(signals[answers]).max(axis=1, keepdims=True)
             changes = np.abs(np.diff(signals[answers], axis=1)) / np.where(largest > 0, largest, 1.0)
             changes[:, :1] = changes[:, 1:2] if len(steps) > 1 else changes  # it may begin with mere start values
