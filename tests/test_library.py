@@ -82,7 +82,7 @@ def test_a_file_of_a_user_stands_for_its_component(own: Callable[..., Path], fol
 
 def test_ensembles_take_names() -> None:
     values = {"theta_0": [0.1, 0.2], "length.amplitude": 0.1}
-    run: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.01, "backend": "numpy", "estimate": False}
+    run: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.01, "estimate": False}
     by_name = ensemble("Pendulum", values, operators={"length": "Sinusoid"}, record="theta", **run)
     assert by_name.names == ("theta",)
     assert by_name.title == "Pendulum"

@@ -133,3 +133,14 @@ def suggestion(name: object, known: Iterable[str]) -> str:
     if near:
         return f"; did you mean {near[0]!r}?"
     return f"; known: {', '.join(known)}" if known else "; there are none"
+
+
+class ProcessEndedError(SimulationError):
+    """The process of an isolated FMU crashed, or exited.
+
+    :ivar how: by which signal, or with which exit status.
+    """
+
+    def __init__(self, message: str, how: str) -> None:
+        super().__init__(message)
+        self.how = how

@@ -123,7 +123,7 @@ def test_smoothing_fits_noise_by_a_spline_of_the_width() -> None:
     assert accelerations[1] < 0.05  # 1e-3 / (1 s)² by the few knots, tens of times more at the ends
     assert smooth.inputs["pivot_x"].x.tolist() == [0, 1, 2, 3, 4]
     with pytest.raises(
-        IdentificationError, match=r"data: column pivot_x: smoothing = 0.01 s leaves less than two values"
+        IdentificationError, match=r"data: column pivot_x: smoothing = 0.01 s leaves less than 2 values"
     ):
         measurements(data, MODEL, smoothing=0.01)
 

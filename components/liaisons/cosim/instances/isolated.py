@@ -31,7 +31,7 @@ from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
 from liaisons.cosim.messages import FATAL, OK, STATUSES, logger
-from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.errors import LiaisonsError, ProcessEndedError, SimulationError
 
 SUPPORTED = sys.platform == "linux"
 """Whether FMUs can run in processes of their own."""
@@ -42,18 +42,6 @@ _LONGEST_LIMIT = 1e6
 
 Shape = int | tuple[int, ...] | None
 """Of an array of ctypes or of NumPy; None: one double."""
-
-
-@final
-class ProcessEndedError(SimulationError):
-    """The process of an isolated FMU crashed, or exited.
-
-    :ivar how: by which signal, or with which exit status.
-    """
-
-    def __init__(self, message: str, how: str) -> None:
-        super().__init__(message)
-        self.how = how
 
 
 class _LostError(Exception):

@@ -22,7 +22,7 @@ from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances import Instance, isolated, make
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.components import SystemComponent
-from liaisons.errors import SimulationError
+from liaisons.errors import ProcessEndedError, SimulationError
 
 _LAST = "done"
 """Comes after all stages."""
@@ -97,7 +97,7 @@ def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) 
     try:
         while stage != _LAST:
             stage = next(stages)
-    except isolated.ProcessEndedError as error:
+    except ProcessEndedError as error:
         return stage, error.how
     except SimulationError:
         return "", ""
