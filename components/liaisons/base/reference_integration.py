@@ -20,7 +20,7 @@ def integrate(
     rtol: float,
     atol: ArrayLike,
     longest: float = np.inf,
-    error: type[LiaisonsError] = LiaisonsError,
+    error: type[Exception] = LiaisonsError,
 ) -> NDArray[np.float64]:
     """Solution of y' = rates(t, y), shape (n, times).
 

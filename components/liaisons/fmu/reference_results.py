@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.reference_integration import integrate
-from liaisons.errors import ComponentError, LiaisonsError, suggestion
+from liaisons.errors import ComponentError, suggestion
 from liaisons.fmu.calls import Call
 from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
 from liaisons.fmu.markup import document, element
@@ -75,7 +75,7 @@ class Trajectory:
         return self.values[:, self._outputs[name]]
 
 
-class _GivenUpError(LiaisonsError):
+class _GivenUpError(Exception):
     """The experiment takes too long, or ends in a singularity."""
 
 
