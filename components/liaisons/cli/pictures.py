@@ -105,7 +105,7 @@ def show(
     With --input, or without the compiler for WebAssembly, a page with the recorded motion.
     """
     from liaisons import interface
-    from liaisons.base.compiler import zig_compiler
+    from liaisons.base.compiler import INSTALLATION, zig_compiler
     from liaisons.cli._subject import resolved, simulation
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_path
@@ -129,7 +129,7 @@ def show(
     else:
         _system, asked = simulation(fmu, starts, None, None, None, None, given=given, join=join)
         performed(asked).animate(page)
-        cure = "" if live else f"; a live page needs ziglang: pip install ziglang ({_ZIG})"
+        cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
         print(f"page: {page}, a recorded motion{cure}")
     if launch:
         webbrowser.open(page.resolve().as_uri())

@@ -110,7 +110,7 @@ class Contact:
 class Model:
     """A component, ready to become an FMU.
 
-    What its functions take and return: :data:`liaisons.mechanics.functions.SIGNATURES`.
+    What its functions take and return: ``liaisons.mechanics.functions.SIGNATURES``.
     """
 
     name: str

@@ -64,7 +64,7 @@ class Run:
     instantiated, so that a run gives the same numbers whatever was before it.
 
     :param folders: where each FMU lies extracted; if None, they are extracted for this run only.
-    :param again: it will be done again; where an FMU cannot go back, :attr:`repeats` says so.
+    :param again: it will be done again; where an FMU cannot go back, ``repeats`` says so.
     """
 
     def __init__(
