@@ -26,7 +26,11 @@ from liaisons.pictures import together
 from liaisons.pictures.inline import page
 
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
-_EXPORTS = ("-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free")  # all FMI functions, and memory
+_CALLED = (  # by fmu.js; what none of them needs, as the saving of states, is not in the page
+    *("fmi2SetupExperiment", "fmi2EnterInitializationMode", "fmi2ExitInitializationMode", "fmi2Reset", "fmi2DoStep"),
+    *("fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean", "fmi2SetReal", "fmi2SetInteger", "malloc", "free"),
+)
+_FLAGS = ("-flto", *(f"-Wl,--export={name}" for name in _CALLED))
 _MOST_READ = 400  # elements of arrays read in each frame
 _MOST_SLIDERS = 8  # elements of an array with a slider each
 _STARTS = "resources/starts.txt"
@@ -108,7 +112,7 @@ def _compiled(path: Path, *_identity: int) -> str:
         ours = "as our FMUs have them" if zig_compiler() else f"as our native FMUs have them: {INSTALLATION}"
         raise SimulationError(f"{path}: a live page needs the C sources of FMI 2.0 inside, {ours}")
     sources["page.c"] = (files("liaisons.pictures") / "web" / "page.c").read_bytes()
-    return base64.b64encode(gzip.compress(compile_wasm(sources, *_EXPORTS), 9, mtime=0)).decode()
+    return base64.b64encode(gzip.compress(compile_wasm(sources, *_FLAGS), 9, mtime=0)).decode()
 
 
 def _component(
