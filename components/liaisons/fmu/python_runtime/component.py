@@ -14,7 +14,7 @@ import casadi as ca
 
 
 @dataclass(frozen=True, eq=False)
-class Component:
+class ComponentTable:
     """A component at run time.  Value references count from 1: sizes, Real variables, input_reconstruction."""
 
     guid: str
@@ -31,7 +31,7 @@ class Component:
     functions: dict[str, ca.Function]
 
 
-def load(resources: str) -> Component:
+def load(resources: str) -> ComponentTable:
     """Read the component of an FMU; all its instances share one.
 
     :param resources: the unpacked resources folder.
@@ -40,10 +40,10 @@ def load(resources: str) -> Component:
 
 
 @lru_cache(maxsize=64)
-def _decode(text: str) -> Component:
+def _decode(text: str) -> ComponentTable:
     document = json.loads(text)
     functions = {name: ca.Function.deserialize(code) for name, code in document.pop("functions").items()}
-    return Component(**document, functions=functions)
+    return ComponentTable(**document, functions=functions)
 
 
 def start_values(resources: str) -> Iterator[tuple[str, int, Any]]:

@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from .component import Component
+from .component import ComponentTable
 
 # Error of an internal step: this part of the importer's tolerance, so that hundreds of periods stay near it, and not
 # less than rounding allows.
@@ -22,7 +22,7 @@ _MOST_STEPS, _SMALLEST = 100_000, 1e-13  # internal steps in an interval; smalle
 _SHRINK, _GROW, _SAFETY = 0.2, 6.0, 0.85  # factors of the step size: limits, and what keeps most from rejection
 
 
-class RefusedError(Exception):
+class MotionError(Exception):
     """The motion does not start or go on; the message says why."""
 
 
@@ -34,7 +34,7 @@ class Motion:
     :ivar reals: the Real variables among them; single numbers of a memoryview are three times quicker.
     """
 
-    def __init__(self, component: Component) -> None:
+    def __init__(self, component: ComponentTable) -> None:
         self._component, self._warned = component, set[int]()
         self.all = np.concatenate([*component.numbers.values()])
         ends = np.cumsum([len(numbers) for numbers in component.numbers.values()]).tolist()
@@ -57,23 +57,23 @@ class Motion:
     def initialize(self) -> None:
         """Start at t.
 
-        :raises RefusedError: with what forbids it.
+        :raises MotionError: with what forbids it.
         """
         self.run("start")
         n, component = self.n, self._component
         self._check_domains(np.concatenate([n.k, n.given]), 0, n.t[0])
         if not np.isfinite(n.y).all():
-            raise RefusedError("the initial state is not finite")
+            raise MotionError("the initial state is not finite")
         self._check_conditions(n.t[0], 0.0, len(component.condition_texts))
         if not np.isfinite(n.m).all():
-            raise RefusedError("the initial energy is not finite")
+            raise MotionError("the initial energy is not finite")
         self.run("outputs")
         z, t, n.t[0] = n.z.copy(), n.t[0], 0.0
         self.run("outputs")
         n.t[0] = t
         for i in np.flatnonzero(~np.isfinite(z)) if np.isfinite(n.z).all() else ():  # functions of time overflow
             name = component.names[component.first + n.k.size + n.given.size + i - 1]
-            raise RefusedError(f"{name} = {z[i]:g} at t = {t:.9g}: it must be finite")
+            raise MotionError(f"{name} = {z[i]:g} at t = {t:.9g}: it must be finite")
 
     def take_inputs(self) -> None:
         """Make the given inputs those of the present time, unless they are interpolated."""
@@ -84,7 +84,7 @@ class Motion:
     def step(self, H: float) -> None:
         """Advance by a communication step of size H [s].
 
-        :raises RefusedError: if the motion does not reach its end; then the numbers are undefined.
+        :raises MotionError: if the motion does not reach its end; then the numbers are undefined.
         """
         n = self.n
         n.H[0] = H
@@ -117,14 +117,14 @@ class Motion:
             before = self.all.copy()
             try:
                 self._integrate("leap", 0.0, 1.0)
-            except RefusedError:  # through a singularity there is no limit
+            except MotionError:  # through a singularity there is no limit
                 self.all[:] = before
         self.run("jump")
 
     def _integrate(self, name: str, begin: float, end: float) -> float:
         """Advance y with error control; returns the end.
 
-        :raises RefusedError: if it is not reached.
+        :raises MotionError: if it is not reached.
         """
         n, allowed = self.n, max(_PART * self.n.tolerance[0], _LEAST)
         x, rest = begin, end - begin
@@ -142,7 +142,7 @@ class Motion:
             # The error is of order 5; where it is not a number the step shrinks.
             h = min(rest, h * min(_GROW, max(_SHRINK, _SAFETY * (error + 1e-9) ** -0.2)))
         else:
-            raise RefusedError(f"more than {_MOST_STEPS} internal steps are needed: choose a smaller step")
+            raise MotionError(f"more than {_MOST_STEPS} internal steps are needed: choose a smaller step")
         start, t = n.u.copy(), n.t[0] + x
         for n.x[0] in (*np.linspace(x, end, 1025), x):
             n.u[:] = start
@@ -150,23 +150,23 @@ class Motion:
             self._check_domains(n.u, n.k.size, n.t[0] + n.x[0])
         # Conditions are distances from a singularity, of order 1 elsewhere.
         self._check_conditions(t, 1e-3, self._component.lasting)
-        raise RefusedError(f"no step from t = {t:.9g} is small enough for the tolerance {n.tolerance[0]:g}")
+        raise MotionError(f"no step from t = {t:.9g} is small enough for the tolerance {n.tolerance[0]:g}")
 
     def _check_domains(self, values: NDArray[np.float64], first: int, t: float) -> None:
-        """Raise RefusedError for the first value outside of its domain; parameters and inputs are counted from 0."""
+        """Raise MotionError for the first value outside of its domain; parameters and inputs are counted from 0."""
         for i, value in enumerate(values.tolist(), first):
             low, high, domain = self._component.domains[i]
             if not low <= value <= high:
                 name = self._component.names[self._component.first + i - 1]
-                raise RefusedError(f"{name} = {value:.9g} at t = {t:.9g}: it must be {domain}")
+                raise MotionError(f"{name} = {value:.9g} at t = {t:.9g}: it must be {domain}")
 
     def _check_conditions(self, t: float, least: float, count: int) -> None:
-        """Raise RefusedError for the first of so many conditions whose margin is not greater than the least one."""
+        """Raise MotionError for the first of so many conditions whose margin is not greater than the least one."""
         self.run("outputs")
         for text, margin in zip(self._component.condition_texts[:count], self.n.margins[:count], strict=True):
             if not margin > least:
                 does = "hardly does" if margin > 0 else "does not"
-                raise RefusedError(f"{text}; at t = {t:.9g} it {does} ({margin:.3g})")
+                raise MotionError(f"{text}; at t = {t:.9g} it {does} ({margin:.3g})")
 
     def _next_instant(self, t: float) -> float:
         """The first instant after t [s] at which the component is not smooth; inf if there is none."""

@@ -22,7 +22,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .component import load, start_values
-from .motion import Motion, RefusedError
+from .motion import Motion, MotionError
 from .states import LOOSEST, NUMBERS, TIGHTEST, State, from_bytes, is_usable, to_bytes
 
 held: list[dict[str, Any]] = []  # see python_backend
@@ -102,7 +102,7 @@ class Slave(Fmi2Slave):
         try:
             if not self._unusable:  # times are finite
                 self._motion.initialize()
-        except RefusedError as reason:
+        except MotionError as reason:
             self._unusable = f"{reason}; reset, set another value and initialize again"
         self._stepping = True
         self._check_start()
@@ -130,7 +130,7 @@ class Slave(Fmi2Slave):
             problem = self._step(current_time, step_size)
         except BaseException as reason:  # noqa: BLE001 - e.g. an interrupt; see above
             numbers[:] = before
-            why = reason if isinstance(reason, RefusedError) else f"broken off by {reason!r}"
+            why = reason if isinstance(reason, MotionError) else f"broken off by {reason!r}"
             problem = f"{why}; the step from t = {current_time:.9g} is taken back"
         if not problem:
             self._discarded = _NEVER
@@ -145,7 +145,7 @@ class Slave(Fmi2Slave):
     def _step(self, t: float, H: float) -> str:
         """Do the step from t to t + H; returns why there is none, or an empty text.
 
-        :raises RefusedError: if the motion does not reach its end.
+        :raises MotionError: if the motion does not reach its end.
         """
         if self._unusable or not self._stepping:
             return self._unusable or "initialize the instance first"

@@ -11,7 +11,7 @@ import json
 import math
 from typing import Any
 
-from .component import Component
+from .component import ComponentTable
 
 State = dict[str, Any]
 
@@ -41,7 +41,7 @@ def from_bytes(state: bytes) -> State:
     return members if isinstance(members, dict) else {}
 
 
-def is_usable(state: State, present: State, component: Component) -> bool:
+def is_usable(state: State, present: State, component: ComponentTable) -> bool:
     """Whether an instance of the component, of which the present state is known, can have the state."""
     if _types(state) != _types(present) or state["guid"] != component.guid:
         return False
