@@ -12,12 +12,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from liaisons.errors import ValidityError
-from liaisons.models.solutions import bouncing, collisions, dry_friction, release
+from liaisons.language import Values
+from liaisons.models.solutions import ball_row, bead_on_sphere, bouncing_ball, dry_oscillator, string_pendulum
 
 
 class At(SimpleNamespace):
-    def array(self, *names: str) -> Any:
-        return np.array([getattr(self, name) for name in names])
+    array, require = Values.array, Values.require
 
 
 def ball(**values: float) -> Any:
@@ -67,20 +67,20 @@ def test_ball_on_a_table_at_rest_event_by_event(start: dict[str, float]) -> None
             lost += mp.mpf(at.mass) / 2 * (before**2 - v**2)
             if v < 1e-3:
                 break
-    motion = bouncing.exact(np.array(times), at=at)
+    motion = bouncing_ball.exact(np.array(times), at=at)
     for name, values in zip(("height", "height_dot", "impact_loss"), np.transpose(expected), strict=True):
         # Instants of up to 60 s are rounded, at speeds of up to 8 m/s.
         np.testing.assert_allclose(motion[name], values, rtol=0, atol=2e-13 * max(1.0, times[-1]), err_msg=name)
     if at.bounce < 1:
-        rest = bouncing.rests_at(at=at)
+        rest = bouncing_ball.rests_at(at=at)
         assert float(t) <= rest < float(t) + 1e-3  # below 1e-3 m/s the bounces last 2e-4 / (1 - e) s more
-        after = bouncing.exact(np.array([rest, rest + 1e6]), at=at)
+        after = bouncing_ball.exact(np.array([rest, rest + 1e6]), at=at)
         assert np.all(after["height"] == at.table)
         assert np.all(after["gap_force"] == 2 * 9.81)
 
 
 def test_ball_dropped_from_rest_rests_at_the_instant_of_the_textbooks() -> None:
-    assert bouncing.rests_at(at=ball()) == pytest.approx(np.sqrt(2 / 9.81) * 1.8 / 0.2, rel=1e-15)
+    assert bouncing_ball.rests_at(at=ball()) == pytest.approx(np.sqrt(2 / 9.81) * 1.8 / 0.2, rel=1e-15)
 
 
 def next_impact(t: Any, v: Any, e: Any, gravity: Any, amplitude: Any) -> tuple[Any, Any]:
@@ -96,10 +96,10 @@ def next_impact(t: Any, v: Any, e: Any, gravity: Any, amplitude: Any) -> tuple[A
 def test_period_one_and_its_limits_are_those_of_the_map_of_impacts(bounce: float) -> None:
     """ω = g = 1, so that Γ is the amplitude; multipliers of the map by differences with 40 digits."""
     at = ball(bounce=bounce, gravity=1.0)
-    low, high = bouncing.period_one_range(at=at)
+    low, high = bouncing_ball.period_one_range(at=at)
 
     def multipliers(ratio: float) -> list[float]:
-        phase, speed = bouncing.period_one(at=at, amplitude=ratio, angular_frequency=1.0)
+        phase, speed = bouncing_ball.period_one(at=at, amplitude=ratio, angular_frequency=1.0)
         with mp.workdps(40):
             e = mp.mpf(bounce)
             phase, speed = mp.acos(mp.pi * (1 - e) / (1 + e) / ratio), mp.pi + 0 * mp.mpf(speed)
@@ -113,7 +113,7 @@ def test_period_one_and_its_limits_are_those_of_the_map_of_impacts(bounce: float
                 columns.append([(a - b) / (2 * h) for a, b in zip(ahead, behind, strict=True)])
             return [mp.re(z) for z in mp.eig(mp.matrix(columns).T, left=False, right=False)]
 
-    phase, speed = bouncing.period_one(at=at, amplitude=1.3 * low, angular_frequency=1.0)
+    phase, speed = bouncing_ball.period_one(at=at, amplitude=1.3 * low, angular_frequency=1.0)
     assert np.cos(phase) == pytest.approx(1 / 1.3, rel=1e-14)
     assert speed == pytest.approx(np.pi, rel=1e-14)
     assert float(max(multipliers(low * (1 + 1e-8)))) == pytest.approx(1.0, abs=1e-2)
@@ -122,13 +122,13 @@ def test_period_one_and_its_limits_are_those_of_the_map_of_impacts(bounce: float
         assert all(abs(z) < 1 for z in multipliers(ratio))
     assert float(min(multipliers(high + 1e-3))) < -1
     with pytest.raises(ValidityError, match="throws no ball"):
-        bouncing.period_one(at=at, amplitude=0.99 * low, angular_frequency=1.0)
+        bouncing_ball.period_one(at=at, amplitude=0.99 * low, angular_frequency=1.0)
 
 
 def test_ball_at_rest_leaves_a_shaken_table_where_it_would_be_pulled() -> None:
-    leaves = bouncing.leaves_at(at=ball(), amplitude=0.3, angular_frequency=7.0)
+    leaves = bouncing_ball.leaves_at(at=ball(), amplitude=0.3, angular_frequency=7.0)
     assert 0.3 * 49 * np.sin(7 * leaves) == pytest.approx(9.81, rel=1e-14)
-    assert bouncing.leaves_at(at=ball(), amplitude=0.2, angular_frequency=7.0) == np.inf
+    assert bouncing_ball.leaves_at(at=ball(), amplitude=0.2, angular_frequency=7.0) == np.inf
 
 
 # ---- bead and string -----------------------------------------------------------------------------------------------
@@ -137,7 +137,7 @@ def test_ball_at_rest_leaves_a_shaken_table_where_it_would_be_pulled() -> None:
 @pytest.mark.parametrize("theta", [0.1, 1e-3, -0.8, 1.5])
 def test_bead_leaves_the_sphere_where_its_force_ends(theta: float) -> None:
     at = bead(radius=1.3, mass=2.0, x_0=1.3 * np.sin(theta), z_0=1.3 * np.cos(theta))
-    angle, instant = release.leaves(at=at)
+    angle, instant = bead_on_sphere.leaves(at=at)
     with mp.workdps(40):
         start, ratio = mp.mpf(np.arctan2(at.x_0, at.z_0)), 2 * mp.mpf(9.81) / mp.mpf(1.3)
         end = mp.acos(2 * mp.cos(start) / 3)
@@ -148,7 +148,7 @@ def test_bead_leaves_the_sphere_where_its_force_ends(theta: float) -> None:
         )
     assert np.cos(angle) == pytest.approx(2 / 3 * np.cos(theta), rel=1e-15)
     assert instant == pytest.approx(float(time), rel=1e-13)
-    motion = release.slide(np.array([0.0, instant * (1 - 1e-9), instant, instant + 0.5]), at=at)
+    motion = bead_on_sphere.exact(np.array([0.0, instant * (1 - 1e-9), instant, instant + 0.5]), at=at)
     assert motion["gap_force"][1] == pytest.approx(0.0, abs=1e-6)
     assert motion["x"][0] == pytest.approx(at.x_0, rel=1e-14)
     assert np.hypot(motion["x"], motion["z"])[2] == pytest.approx(1.3, rel=1e-14)
@@ -190,8 +190,8 @@ def test_string_against_an_integration_of_each_phase(speed: float, sense: int) -
             y[2:] -= radial * y[:2]
         taut = not taut
     assert heights
-    assert release.slack_height(speed, at=at) == pytest.approx(heights[0], abs=1e-10)
-    motion = release.swing(np.array(times), at=at)
+    assert string_pendulum.slack_height(speed, at=at) == pytest.approx(heights[0], abs=1e-10)
+    motion = string_pendulum.exact(np.array(times), at=at)
     for name, values in zip(("x", "z", "x_dot", "z_dot"), np.transpose(states), strict=True):
         # The integrations and their events at 1e-13, amplified a hundred times in three swings.
         np.testing.assert_allclose(motion[name], values, rtol=0, atol=2e-10, err_msg=name)
@@ -200,9 +200,9 @@ def test_string_against_an_integration_of_each_phase(speed: float, sense: int) -
 
 def test_string_that_would_push_is_refused() -> None:
     with pytest.raises(ValidityError, match="start where it pulls"):
-        release.swing(np.array([1.0]), at=bob(z_0=1.0))
+        string_pendulum.exact(np.array([1.0]), at=bob(z_0=1.0))
     with pytest.raises(ValidityError, match="stays taut"):
-        release.slack_height(4.0, at=bob())
+        string_pendulum.slack_height(4.0, at=bob())
 
 
 # ---- dry friction --------------------------------------------------------------------------------------------------
@@ -255,16 +255,16 @@ def test_dry_oscillator_event_by_event(case: str) -> None:
                 note(t + s, centre + (x - centre) * mp.cos(omega * s) + v / omega * mp.sin(omega * s), rate_after(s))
             x = centre + (x - centre) * mp.cos(omega * span) + v / omega * mp.sin(omega * span)
             t, v, sense = t + span, belt, 0
-    motion = dry_friction.exact(np.array(times), at=at)
+    motion = dry_oscillator.exact(np.array(times), at=at)
     np.testing.assert_allclose(np.transpose([motion["x"], motion["x_dot"]]), expected, rtol=0, atol=1e-12)
     assert np.all(np.abs(motion["slip_force"]) <= at.mu_static * at.mass * at.gravity * (1 + 1e-12))
 
 
 def test_turning_points_are_those_of_the_motion() -> None:
     at = oscillator(**RUBBING["decay"])
-    instants, elongations = dry_friction.turning_points(at=at)
+    instants, elongations = dry_oscillator.turning_points(at=at)
     assert len(instants) == 10  # from 0.7 m by 0.07848 m nine times into the band of 0.05101 m
-    motion = dry_friction.exact(instants, at=at)
+    motion = dry_oscillator.exact(instants, at=at)
     np.testing.assert_allclose(motion["x"] - at.support, elongations, rtol=0, atol=1e-14)
     np.testing.assert_allclose(motion["x_dot"], 0, atol=1e-14)
 
@@ -272,11 +272,11 @@ def test_turning_points_are_those_of_the_motion() -> None:
 def test_stick_slip_repeats_after_its_period() -> None:
     at = oscillator(**RUBBING["stick-slip"])
     times = np.linspace(0, 10, 50)
-    period = sum(dry_friction.stick_slip(at=at))
-    first, next_one = (dry_friction.exact(times + 10 + shift, at=at) for shift in (0.0, period))
+    period = sum(dry_oscillator.stick_slip(at=at))
+    first, next_one = (dry_oscillator.exact(times + 10 + shift, at=at) for shift in (0.0, period))
     np.testing.assert_allclose(first["x"], next_one["x"], rtol=0, atol=1e-13)
-    sticks = dry_friction.exact(np.linspace(10, 10 + period, 100_001), at=at)["x_dot"] == 0.2
-    assert np.mean(sticks) * period == pytest.approx(dry_friction.stick_slip(at=at)[0], abs=2e-5 * period)
+    sticks = dry_oscillator.exact(np.linspace(10, 10 + period, 100_001), at=at)["x_dot"] == 0.2
+    assert np.mean(sticks) * period == pytest.approx(dry_oscillator.stick_slip(at=at)[0], abs=2e-5 * period)
 
 
 @pytest.mark.parametrize("share", [0.3, -0.8])
@@ -285,7 +285,7 @@ def test_drift_of_a_shaken_block_is_the_limit_of_fast_shaking(share: float) -> N
     errors = []
     for omega in (30.0, 60.0):
         at = oscillator(stiffness=0.0, x_force=share * 0.981)
-        expected = dry_friction.drift(at=at, amplitude=1.0 / omega, angular_frequency=omega)
+        expected = dry_oscillator.drift(at=at, amplitude=1.0 / omega, angular_frequency=omega)
 
         def after(v: float, omega: float = omega) -> float:
             # Phase φ: dv/dφ = (f - μg sign(v - cos φ))/ω, belt velocity cos φ; linear between crossings.
@@ -336,18 +336,18 @@ def test_moreaus_rule_is_the_complementarity_problem(bounce: float, masses: tupl
         if np.all(impulse >= 0) and np.all(after >= wanted - 1e-12):
             solutions.append(at.x_dot_0 + C.T @ impulse / masses)
     assert len(solutions) == 1
-    np.testing.assert_allclose(collisions.moreau(at=at), solutions[0], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(ball_row.moreau(at=at), solutions[0], rtol=0, atol=1e-14)
 
 
 def test_rows_of_equal_balls_are_those_of_the_textbooks() -> None:
-    np.testing.assert_allclose(collisions.moreau(at=row()), [-1 / 3, 2 / 3, 2 / 3], atol=1e-15)
-    np.testing.assert_allclose(collisions.sequence(at=row()), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(ball_row.moreau(at=row()), [-1 / 3, 2 / 3, 2 / 3], atol=1e-15)
+    np.testing.assert_allclose(ball_row.sequence(at=row()), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], atol=1e-15)
 
 
 @pytest.mark.parametrize("bounce", [1.0, 0.6, 0.0])
 def test_a_sequence_keeps_momentum_and_ends_when_nothing_approaches(bounce: float) -> None:
     at = row((3.0, 0.5, 2.0), bounce=bounce)
-    rates = collisions.sequence(at=at)
+    rates = ball_row.sequence(at=at)
     masses = np.array([3.0, 0.5, 2.0])
     np.testing.assert_allclose(rates @ masses, 3.0, rtol=1e-12)
     energies = (rates**2 @ masses) / 2
@@ -357,6 +357,6 @@ def test_a_sequence_keeps_momentum_and_ends_when_nothing_approaches(bounce: floa
     assert np.all(np.diff(rates[-1]) >= -1e-12)
     assert len(rates) > 3
     with pytest.raises(ValidityError, match="must move together"):
-        collisions.moreau(at=At(mass=np.ones(3), x_dot_0=np.array([1.0, 0.0, 1.0]), bounce=1.0))
+        ball_row.moreau(at=At(mass=np.ones(3), x_dot_0=np.array([1.0, 0.0, 1.0]), bounce=1.0))
     with pytest.raises(ValidityError, match="of more than three"):
-        collisions.sequence(at=row((1.0,) * 4))
+        ball_row.sequence(at=row((1.0,) * 4))

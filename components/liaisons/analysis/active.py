@@ -65,9 +65,9 @@ def legendre_rank(source: Source, **values: float) -> tuple[int, int]:
 def multiplier_equations(source: Source, **values: float) -> Quantity:
     """(ẋ, ṗ, λ) from H on T*M alone: Hamilton's equations with multipliers (M eq. 29-38); (n + f + a,).
 
-    H(x, s, p, p_s) is Legendre's transform in all rates; ∂H/∂p_s = ṡ (eq. 37) gives the p_s of the active coordinates,
-    ∂H/∂p and -∂H/∂x (eq. 36) the motion, dp_s/dt + ∂H/∂s (eq. 38) the operator's forces λ, which contain s̈.
-    Without friction, drives and loads.
+    H(x, s, p, p_s) is Legendre's transform in all rates; ∂H/∂p and -∂H/∂x (eq. 36) are the motion, at the p_s = ∂L/∂ṡ
+    for which ∂H/∂p_s = ṡ (eq. 37); dp_s/dt + ∂H/∂s (eq. 38) are the operator's forces λ, which contain s̈.  Without
+    friction, drives and loads.
 
     :param values: parameters for which L is hyper-regular, if it is not for the defaults.
     :raises ComponentError: if L is not hyper-regular; unless there are active coordinates and the free ones are
@@ -81,14 +81,11 @@ def multiplier_equations(source: Source, **values: float) -> Quantity:
             f"{equations.name}: L is not hyper-regular: its kinetic energy has rank {rank} of {count} in the rates of "
             "free and active coordinates; use reduced_multiplier_equations()"
         )
-    rates, p_s = _rates(equations), ca.SX.sym("p_s", len(m.actives))
+    rates, p_s = _rates(equations), ca.SX.sym("p_s", m.active.s_dot.shape)
     linear = ca.substitute(gradient(L, rates), rates, ca.SX.zeros(rates.shape))
     inverse = solve_symmetric(ca.hessian(L, rates)[0], ca.vertcat(m.free.frame.T @ m.free.p, p_s) - linear)
     H = ca.substitute(ca.dot(gradient(L, rates), rates) - L, rates, inverse)
-    slope = gradient(H, p_s)
-    at_zero_momentum = ca.substitute(slope, p_s, ca.SX.zeros(p_s.shape))
-    solved = solve_symmetric(ca.jacobian(slope, p_s), m.active.s_dot - at_zero_momentum)
-    return _with_multipliers(equations, H, p_s, solved)
+    return _with_multipliers(equations, H, p_s)
 
 
 def reduced_multiplier_equations(source: Source) -> Quantity:
@@ -97,13 +94,13 @@ def reduced_multiplier_equations(source: Source) -> Quantity:
     :raises ComponentError: unless there are active coordinates and the free ones are independent.
     """
     equations = _adapted(source)
-    h, s_dot = hamiltonian(equations).expression, equations.mechanism.active.s_dot
-    return _with_multipliers(equations, h, ca.SX.sym("p_s", s_dot.shape[0]), -gradient(h, s_dot))
+    return _with_multipliers(equations, hamiltonian(equations).expression, ca.SX.sym("p_s", equations.mechanism.active.s_dot.shape))
 
 
-def _with_multipliers(equations: Equations, h: ca.SX, p_s: ca.SX, momenta: ca.SX) -> Quantity:
-    """The motion that h generates, and λ = dp_s/dt + ∂h/∂s along it; momenta are p_s as functions of (x, s, p, ṡ)."""
-    m, momenta = equations.mechanism, ca.densify(momenta)
+def _with_multipliers(equations: Equations, h: ca.SX, p_s: ca.SX) -> Quantity:
+    """The motion that h generates, and λ = dp_s/dt + ∂h/∂s along it, with p_s = ∂L/∂ṡ at the rates of that motion."""
+    m = equations.mechanism
+    momenta = ca.densify(equations.in_phase_space(gradient(equations.lagrangian, m.active.s_dot)))
     field = ca.vertcat(*hamiltonian_field(equations, h))
     field, slope = (ca.substitute(part, p_s, momenta) for part in (field, gradient(h, m.active.s)))
     state = ca.vertcat(m.free.q, m.free.p, m.active.s, m.active.s_dot)

@@ -37,6 +37,9 @@ class Values:
         self._values = {name: self._checked(name, value) for name, value in values.items()}
         self._read: set[str] = set()
 
+    def __str__(self) -> str:
+        return self._label
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
@@ -47,16 +50,21 @@ class Values:
         """The values of several variables, shape (n,)."""
         return np.array([getattr(self, name) for name in names])
 
+    def require(self, holds: object, message: str) -> None:
+        """Raise a ValidityError with the name of the closed form and this message unless a condition holds."""
+        if not holds:
+            raise ValidityError(f"{self}: {message}")
+
     def reject_unread(self, text: str) -> None:
         """Raise a ValidityError for values that differ from the declaration but were not read."""
         for name, value in self._values.items():
             start = _start(self._declared[name])
             if name not in self._read and not np.array_equal(value, start):
-                raise ValidityError(f"{self._label}: {name} = {value} must be {start}; it is {text}")
+                raise ValidityError(f"{self}: {name} = {value} must be {start}; it is {text}")
 
     def _variable(self, name: str) -> Variable:
         if name not in self._declared:
-            raise ValidityError(f"{self._label}: nothing is called {name!r}{suggestion(name, self._declared)}")
+            raise ValidityError(f"{self}: nothing is called {name!r}{suggestion(name, self._declared)}")
         return self._declared[name]
 
     def _checked(self, name: str, value: object) -> Any:
@@ -66,9 +74,9 @@ class Values:
             numbers = np.broadcast_to(np.asarray(value, dtype=float), shape)
         except (TypeError, ValueError):
             expected = "a number" if shape == () else f"{variable.count} numbers"
-            raise ValidityError(f"{self._label}: {name} = {value!r}; give {expected}") from None
+            raise ValidityError(f"{self}: {name} = {value!r}; give {expected}") from None
         if not all(np.isfinite(x) and variable.allows(float(x)) for x in numbers.ravel()):
-            raise ValidityError(f"{self._label}: {name} = {value} must be {variable.domain() or 'finite'}")
+            raise ValidityError(f"{self}: {name} = {value} must be {variable.domain() or 'finite'}")
         return numbers if shape else float(numbers)
 
 

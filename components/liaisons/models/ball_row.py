@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import Coordinate, Mechanism, Parameter, Size, unilateral
 from liaisons.language.shapes import Ball, Flash, Shapes
-from liaisons.models.solutions import collisions
 
 ROW = (0.0, *(1.0 + 0.1 * i for i in range(8)))
 """A ball that approaches others that touch; more than eight gaps are refused."""
@@ -47,4 +46,4 @@ class BallRow(Mechanism):
     def potential_energy(self) -> ca.SX:
         return ca.SX(0)
 
-    exact, moreau, sequence = collisions.exact, collisions.moreau, collisions.sequence
+    from liaisons.models.solutions.ball_row import exact, moreau, sequence

@@ -7,7 +7,6 @@ import numpy as np
 
 from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, point, unilateral
 from liaisons.language.shapes import Ball, Shapes, Trail, circle
-from liaisons.models.solutions import release
 
 _START = 0.1  # rad, angle of the start from the top
 
@@ -48,4 +47,4 @@ class BeadOnSphere(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.z
 
-    exact, leaves = release.slide, release.leaves
+    from liaisons.models.solutions.bead_on_sphere import exact, leaves

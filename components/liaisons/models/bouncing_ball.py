@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, unilateral
 from liaisons.language.shapes import Ball, Flash, Floor, Shapes
-from liaisons.models.solutions import bouncing
 
 
 class BouncingBall(Mechanism):
@@ -41,5 +40,4 @@ class BouncingBall(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.height
 
-    exact, rests_at, leaves_at = bouncing.exact, bouncing.rests_at, bouncing.leaves_at
-    period_one, period_one_range = bouncing.period_one, bouncing.period_one_range
+    from liaisons.models.solutions.bouncing_ball import exact, leaves_at, period_one, period_one_range, rests_at

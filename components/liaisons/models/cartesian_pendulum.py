@@ -7,7 +7,6 @@ import numpy as np
 
 from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, rheonomic_constraint
 from liaisons.language.shapes import Ball, Rod, Shapes, Trail
-from liaisons.models.solutions import pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
 
@@ -44,12 +43,13 @@ class CartesianPendulum(Mechanism):
     def plane(self) -> ca.SX:
         return self.y
 
+    _r = property(lambda self: {"x": self.x, "y": self.y, "z": self.z})
+
     def picture(self) -> Shapes:
-        bob = {"x": self.x, "y": self.y, "z": self.z}
-        return [Trail(bob), Rod({"z": self.height}, bob), Ball(bob)]
+        return [Trail(self._r), Rod({"z": self.height}, self._r), Ball(self._r)]
 
     def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
+        return self.mass / 2 * self.speed_squared(self._r)
 
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.z
@@ -62,4 +62,4 @@ class CartesianPendulum(Mechanism):
     def lambda_2(self) -> ca.SX:
         return self.constraint_force("plane")
 
-    exact = pendulum.cartesian
+    from liaisons.models.solutions.cartesian_pendulum import exact

@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, output
 from liaisons.language.shapes import Ball, Shapes, Trail
-from liaisons.models.solutions import uniform_fields
 
 
 class ChargedParticle(Mechanism):
@@ -72,4 +71,4 @@ class ChargedParticle(Mechanism):
         for i, q in enumerate("xyz")
     )
 
-    exact, drift = uniform_fields.exact, uniform_fields.drift
+    from liaisons.models.solutions.charged_particle import drift, exact

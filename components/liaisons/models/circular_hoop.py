@@ -7,7 +7,6 @@ import numpy as np
 
 from liaisons.language import Coordinate, Parameter, assertion, calculated, output
 from liaisons.models.hoop import Hoop
-from liaisons.models.solutions import hoops, slow_turn
 
 
 class CircularHoop(Hoop):
@@ -59,5 +58,4 @@ class CircularHoop(Hoop):
     def hoop_area(self) -> ca.SX:
         return np.pi * self.radius**2
 
-    exact, slow_turn = hoops.circular, slow_turn.circular
-    dynamic_field, on_a_free_shaft = hoops.dynamic_field, hoops.on_a_free_shaft
+    from liaisons.models.solutions.circular_hoop import dynamic_field, exact, on_a_free_shaft, slow_turn

@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point
 from liaisons.language.shapes import Ball, Rod, Shapes, Trail
-from liaisons.models.solutions import chains
 
 
 class DoublePendulum(Mechanism):
@@ -57,4 +56,4 @@ class DoublePendulum(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.gravity * (self.mass_1 * self.bob_1["z"] + self.mass_2 * self.bob_2["z"])
 
-    small_angles, normal_modes = chains.double_pendulum, chains.double_pendulum_modes
+    from liaisons.models.solutions.double_pendulum import normal_modes, small_angles

@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment
 from liaisons.models.oscillator_chain import OscillatorChain
-from liaisons.models.solutions import chains
 
 
 class DrivenChain(OscillatorChain):
@@ -30,4 +29,4 @@ class DrivenChain(OscillatorChain):
     def base(self) -> dict[str, ca.SX]:
         return {"x": self.drive}
 
-    exact, normal_modes, forerunner = chains.driven, chains.driven_modes, chains.forerunner
+    from liaisons.models.solutions.driven_chain import exact, forerunner, normal_modes

@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, dry_friction
 from liaisons.language.shapes import Box, Floor, Shapes, Spring, turned
-from liaisons.models.solutions import dry_friction as solutions
 
 
 class DryOscillator(Mechanism):
@@ -54,5 +53,4 @@ class DryOscillator(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * (self.x - self.support) ** 2
 
-    exact, turning_points = solutions.exact, solutions.turning_points
-    stick_slip, drift = solutions.stick_slip, solutions.drift
+    from liaisons.models.solutions.dry_oscillator import drift, exact, stick_slip, turning_points

@@ -7,7 +7,6 @@ import numpy as np
 
 from liaisons.language import Coordinate, Parameter, assertion, calculated, output
 from liaisons.models.parametrised_hoop import ParametrisedHoop
-from liaisons.models.solutions import hoops, slow_turn
 
 # Landen steps: errors of 1e-14 for ratios of the axes up to a million.
 _STEPS = 7
@@ -76,4 +75,4 @@ class EllipticHoop(ParametrisedHoop):
     def theta(self) -> ca.SX:
         return self._polar_angle(self.u)
 
-    exact, slow_turn = hoops.elliptic, slow_turn.elliptic
+    from liaisons.models.solutions.elliptic_hoop import exact, slow_turn

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Friction, Mechanism, Parameter, Values, closed_form
 from liaisons.language.shapes import Ball, Rod, Shapes, circle, turned
-from liaisons.models.solutions.linear import oscillation
+from liaisons.models.solutions.linear import coordinate_motion
 
 
 class Flywheel(Mechanism):
@@ -38,6 +38,4 @@ class Flywheel(Mechanism):
     @closed_form("the motion under a constant torque; without it an exponential run-down", t=">= 0")
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        forces = [(at.angle_force / at.inertia, 0.0)]
-        motion = oscillation(t, at.angle_0, at.angle_dot_0, omega_squared=0.0, gamma=at.friction, forces=forces)
-        return dict(zip(("angle", "angle_dot"), motion, strict=True))
+        return coordinate_motion(t, at, "angle", gamma=at.friction, forces=[(at.angle_force / at.inertia, 0.0)])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Friction, Gravity, Mechanism, Parameter, Values, closed_form
 from liaisons.language.shapes import Ball, Shapes, Trail
-from liaisons.models.solutions.linear import oscillation
+from liaisons.models.solutions.linear import coordinate_motion
 
 
 class FreeParticle(Mechanism):
@@ -31,12 +31,13 @@ class FreeParticle(Mechanism):
     z = Coordinate("m", "height", start_rate=9.81)
     experiment = Experiment(stop_time=2.0)
 
+    _r = property(lambda self: {"x": self.x, "y": self.y, "z": self.z})
+
     def picture(self) -> Shapes:
-        position = {"x": self.x, "y": self.y, "z": self.z}
-        return [Trail(position), Ball(position)]
+        return [Trail(self._r), Ball(self._r)]
 
     def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
+        return self.mass / 2 * self.speed_squared(self._r)
 
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.z
@@ -46,8 +47,5 @@ class FreeParticle(Mechanism):
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         motion = {}
         for axis, acceleration in (("x", 0.0), ("y", 0.0), ("z", -at.gravity)):
-            start, forces = at.array(f"{axis}_0", f"{axis}_dot_0"), [(acceleration, 0.0)]
-            motion[axis], motion[f"{axis}_dot"] = oscillation(
-                t, *start, omega_squared=0.0, gamma=at.friction, forces=forces
-            )
+            motion |= coordinate_motion(t, at, axis, gamma=at.friction, forces=[(acceleration, 0.0)])
         return motion

@@ -10,7 +10,6 @@ import casadi as ca
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Mechanism, assertion, output, unchecked
 from liaisons.language.shapes import Ball, Rod, Shapes
-from liaisons.models.solutions import swing
 
 Function = Callable[..., Any]
 _NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
@@ -88,4 +87,4 @@ class GeneralSwing(Mechanism, abstract=True):
         pivots, _, _ = ca.ldl(ca.densify(self._metric), False)
         return ca.mmin(pivots)
 
-    exact = swing.kept_shape
+    from liaisons.models.solutions.general_swing import exact

@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
 from liaisons.language.shapes import Ball, Shapes, Spring, Trail
-from liaisons.models.solutions import isokinetic
 
 
 class IsokineticOscillator(Mechanism):
@@ -32,19 +31,17 @@ class IsokineticOscillator(Mechanism):
     z = Coordinate("m", "position along z", start_rate=1.0)
     experiment = Experiment(stop_time=20.0, step_size=0.02)
 
-    def _speed_squared(self) -> ca.SX:
-        return self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
+    _r = property(lambda self: {"x": self.x, "y": self.y, "z": self.z})
 
     @non_holonomic("J", "kinetic energy less 3/2 of the thermal energy")
     def kinetic(self) -> ca.SX:
         return self.kinetic_energy() - 1.5 * self.thermal_energy
 
     def picture(self) -> Shapes:
-        position = {"x": self.x, "y": self.y, "z": self.z}
-        return [Trail(position), Spring({}, position), Ball(position)]
+        return [Trail(self._r), Spring({}, self._r), Ball(self._r)]
 
     def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self._speed_squared()
+        return self.mass / 2 * self.speed_squared(self._r)
 
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * (self.x**2 + self.y**2 + self.z**2)
@@ -53,4 +50,4 @@ class IsokineticOscillator(Mechanism):
     def mu(self) -> ca.SX:
         return -self.constraint_force("kinetic")
 
-    exact, turning_points = isokinetic.exact, isokinetic.turning_points
+    from liaisons.models.solutions.isokinetic_oscillator import exact, turning_points

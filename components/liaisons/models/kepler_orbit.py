@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, assertion, output
 from liaisons.language.shapes import Ball, Shapes, Trail
-from liaisons.models.solutions import kepler
 
 
 class KeplerOrbit(Mechanism):
@@ -60,4 +59,4 @@ class KeplerOrbit(Mechanism):
     def apart(self) -> ca.SX:
         return self._r
 
-    exact, period, pericentre, time = kepler.exact, kepler.period, kepler.pericentre, kepler.time
+    from liaisons.models.solutions.kepler_orbit import exact, pericentre, period, time

@@ -6,7 +6,7 @@ import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, calculated, output
 from liaisons.language.shapes import Ball, Shapes, Spring
-from liaisons.models.solutions import molecule
+from liaisons.models.solutions.linear_molecule import frequencies, normal_coordinates
 
 _OUTER, _INNER = "outer atoms against each other", "inner atom against the outer ones"
 
@@ -53,11 +53,11 @@ class LinearMolecule(Mechanism):
 
     def _normal_coordinates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         u = (self.x_1, self.x_2 - self.spacing, self.x_3 - 2 * self.spacing)
-        return molecule.normal_coordinates(u, self.mass_outer, self.mass_inner)
+        return normal_coordinates(u, self.mass_outer, self.mass_inner)
 
     omega_1, omega_2, omega_3 = (
         calculated("rad/s", f"normal frequency of the {mode} (K eq. 157)")(
-            lambda m, k=k: molecule.frequencies(m.mass_outer, m.mass_inner, m.stiffness)[k]
+            lambda m, k=k: frequencies(m.mass_outer, m.mass_inner, m.stiffness)[k]
         )
         for k, mode in enumerate(("translation, 0", _OUTER, _INNER))
     )
@@ -68,4 +68,4 @@ class LinearMolecule(Mechanism):
         )
     )
 
-    exact, modes = molecule.exact, molecule.unit_modes
+    from liaisons.models.solutions.linear_molecule import exact, modes

@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output
 from liaisons.language.shapes import Box, Rod, Shapes, Spring, turned
-from liaisons.models.solutions import oscillator
 
 
 class Oscillator(Mechanism):
@@ -49,4 +48,4 @@ class Oscillator(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * self.elongation**2
 
-    exact, response, resonance = oscillator.driven, oscillator.response, oscillator.resonance
+    from liaisons.models.solutions.oscillator import exact, resonance, response

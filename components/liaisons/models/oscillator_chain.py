@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import Chain, Coordinate, Experiment, Parameter, Size, calculated
 from liaisons.language.shapes import Ball, Shapes, Spring
-from liaisons.models.solutions import chains
 
 
 class OscillatorChain(Chain):
@@ -50,4 +49,4 @@ class OscillatorChain(Chain):
     def wave_speed(self) -> ca.SX:
         return ca.sqrt(self.stiffness / self.mass) * self.spacing
 
-    exact, normal_modes = chains.free, chains.free_modes
+    from liaisons.models.solutions.oscillator_chain import exact, normal_modes

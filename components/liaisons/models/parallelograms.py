@@ -12,7 +12,6 @@ import numpy as np
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
 from liaisons.language.shapes import Rod, Shapes
-from liaisons.models.solutions import parallelograms
 
 
 class FourBars(Mechanism, abstract=True):
@@ -71,7 +70,7 @@ class FourBars(Mechanism, abstract=True):
         one, other = self._top(i - 1), self._top(i)
         return (sum((other[axis] - one[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
 
-    exact, pull = parallelograms.exact, parallelograms.pull
+    from liaisons.models.solutions.parallelograms import exact, pull
 
 
 def four_bars(windows: int) -> type[FourBars]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from liaisons.language import ActiveCoordinate, Coordinate, Friction, Gravity, Mechanism, Parameter, output, point
 from liaisons.language.closed_forms import Values, closed_form
 from liaisons.language.shapes import Ball, Rod, Shapes, Trail
-from liaisons.models.solutions import elliptic, pendulum
+from liaisons.models.solutions import elliptic
 
 
 class Pendulum(Mechanism):
@@ -59,8 +59,12 @@ class Pendulum(Mechanism):
         tension = at.mass * (at.length * theta_dot**2 + at.gravity * np.cos(theta))
         return {"theta": theta, "theta_dot": theta_dot, "tension": tension}
 
-    period, action, small_angle = pendulum.period, pendulum.action, pendulum.small_angle
-    lengthening, pumped, pumping_rate = pendulum.lengthening, pendulum.pumped, pendulum.pumping_rate
-    crouch_growth, crouch_schedule = pendulum.crouch_growth, pendulum.crouch_schedule
-    shaken_trace, shaken_is_bounded = pendulum.shaken_trace, pendulum.shaken_is_bounded
-    shaken_edges, upright_from, upright_well = pendulum.shaken_edges, pendulum.upright_from, pendulum.upright_well
+    from liaisons.models.solutions.pendulum import action, lengthening, period, small_angle
+    from liaisons.models.solutions.pumping import crouch_growth, crouch_schedule, pumped, pumping_rate
+    from liaisons.models.solutions.shaking import (
+        shaken_edges,
+        shaken_is_bounded,
+        shaken_trace,
+        upright_from,
+        upright_well,
+    )

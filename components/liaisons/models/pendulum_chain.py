@@ -8,7 +8,6 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
 from liaisons.language.shapes import Ball, Rod, Shapes
-from liaisons.models.solutions import chains
 
 
 class PendulumChain(Chain):
@@ -55,4 +54,4 @@ class PendulumChain(Chain):
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.bob["z"]
 
-    small_angles, normal_modes = chains.hanging, chains.hanging_modes
+    from liaisons.models.solutions.pendulum_chain import normal_modes, small_angles

@@ -3,23 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
 from liaisons.language.shapes import Ball, Rod, Shapes, turned
-from liaisons.models.solutions import attitudes
-
-
-class _Body(NamedTuple):
-    """One of the three rigid bodies; vectors have the axes of the trunk, so that φ appears in none of them."""
-
-    mass: ca.SX
-    inertia: ca.SX
-    position: tuple[ca.SX, ca.SX]  # relative to the common centre of mass
-    velocity: tuple[ca.SX, ca.SX]  # relative to its velocity
-    spin: ca.SX
 
 
 class PlanarCat(Mechanism):
@@ -60,7 +49,11 @@ class PlanarCat(Mechanism):
     _total_mass = property(lambda self: self.mass_0 + self.mass_1 + self.mass_2)
 
     @property
-    def _bodies(self) -> Iterator[_Body]:
+    def _bodies(self) -> Iterator[tuple[ca.SX, ...]]:
+        """Mass, moment of inertia, position x, z, velocity v, w and angular velocity of each body.
+
+        They are relative to the common centre of mass, in the axes of the trunk, so that φ appears in none of them.
+        """
         masses, hinge = (self.mass_0, self.mass_1, self.mass_2), ca.vertcat(self.hinge, 0)
         inertias = self.inertia_0, self.inertia_1, self.inertia_2
         limb_1, limb_2 = (ca.vertcat(ca.cos(psi), ca.sin(psi)) for psi in (self.psi_1, self.psi_2))
@@ -70,10 +63,10 @@ class PlanarCat(Mechanism):
         spins = turn, turn + self.dot(self.psi_1), turn + self.dot(self.psi_2)
         for mass, inertia, place, spin in zip(masses, inertias, places, spins, strict=True):
             x, z = ca.vertsplit(place - centre)
-            yield _Body(mass, inertia, (x, z), (self.dot(x) - turn * z, self.dot(z) + turn * x), spin)
+            yield mass, inertia, x, z, self.dot(x) - turn * z, self.dot(z) + turn * x, spin
 
     def picture(self) -> Shapes:
-        h, (x, z) = self.hinge, next(self._bodies).position
+        h, (_, _, x, z, *_) = self.hinge, next(self._bodies)
 
         def place(hinge: Any, along: Any = 0.0, up: Any = 0.0, psi: Any = 0.0) -> dict[str, ca.SX]:
             r = turned("y", -self.phi) @ (ca.vertcat(x + hinge, 0, z) + turned("y", -psi) @ ca.vertcat(along, 0, up))
@@ -86,7 +79,7 @@ class PlanarCat(Mechanism):
 
     def kinetic_energy(self) -> ca.SX:
         fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)
-        turn = sum(b.mass * (b.velocity[0] ** 2 + b.velocity[1] ** 2) + b.inertia * b.spin**2 for b in self._bodies)
+        turn = sum(m * (v**2 + w**2) + inertia * spin**2 for m, inertia, _, _, v, w, spin in self._bodies)
         return (fall + turn) / 2
 
     def potential_energy(self) -> ca.SX:
@@ -94,7 +87,7 @@ class PlanarCat(Mechanism):
 
     @output("kg.m2/s", "angular momentum about the centre of mass, summed over the bodies")
     def angular_momentum(self) -> ca.SX:
-        parts = ((b, *b.position, *b.velocity) for b in self._bodies)
-        return sum((b.mass * (x * w - z * v) + b.inertia * b.spin for b, x, z, v, w in parts), ca.SX(0))
+        parts = (m * (x * w - z * v) + inertia * spin for m, inertia, x, z, v, w, spin in self._bodies)
+        return sum(parts, ca.SX(0))
 
-    exact, turn_rate = attitudes.falling, attitudes.turn_rate
+    from liaisons.models.solutions.planar_cat import exact, turn_rate

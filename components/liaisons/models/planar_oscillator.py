@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
 from liaisons.language.shapes import Ball, Shapes, Spring, Trail
-from liaisons.models.solutions.linear import oscillation
+from liaisons.models.solutions.linear import coordinate_motion
 
 
 class PlanarOscillator(Mechanism):
@@ -30,12 +30,13 @@ class PlanarOscillator(Mechanism):
     y = Coordinate("m", "position along y", start_rate=0.5)
     experiment = Experiment(stop_time=20.0)
 
+    _r = property(lambda self: {"x": self.x, "y": self.y})
+
     def picture(self) -> Shapes:
-        position = {"x": self.x, "y": self.y}
-        return [Trail(position), Spring({}, position), Ball(position)]
+        return [Trail(self._r), Spring({}, self._r), Ball(self._r)]
 
     def kinetic_energy(self) -> ca.SX:
-        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+        return self.mass / 2 * self.speed_squared(self._r)
 
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * (self.x**2 + self.y**2)
@@ -48,6 +49,5 @@ class PlanarOscillator(Mechanism):
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         omega_squared = at.stiffness / at.mass
-        x, x_dot = oscillation(t, at.x_0, at.x_dot_0, omega_squared=omega_squared, gamma=0.0)
-        y, y_dot = oscillation(t, at.y_0, at.y_dot_0, omega_squared=omega_squared, gamma=0.0)
-        return {"x": x, "y": y, "x_dot": x_dot, "y_dot": y_dot}
+        x, y = (coordinate_motion(t, at, axis, omega_squared=omega_squared) for axis in "xy")
+        return x | y

@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter
 from liaisons.language.shapes import Ball, Shapes, Spring, Trail
-from liaisons.models.solutions import oscillator
 
 
 class PolarOscillator(Mechanism):
@@ -40,4 +39,4 @@ class PolarOscillator(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * self.r**2
 
-    exact = oscillator.polar
+    from liaisons.models.solutions.polar_oscillator import exact

@@ -6,9 +6,8 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, assertion
 from liaisons.language.shapes import Box, Rod, Shapes, circle
-from liaisons.models.solutions import attitudes
+from liaisons.models.solutions.satellite import TENSOR
 
-_TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
 _SIGNS = "minors of different order are compared: only their signs count"
 
 
@@ -52,7 +51,7 @@ class Satellite(Mechanism):
 
     @property
     def _inertia(self) -> ca.SX:
-        return ca.reshape(ca.vertcat(*(self.symbols[name] for name in _TENSOR)), 3, 3)
+        return ca.reshape(ca.vertcat(*(self.symbols[name] for name in TENSOR)), 3, 3)
 
     def picture(self) -> Shapes:
         R, spins = self.attitude.matrix, (self.wheel_1, self.wheel_2, self.wheel_3)
@@ -88,5 +87,4 @@ class Satellite(Mechanism):
     def inertia_is_of_masses(self) -> ca.SX:
         return _least_minor(ca.trace(self._inertia) / 2 * ca.SX.eye(3) - self._inertia)
 
-    exact = attitudes.locked
-    slew, slew_torque, steered = attitudes.slew, attitudes.slew_torque, attitudes.steered
+    from liaisons.models.solutions.satellite import exact, slew, slew_torque, steered

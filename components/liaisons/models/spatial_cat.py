@@ -6,7 +6,6 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
 from liaisons.language.shapes import Ball, Rod, Shapes, turned
-from liaisons.models.solutions import attitudes
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
@@ -74,9 +73,12 @@ class SpatialCat(Mechanism):
         tips = [(B @ ca.SX([-0.35, side, 0]), B @ ca.SX([-0.7, 2 * side, 0])) for side in (-0.2, 0.2)]
         ears = [Rod(*(position(2 * axis + end) for end in ends), radius=0.08 * d) for ends in tips]
         tail = Rod(end_A, position(-3 * _A + ca.SX([-0.8, 0, 0])), radius=0.08 * d)
-        feet = [(-at * _A, ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
-        feet += [(at * axis, B @ ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
-        legs = [Rod(position(hip), position(hip + leg), radius=0.08 * d) for hip, leg in feet]
+        legs = [
+            Rod(position(hip * half), position(hip * half + frame @ ca.SX([1, side, 0])), radius=0.08 * d)
+            for half, frame in ((-_A, ca.SX.eye(3)), (axis, B))
+            for hip in (0.6, 1.6)
+            for side in (-0.4, 0.4)
+        ]
         halves = [Rod(joint, end, radius=0.4 * d) for end in (end_A, end_B)]
         return [*halves, Ball(end_B, radius=0.5 * d), *legs, *ears, tail]
 
@@ -94,5 +96,4 @@ class SpatialCat(Mechanism):
     def potential_energy(self) -> ca.SX:
         return 2 * self.mass * self.gravity * self.com_z
 
-    exact = attitudes.bent
-    turn, bend_for, cone_turn, bisector = attitudes.turn, attitudes.bend_for, attitudes.cone_turn, attitudes.bisector
+    from liaisons.models.solutions.spatial_cat import bend_for, bisector, cone_turn, exact, turn

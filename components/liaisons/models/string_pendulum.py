@@ -7,7 +7,6 @@ import numpy as np
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point, unilateral
 from liaisons.language.shapes import Ball, Flash, Rope, Shapes, Trail
-from liaisons.models.solutions import release
 
 _START = 0.1  # rad, angle of the string from the downward vertical
 
@@ -51,4 +50,4 @@ class StringPendulum(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.z
 
-    exact, slack_height = release.swing, release.slack_height
+    from liaisons.models.solutions.string_pendulum import exact, slack_height

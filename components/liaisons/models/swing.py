@@ -7,7 +7,6 @@ import numpy as np
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, assertion, output, point
 from liaisons.language.shapes import Ball, Box, Rod, Shapes, turned
-from liaisons.models.solutions import swing
 
 
 class Swing(Mechanism):
@@ -93,4 +92,4 @@ class Swing(Mechanism):
     def com_off_the_pivot(self) -> ca.SX:
         return ca.hypot(*self._moment())
 
-    exact, lift, leaning = swing.exact, swing.lift, swing.leaning
+    from liaisons.models.solutions.swing import exact, leaning, lift

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipkm1, elliprf, elliprj
 
+from liaisons.errors import ValidityError
 from liaisons.models.solutions import rotations
 from liaisons.models.solutions.elliptic import inverse, jacobi
-from liaisons.models.solutions.validity import require
 
 _STEADY = 1e-15  # sine of the angle between ω and H that is rounding
 _SEPARATRIX = 1e-13  # 1 - k² that is rounding
@@ -50,10 +50,10 @@ def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) ->
     about_c = A * (A - C) * omega_a**2 + B * (B - C) * omega_b**2  # H² - 2EC
     about_a = B * (B - A) * omega_b**2 + C * (C - A) * omega_c**2  # H² - 2EA
     complement = float((A - C) * decides / ((A - B) * about_c)) if A != B else 0.0
-    require(
-        complement > _SEPARATRIX,
-        "euler_top: the rotation ends about the middle axis (separatrix); change the start a little",
-    )
+    if complement <= _SEPARATRIX:
+        raise ValidityError(
+            "euler_top: the rotation ends about the middle axis (separatrix); change the start a little"
+        )
     flip_a = 1.0 if omega_a >= 0 else -1.0
     flip_c = float(np.sign(np.linalg.det(axes))) * flip_a
     axes, omega_a, omega_c = axes * [flip_c, 1.0, flip_a], flip_a * omega_a, flip_c * omega_c

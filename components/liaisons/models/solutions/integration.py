@@ -9,11 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base import reference_integration
 from liaisons.errors import ValidityError
-from liaisons.models.solutions.validity import require
 
 
 def integrate(
-    where: str,
+    where: object,
     rates: Callable[[float, NDArray], ArrayLike],
     start: ArrayLike,
     t: ArrayLike,
@@ -21,7 +20,7 @@ def integrate(
 ) -> NDArray:
     """Solution y(t) of y' = rates(t, y), y(0) = start.
 
-    :param where: who asks, for the error.
+    :param where: closed form, for the error.
     :param start: shape (n,).
     :param t: times [s], any shape and order, >= 0.
     :param longest: of the steps [s], where the rates come and go.
@@ -29,11 +28,12 @@ def integrate(
     :raises ValidityError: for a negative time, or where the integration cannot go on.
     """
     times, order = np.unique(np.ravel(np.asarray(t, dtype=float)), return_inverse=True)
-    require(not np.any(times < 0), f"{where}: t = {np.min(times)} must be >= 0")
+    if np.any(times < 0):
+        raise ValidityError(f"{where}: t = {np.min(times)} must be >= 0")
     y = np.repeat(np.reshape(np.asarray(start, dtype=float), (-1, 1)), times.size, axis=1)
     if times[-1] > 0:
         y = reference_integration.integrate(
-            *(where, rates, y[:, 0], (0.0, times[-1])),
+            *(f"{where}", rates, y[:, 0], (0.0, times[-1])),
             times=times,
             rtol=1e-13,
             atol=1e-14,

@@ -19,6 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.language import Values
 
+Modes = tuple[NDArray, NDArray]
+"""Frequencies [rad/s], (n,), and modes as columns, (n, n)."""
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -50,6 +53,21 @@ def oscillation(
         x = x + amplitude * D
         v = v + amplitude * (S + 1j * omega * D)
     return x.real, v.real
+
+
+def coordinate_motion(
+    t: NDArray,
+    at: Values,
+    name: str,
+    *,
+    omega_squared: float = 0.0,
+    gamma: float = 0.0,
+    forces: Sequence[tuple[complex, float]] = (),
+) -> dict[str, NDArray]:
+    """Value and rate of a linear coordinate, by their names, from its start values; see :func:`oscillation`."""
+    start = at.array(f"{name}_0", f"{name}_dot_0")
+    motion = oscillation(t, *start, omega_squared=omega_squared, gamma=gamma, forces=forces)
+    return dict(zip((name, f"{name}_dot"), motion, strict=True))
 
 
 def superposition(

@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import quad
 
-from liaisons.language import Values, closed_form
-from liaisons.models.solutions.hoops import fourier_waves
-
+SLOW_TURN = "the shift of the bead in a slow full turn, -4π area/length (Hannay, Berry), and its remainders"
+"""Name of the closed form of each hoop."""
 _TURN = 2 * np.pi
 _GRID = np.linspace(0, _TURN, 4096, endpoint=False)
 _HARMONIC = np.fft.fftfreq(_GRID.size, 1 / _GRID.size)
@@ -116,28 +115,6 @@ class SlowTurn:
         """∫ (values - <values>) dξ on the grid, with mean zero."""
         G = np.real(np.fft.ifft(_integrated((values - self._mean(values)) * self.speed(_GRID))))
         return G - self._mean(G)
-
-
-_says = closed_form("the shift of the bead in a slow full turn, -4π area/length (Hannay, Berry), and its remainders")
-
-
-@_says
-def circular(at: Values) -> SlowTurn:
-    return SlowTurn({0: at.offset, 1: at.radius})
-
-
-@_says
-def elliptic(at: Values) -> SlowTurn:
-    a, b = at.semi_axis_a, at.semi_axis_b
-    return SlowTurn({0: at.centre_x + 1j * at.centre_y, 1: (a + b) / 2, -1: (a - b) / 2})
-
-
-@_says
-def fourier(at: Values) -> SlowTurn:
-    waves = {1: complex(at.radius)}
-    for k, wave in enumerate(at.radius / 2 * fourier_waves(at), 1):
-        waves |= {1 + k: wave, 1 - k: wave.conjugate()}
-    return SlowTurn(waves)
 
 
 def _integrated(values: NDArray) -> NDArray:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.language import Values, closed_form
 from liaisons.models.solutions import elliptic
 from liaisons.models.solutions.integration import integrate
-from liaisons.models.solutions.validity import require
 
 
 @closed_form("the motion in a fixed posture: the compound pendulum I θ_com'' = -D sin θ_com", gravity="> 0")
@@ -20,19 +16,10 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     moment = at.mass_seat * seat + at.mass_torso * torso
     inertia = at.mass_seat * abs(seat) ** 2 + at.mass_torso * abs(torso) ** 2
     size = at.mass_seat * abs(seat) + at.mass_torso * abs(torso)
-    require(abs(moment) > 1e-15 * size, "Swing.exact: the centre of mass lies on the pivot; change rope or lean")
+    at.require(abs(moment) > 1e-15 * size, "the centre of mass lies on the pivot; change rope or lean")
     offset, frequency = np.angle(moment), np.sqrt(at.gravity * abs(moment) / inertia)
     theta_com, theta_dot = elliptic.pendulum(t, at.theta_0 + offset, at.theta_dot_0, frequency)
     return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}
-
-
-@closed_form("the motion in a fixed shape: the compound pendulum I θ'' = -D sin θ, by elliptic functions")
-def kept_shape(t: NDArray, at: Values, component: Any) -> dict[str, NDArray]:
-    shape = [getattr(at, s.name) for s in component.actives]
-    inertia, weight = (float(ca.evalf(ca.SX(component.functions[name](*shape)))) for name in ("I", "D"))
-    require(inertia > 0 and weight > 0, f"{component.__name__}.exact: I = {inertia} and D = {weight} must be > 0")
-    theta, theta_dot = elliptic.pendulum(t, at.theta_0, at.theta_dot_0, np.sqrt(weight / inertia))
-    return {"theta": theta, "theta_dot": theta_dot}
 
 
 @closed_form("the shift of the rope [rad] by a lean at once from ``lean`` to another, -∫ (J/I) dψ: a horizontal lift")
@@ -71,4 +58,4 @@ def leaning(t: NDArray, at: Values, *, amplitude: float, angular_frequency: floa
 
     _, inertia, turning = posture(0.0)
     start = [at.theta_0, inertia * at.theta_dot_0 + turning]
-    return dict(zip(("theta", "p_theta"), integrate("Swing.leaning", rates, start, t), strict=True))
+    return dict(zip(("theta", "p_theta"), integrate(at, rates, start, t), strict=True))

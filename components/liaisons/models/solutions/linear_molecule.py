@@ -29,7 +29,7 @@ def normal_coordinates(u: Sequence[Any], m: Any, M: Any) -> tuple[Any, Any, Any]
 
 
 @closed_form("the unit vectors u_k of K eq. 158 as columns, shape (3, 3)")
-def unit_modes(at: Values) -> NDArray:
+def modes(at: Values) -> NDArray:
     columns = np.array([[1, 1, 1], [-1, 0, 1], [1, -2 * at.mass_outer / at.mass_inner, 1]]).T
     return columns / np.linalg.norm(columns, axis=0)
 
@@ -38,8 +38,8 @@ def unit_modes(at: Values) -> NDArray:
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     m, M, rest = at.mass_outer, at.mass_inner, at.spacing * np.arange(3)
     start, rates = at.array("x_1_0", "x_2_0", "x_3_0") - rest, at.array("x_1_dot_0", "x_2_dot_0", "x_3_dot_0")
-    u, u_dot = superposition(t, np.array(frequencies(m, M, at.stiffness)), unit_modes(at), start, rates)
+    u, u_dot = superposition(t, np.array(frequencies(m, M, at.stiffness)), modes(at), start, rates)
     names = [f"{form}_{k}{rate}" for form, rate in (("x", ""), ("x", "_dot"), ("mode", "")) for k in (1, 2, 3)]
-    modes = normal_coordinates(list(np.moveaxis(u, -1, 0)), m, M)
-    columns = (*np.moveaxis(u + rest, -1, 0), *np.moveaxis(u_dot, -1, 0), *modes)
+    q = normal_coordinates(list(np.moveaxis(u, -1, 0)), m, M)
+    columns = (*np.moveaxis(u + rest, -1, 0), *np.moveaxis(u_dot, -1, 0), *q)
     return dict(zip(names, columns, strict=True))

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.language import Values, closed_form
 from liaisons.models.solutions.stumpff import stumpff
-from liaisons.models.solutions.validity import require
 
 
 @closed_form("helix, cycloid or parabola (K Ex. 4) for any fields and any start, without division by Ω")
@@ -24,7 +23,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 @closed_form("the velocity of the guiding centre across B, E∧B/B² [m/s], (3,): that of all masses and charges")
 def drift(at: Values) -> NDArray:
     B, E = at.array("B_x", "B_y", "B_z"), at.array("E_x", "E_y", "E_z")
-    require(bool(np.any(B != 0)), "ChargedParticle.drift: B = 0; without a magnetic field nothing drifts")
+    at.require(np.any(B != 0), "B = 0; without a magnetic field nothing drifts")
     return np.cross(E, B) / (B @ B)
 
 

@@ -17,13 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.language import Values, closed_form
 from liaisons.models.solutions.stumpff import stumpff
-from liaisons.models.solutions.validity import require
 
 
 @closed_form("ellipse, parabola or hyperbola, by Kepler's equation solved to rounding", mass="> 0", mu="> 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     turns = at.x_0 * at.y_dot_0 != at.y_0 * at.x_dot_0
-    require(turns, "KeplerOrbit.exact: angular momentum 0: the planet moves through r = 0")
+    at.require(turns, "angular momentum 0: the planet moves through r = 0")
     position, velocity = _motion(t, complex(at.x_0, at.y_0), complex(at.x_dot_0, at.y_dot_0), at.mu)
     return {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
 
@@ -31,7 +30,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 @closed_form("the time of a revolution [s], 2π √(a³/μ) (K eq. 60); infinite on a parabola or hyperbola", mu="> 0")
 def period(at: Values) -> float:
     distance = float(np.hypot(at.x_0, at.y_0))
-    require(distance > 0, f"KeplerOrbit.period: r_0 = {distance} must be > 0")
+    at.require(distance > 0, f"r_0 = {distance} must be > 0")
     inverse = 2 / distance - (at.x_dot_0**2 + at.y_dot_0**2) / at.mu  # 1/a
     return float(2 * np.pi / np.sqrt(at.mu * inverse**3)) if inverse > 0 else np.inf
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.language import Values, closed_form
-from liaisons.models.solutions.validity import require
 
 
 def _impacts(end: float, at: Values) -> tuple[NDArray, NDArray]:
@@ -78,5 +77,5 @@ def period_one_range(at: Values) -> tuple[float, float]:
 def period_one(at: Values, *, amplitude: float, angular_frequency: float) -> tuple[float, float]:
     """Phase φ of the table at the impacts [rad], with sin φ > 0, and speed after them [m/s]."""
     cosine = period_one_range(at=at)[0] * at.gravity / (amplitude * angular_frequency**2)
-    require(cosine <= 1, f"BouncingBall.period_one: amplitude = {amplitude}: a table so slow throws no ball that high")
+    at.require(cosine <= 1, f"amplitude = {amplitude}: a table so slow throws no ball that high")
     return float(np.arccos(cosine)), float(np.pi * at.gravity / angular_frequency)

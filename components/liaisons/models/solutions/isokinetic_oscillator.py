@@ -18,7 +18,6 @@ from scipy.fft import dct
 from scipy.special import exprel, lambertw
 
 from liaisons.language import Values, closed_form
-from liaisons.models.solutions.validity import require
 
 _NEAREST = 0.04  # smallest r / largest r; the cosine series converge as exp(-2k) of it
 _MODES = 512  # of them, exp(-2 · 512 · 0.04) = 1e-18
@@ -35,21 +34,21 @@ class Orbit:
     angle: NDArray  # of dφ/dθ
 
     @classmethod
-    def of(cls, speed: float, a: float, c: float) -> Orbit:
+    def of(cls, at: Values, speed: float, a: float, c: float) -> Orbit:
         """The orbit of given speed, a > 0 and 0 < c <= 1/√(a e).
 
         :raises ValidityError: on the circle r² = 1/a or too close to it, and where it passes too close to the origin.
         """
         product = -a * c**2
         inner, outer = (float(-lambertw(product, branch).real) / a for branch in (0, -1))
-        require(
+        at.require(
             product > -np.exp(-1) and outer - inner > _CIRCLE * outer,
-            f"IsokineticOscillator.exact: the orbit is almost the circle of radius {a**-0.5:g} m; r is constant there",
+            f"the orbit is almost the circle of radius {a**-0.5:g} m; r is constant there",
         )
         ratio = np.sqrt(inner / outer)
-        require(
+        at.require(
             ratio >= _NEAREST,
-            f"IsokineticOscillator.exact: r falls to {ratio:.2g} of its largest value; the series reach {_NEAREST}",
+            f"r falls to {ratio:.2g} of its largest value; the series reach {_NEAREST}",
         )
         theta = np.pi * (np.arange(_MODES) + 0.5) / _MODES
         w = _between(inner, outer, theta)
@@ -95,9 +94,9 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     """Not for orbits that are almost circles; through the origin, or without a spring, uniform and straight."""
     position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
     speed, norm = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(velocity)
-    require(
+    at.require(
         abs(norm - speed) <= 1e-6 * speed,
-        f"IsokineticOscillator.exact: the start velocity {norm:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
+        f"the start velocity {norm:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
     )
     a, r_0, moment = (
         at.stiffness / (3 * at.thermal_energy),
@@ -109,7 +108,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         v = np.multiply.outer(velocity, np.ones_like(t))
         r = np.multiply.outer(position, np.ones_like(t)) + v * t
     else:
-        orbit = Orbit.of(speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
+        orbit = Orbit.of(at, speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
         distance, rate, phi = orbit.at(t, orbit.phase(r_0**2, outwards=bool(position @ velocity >= 0)))
         phi_dot = area_rate * np.exp(a * (distance**2 - r_0**2) / 2) / distance**2
         radial = position / r_0
@@ -126,9 +125,9 @@ def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> t
     """From ``position`` [m], (3,), and ``velocity`` [m/s], (3,), at some instant."""
     r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
     area_rate, a = float(np.linalg.norm(np.cross(r, v))), at.stiffness / (3 * at.thermal_energy)
-    require(area_rate > 0, "IsokineticOscillator.turning_points: straight through the origin r does not turn")
+    at.require(area_rate > 0, "straight through the origin r does not turn")
     speed = float(np.linalg.norm(v))
-    orbit = Orbit.of(speed, a, area_rate * float(np.exp(-a * (r @ r) / 2)) / speed)
+    orbit = Orbit.of(at, speed, a, area_rate * float(np.exp(-a * (r @ r) / 2)) / speed)
     return float(np.sqrt(orbit.inner)), float(np.sqrt(orbit.outer)), orbit.half_period, orbit.apsidal_angle
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.language import Values, closed_form
-from liaisons.models.solutions.validity import require
 
 Phase = tuple[float, float, float, float]
 """Instant [s], elongation [m] and rate [m/s] at which it begins; direction of sliding, ±1, or 0 where it sticks."""
@@ -113,5 +112,5 @@ def stick_slip(at: Values) -> tuple[float, float]:
 def drift(at: Values, *, amplitude: float, angular_frequency: float) -> float:
     """Aω sin(πF/2μmg): at the steady velocity V, sign(V - Aω cos ωt) is F/μmg in the mean, (2/π) arcsin(V/Aω)."""
     share = at.x_force / (at.mu_sliding * at.mass * at.gravity)
-    require(abs(share) < 1, f"DryOscillator.drift: x_force = {at.x_force}: friction does not hold it")
+    at.require(abs(share) < 1, f"x_force = {at.x_force}: friction does not hold it")
     return float(amplitude * angular_frequency * np.sin(np.pi / 2 * share))

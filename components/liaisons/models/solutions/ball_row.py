@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.language import Values, closed_form
-from liaisons.models.solutions.validity import require
 
 
 @closed_form("velocities [m/s] after ball 1 strikes others that touch and move together: Moreau's rule")
 def moreau(at: Values) -> NDArray:
     """Ball 1 strikes all at once: they stay together, as one body of their mass."""
     (first, *struck), v = at.mass, at.x_dot_0
-    require(v[0] > v[1] and np.ptp(v[1:]) == 0, f"BallRow.moreau: x_dot_0 = {v}: the balls struck must move together")
+    at.require(v[0] > v[1] and np.ptp(v[1:]) == 0, f"x_dot_0 = {v}: the balls struck must move together")
     impulse = (1 + at.bounce) * (v[0] - v[1]) * first * sum(struck) / (first + sum(struck))
     return v + impulse * np.array([-1 / first, *(1 / sum(struck) for _ in struck)])
 
@@ -22,7 +21,7 @@ def moreau(at: Values) -> NDArray:
 def sequence(at: Values) -> NDArray:
     """Return the velocities if a gap separates balls 2 and 3: at the start, after each impact; (impacts + 1, 3)."""
     m, v = at.mass, [at.x_dot_0]
-    require(len(m) == 3, f"BallRow.sequence: {len(m)} balls: of more than three the order depends on the gaps")
+    at.require(len(m) == 3, f"{len(m)} balls: of more than three the order depends on the gaps")
     while np.any(np.diff(v[-1]) < -1e-12 * np.max(np.abs(v[0]))):
         pair = int(np.argmin(np.diff(v[-1])))  # those of three balls alternate: the other pair parts
         before, masses = v[-1][pair : pair + 2], m[pair : pair + 2]
@@ -36,7 +35,7 @@ def sequence(at: Values) -> NDArray:
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     x, v = at.x_0, at.x_dot_0
     after, gaps = moreau(at=at), np.diff(x) - at.diameter
-    require(bool(np.all(np.abs(gaps[1:]) <= 1e-9)), f"BallRow.exact: x_0 = {x}: the balls struck must touch")
+    at.require(np.all(np.abs(gaps[1:]) <= 1e-9), f"x_0 = {x}: the balls struck must touch")
     impact = gaps[0] / (v[0] - v[1])
     rates = np.where(np.expand_dims(t, -1) < impact, v, after)
     return {"x": x + v * impact + rates * np.expand_dims(t - impact, -1), "x_dot": rates}

@@ -1,0 +1,69 @@
+"""The bead on a circular hoop: a pendulum at constant rate, the dynamic field, and a shaft that turns freely."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.language import Values, closed_form
+from liaisons.models.solutions import elliptic
+from liaisons.models.solutions.integration import integrate
+from liaisons.models.solutions.slow_turn import SLOW_TURN, SlowTurn
+
+
+@closed_form("at constant rate a pendulum of frequency |β_dot| √(d/R)", offset="< radius", hoop_inertia=">= 0")
+def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+    """The centrifugal force is its gravity; the operator's torque balances the moment of the normal force."""
+    R, d, Y = at.radius, at.offset, at.beta_dot
+    frequency = abs(Y) * np.sqrt(d / R)
+    if frequency > 0:
+        psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, frequency)
+    else:
+        psi_dot = np.full_like(t, at.xi_dot_0 / R)
+        psi = at.xi_0 / R + psi_dot * t
+    normal_force = at.mass * (R * (psi_dot + Y) ** 2 + d * Y**2 * np.cos(psi))
+    torque = -d * np.sin(psi) * normal_force
+    motion = {"xi": R * psi, "xi_dot": R * psi_dot}
+    return motion | {"normal_force": normal_force, "beta_force": torque, "beta_power": torque * Y}
+
+
+@closed_form(SLOW_TURN)
+def slow_turn(at: Values) -> SlowTurn:
+    return SlowTurn({0: at.offset, 1: at.radius})
+
+
+def _circle(xi: ArrayLike, at: Values) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """a = r²θ', b = r²r'² and their derivatives by ξ, of a circle whose centre lies on OA at the distance d from O."""
+    R, d, psi = at.radius, at.offset, np.asarray(xi, dtype=float) / at.radius
+    return R + d * np.cos(psi), (d * np.sin(psi)) ** 2, -d / R * np.sin(psi), d**2 / R * np.sin(2 * psi)
+
+
+@closed_form("the three terms of the dynamic field, D_0, H(Y) and -X_K (M eq. 65-67), in ξ and p_ξ with Y = β_dot")
+def dynamic_field(xi: ArrayLike, p_xi: ArrayLike, beta_dot: ArrayLike, at: Values) -> dict[str, NDArray]:
+    """Each of shape (2, ...): rates of ξ [m/s] and of p_ξ [N]."""
+    xi, p, Y = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in (xi, p_xi, beta_dot)))
+    a, _, a_dash, b_dash = _circle(xi, at)
+    fields = {
+        "D_0": (p / at.mass, 0 * p),
+        "H(Y)": (-a * Y, a_dash * p * Y),
+        "-X_K": (0 * p, at.mass / 2 * b_dash * Y**2),
+    }
+    return {name: np.array(field) for name, field in fields.items()}
+
+
+@closed_form("the motion of bead and hoop on a shaft that turns freely: Hamilton's equations (M eq. 62), at 1e-13")
+def on_a_free_shaft(t: NDArray, at: Values, *, shaft_inertia: float = 0.0) -> dict[str, NDArray]:
+    """ξ, β and p_ξ, and the constants p_β [kg.m2/s] and energy [J]; ``shaft_inertia`` [kg.m2] is added to I."""
+    inertia = at.hoop_inertia + shaft_inertia
+    a, b, _, _ = _circle(at.xi_0, at)
+    p_0 = at.mass * (at.xi_dot_0 + a * at.beta_dot)
+    p_beta = a * p_0 + (inertia + at.mass * b) * at.beta_dot
+
+    def rates(_: float, y: NDArray) -> list[float]:
+        a, b, a_dash, b_dash = _circle(y[0], at)
+        Y = (p_beta - a * y[2]) / (inertia + at.mass * b)
+        return [y[2] / at.mass - a * Y, Y, a_dash * y[2] * Y + at.mass / 2 * b_dash * Y**2]
+
+    motion = integrate(at, rates, [at.xi_0, at.beta, p_0], t)
+    energy = p_0**2 / (2 * at.mass) + (inertia + at.mass * b) / 2 * at.beta_dot**2
+    return dict(zip(("xi", "beta", "p_xi"), motion, strict=True)) | {"p_beta": p_beta, "energy": energy}

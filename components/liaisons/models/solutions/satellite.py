@@ -1,0 +1,72 @@
+"""A satellite turned by its wheels (M 8.3): Euler's top with locked wheels, slews from rest, and any rates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.language import Orientation, Values, closed_form
+from liaisons.models.solutions import rotations
+from liaisons.models.solutions.euler_top import euler_top
+from liaisons.models.solutions.integration import integrate
+
+TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
+"""Elements of the inertia tensor, row by row."""
+
+
+def _inertia(at: Values) -> NDArray:
+    """Inertia tensor J [kg.m2], (3, 3), checked to be positive definite."""
+    J = at.array(*TENSOR).reshape(3, 3)
+    at.require(np.all(np.linalg.eigvalsh(J) > 0), f"J = {J.tolist()} must be positive definite")
+    return J
+
+
+def _start(at: Values) -> NDArray:
+    """Unit quaternion of the attitude at the start, (4,)."""
+    return rotations.unit(at.array(*(f"{name}_0" for name in Orientation.quaternion)))
+
+
+@closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
+def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+    omega, q = euler_top(t, _inertia(at), at.array("omega_x_0", "omega_y_0", "omega_z_0"), _start(at))
+    return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
+
+
+@closed_form("from rest, the wheels turned in proportion: a rotation by -J⁻¹ J_wheel Δφ")
+def slew(
+    turn_1: ArrayLike = 0,
+    turn_2: ArrayLike = 0,
+    turn_3: ArrayLike = 0,
+    *,
+    at: Values,
+    start: ArrayLike = rotations.IDENTITY,
+) -> dict[str, NDArray]:
+    """Δφ = (turn_1, turn_2, turn_3) [rad], any shape, in one direction at any pace, from the attitude ``start``."""
+    turns = np.stack(np.broadcast_arrays(turn_1, turn_2, turn_3))
+    vector = -at.J_wheel * np.tensordot(np.linalg.inv(_inertia(at)), turns, 1)
+    q = rotations.turned(rotations.unit(start), vector)
+    return dict(zip(Orientation.quaternion, q, strict=True))
+
+
+@closed_form("the motors' torques in a slew, λ = J_wheel (φ'' + ω') = J_wheel (1 - J_wheel J⁻¹) φ''")
+def slew_torque(
+    push_1: ArrayLike = 0, push_2: ArrayLike = 0, push_3: ArrayLike = 0, *, at: Values
+) -> dict[str, NDArray]:
+    """φ'' = (push_1, push_2, push_3) [rad/s2], any shape, in the proportion of the wheels' angles."""
+    push = np.stack(np.broadcast_arrays(push_1, push_2, push_3)).astype(float)
+    turning = np.tensordot(np.linalg.inv(_inertia(at)), at.J_wheel * push, 1)
+    return {f"wheel_{k}_force": row for k, row in enumerate(at.J_wheel * (push - turning), 1)}
+
+
+@closed_form("without angular momentum, the wheels turned at any rates: ω = -J⁻¹ J_wheel φ', integrated at 1e-13")
+def steered(t: NDArray, at: Values, *, wheels: Callable[[float], ArrayLike]) -> dict[str, NDArray]:
+    """``wheels`` gives φ' [rad/s], (3,), at an instant; it must not change within a 400th of the time."""
+    follows = -at.J_wheel * np.linalg.inv(_inertia(at))
+
+    def rates(t: float, q: NDArray) -> NDArray:
+        return rotations.product(q, np.concatenate([[0.0], follows @ np.asarray(wheels(t), dtype=float) / 2]))
+
+    q = integrate(at, rates, _start(at), t, longest=float(np.max(t, initial=1e-300)) / 400)
+    return dict(zip(Orientation.quaternion, q, strict=True))
