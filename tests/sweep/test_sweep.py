@@ -218,7 +218,7 @@ def test_what_is_ended_leaves_no_files(double, tmp_path, monkeypatch) -> None:
 
 
 def test_one_is_told_which_case_takes_long(pendulum, monkeypatch, caplog) -> None:
-    monkeypatch.setattr("liaisons.sweeps.workers._LONG", 0.2)
+    monkeypatch.setattr("liaisons.sweeps.workers._LONG_CASE", 0.2)
 
     def nap(result: Result) -> float:
         time.sleep(1.0 if result["theta"][0] == 0.3 else 0.0)

@@ -41,7 +41,7 @@ _ANGLES = 256  # points of the trapezoidal rule, which converges exponentially f
 
 
 def active_hamiltonian(source: Source) -> Quantity:
-    """H̃ on V*M: the energy T + V as a function of x, s, p and Y = ṡ; H̃ = H̃_0 + K_Y (M 6, 7) [J].
+    """H̃ on V*M: the energy T + V as a function of x, s, p and Y = ṡ, H̃_0 + K_Y (M 6, 7) [J].
 
     :raises ComponentError: unless there are active coordinates and the free ones are independent.
     """
@@ -50,7 +50,7 @@ def active_hamiltonian(source: Source) -> Quantity:
 
 
 def legendre_rank(source: Source, **values: float) -> tuple[int, int]:
-    """Rank of ∂²L/∂v∂v over the rates v of all coordinates, free and active, at random states; and their number.
+    """Rank of ∂²L/∂v∂v, v the rates of all coordinates, free and active, at random states; and the size of v.
 
     L is hyper-regular, and Legendre's transformation (M eq. 10) can be inverted, where both are the same.
 
@@ -89,16 +89,17 @@ def multiplier_equations(source: Source, **values: float) -> Quantity:
 
 
 def reduced_multiplier_equations(source: Source) -> Quantity:
-    """The same (ẋ, ṗ, λ) from H̃ - Σ Y^β p_β on V*M with Y = ṡ (M eq. 45-47), which every L with an A⁻¹ has.
+    """(ẋ, ṗ, λ) from H̃ - Σ Y^β p_β on V*M with Y = ṡ (M eq. 45-47), for every L that has an A⁻¹; (n + f + a,).
 
     :raises ComponentError: unless there are active coordinates and the free ones are independent.
     """
     equations = _adapted(source)
-    return _with_multipliers(equations, hamiltonian(equations).expression, ca.SX.sym("p_s", equations.mechanism.active.s_dot.shape))
+    p_s = ca.SX.sym("p_s", equations.mechanism.active.s_dot.shape)
+    return _with_multipliers(equations, hamiltonian(equations).expression, p_s)
 
 
 def _with_multipliers(equations: Equations, h: ca.SX, p_s: ca.SX) -> Quantity:
-    """The motion that h generates, and λ = dp_s/dt + ∂h/∂s along it, with p_s = ∂L/∂ṡ at the rates of that motion."""
+    """The motion that h generates and the forces λ = dp_s/dt + ∂h/∂s along it, where p_s = ∂L/∂ṡ."""
     m = equations.mechanism
     momenta = ca.densify(equations.in_phase_space(gradient(equations.lagrangian, m.active.s_dot)))
     field = ca.vertcat(*hamiltonian_field(equations, h))
@@ -114,20 +115,20 @@ def _rates(equations: Equations) -> ca.SX:
 
 
 def effective_mass(source: Source) -> Quantity:
-    """Θ_αβ = (g^αβ)⁻¹ (M eq. 50), the mass that the operator feels: ∂λ/∂σ̈; (a, a)."""
+    """Effective mass Θ_αβ = (g^αβ)⁻¹ = ∂λ/∂σ̈ at the active coordinates (M eq. 50); (a, a)."""
     equations = _adapted(source)
     return Quantity(equations, equations.effective_mass)
 
 
 def active_energy(source: Source) -> Quantity:
-    """K_Y = ½ Θ(Y, Y) at Y = ṡ, the kinetic energy of the active constraints (M eq. 51) [J]."""
+    """Kinetic energy of the active constraints, K_Y = ½ Θ(Y, Y) at Y = ṡ (M eq. 51) [J]."""
     equations = _adapted(source)
     Y = equations.mechanism.active.s_dot
     return Quantity(equations, ca.bilin(equations.effective_mass, Y, Y) / 2)
 
 
 def kinetic_connection(source: Source) -> Quantity:
-    """Γ^i_α = -g_V⁻¹ g_iα = Θ_αβ g^βi: ẋ = Γ ṡ is orthogonal to the fibre (M 7, proof of eq. 52-53); (f, a).
+    """Connection Γ^i_α = -g_V⁻¹ g_iα = Θ_αβ g^βi: ẋ = Γ ṡ is orthogonal to the fibre (M 7, proof of eq. 52-53); (f, a).
 
     :raises ComponentError: unless there are active coordinates and the free ones are independent.
     """
@@ -139,7 +140,7 @@ def kinetic_connection(source: Source) -> Quantity:
 
 
 def curvature(source: Source) -> Quantity:
-    """F^i_αβ = ∂_α Γ^i_β + Γ^j_α ∂_j Γ^i_β - (α ↔ β), the bracket of two horizontal lifts (M 7).
+    """Curvature F^i_αβ = ∂_α Γ^i_β + Γ^j_α ∂_j Γ^i_β - (α ↔ β), the bracket of two horizontal lifts (M 7).
 
     For an orientation the components are those of an angular velocity in the body frame, and Γ_α × Γ_β is added.
 
@@ -173,7 +174,7 @@ class DynamicField:
     lift: Quantity  # H(Y) = (Γ Y, Y, -∂(p·Γ Y)/∂x): horizontal lift by the dynamic connection (M eq. 53)
 
     def evaluate(self, **values: ArrayLike) -> np.ndarray:
-        """D_Y itself, the sum of the three terms; see :meth:`Quantity.evaluate`."""
+        """Numbers for D_Y, the sum of the three terms; see :meth:`Quantity.evaluate`."""
         return self.frozen.evaluate(**values) + self.energy.evaluate(**values) + self.lift.evaluate(**values)
 
 
@@ -191,6 +192,7 @@ def dynamic_field(source: Source) -> DynamicField:
     lifted = m.free.frame @ kinetic_connection(equations).expression @ Y
 
     def field(h: ca.SX, shape_rate: ca.SX) -> Quantity:
+        """The field that a function h on phase space generates, with the rates of the active coordinates."""
         x_dot, p_dot = hamiltonian_field(equations, h)
         return Quantity(equations, ca.vertcat(x_dot, shape_rate, p_dot), conservative=True)
 
@@ -199,7 +201,7 @@ def dynamic_field(source: Source) -> DynamicField:
 
 
 def holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: float) -> dict[str, float]:
-    """How far parallel transport by the kinetic connection round a closed loop of shapes moves x: ∮ Γ ds (M 7, 8.2).
+    """Shift ∮ Γ ds of x by parallel transport round a closed loop of shapes, by the kinetic connection (M 7, 8.2).
 
     What the system does when it starts with all momenta 0 and no force acts, at whatever speed.
 
@@ -211,7 +213,7 @@ def holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: 
     """
     equations = _adapted(source)
     m, a = equations.mechanism, ca.SX.sym("a")
-    sigma = _shapes(equations, loop, a, values)
+    sigma = _loop_coordinates(equations, loop, a, values)
     x, connection = m.free.q, m.free.kinematics @ kinetic_connection(equations).expression
     rate = ca.substitute(connection, m.active.s, sigma) @ ca.jacobian(sigma, a)
     start = np.atleast_1d(Quantity(equations, x).evaluate(**values))
@@ -222,7 +224,7 @@ def holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: 
 
 
 def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str, float]:
-    """The holonomy as an area: ∬ Σ_{α<β} F_αβ ds^α ∧ ds^β over a surface in the loop, by Stokes (M 7, 8.2).
+    """Holonomy as an area, ∬ Σ_{α<β} F_αβ ds^α ∧ ds^β over a surface in the loop, by Stokes (M 7, 8.2).
 
     The surface is the cone of the loop over its mean point; any number of active coordinates will do.
 
@@ -238,7 +240,7 @@ def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str,
     if largest(equations, ca.norm_fro(ca.jacobian(connection, m.free.q)), size, values) != 0:
         names = ", ".join(item.name for item in m.coordinates)
         raise ComponentError(f"{equations.name}: the connection depends on {names}: use holonomy()")
-    sigma = _shapes(equations, loop, a, values)
+    sigma = _loop_coordinates(equations, loop, a, values)
     angles = np.arange(_ANGLES) * (_TURN / _ANGLES)
     centre = np.asarray(ca.Function("loop", [a], [ca.densify(sigma)])(angles[None, :])).mean(axis=1)
     arm, arm_rate = sigma - centre, ca.jacobian(sigma, a)
@@ -254,7 +256,7 @@ def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str,
 
 
 def _adapted(source: Source) -> Equations:
-    """The equations of a mechanism with active coordinates, without constraints and contacts, adapted in M's sense."""
+    """The equations of a mechanism with active coordinates; constraints and contacts are refused."""
     equations = equations_of(source)
     require_independent(equations, "the geometry of active constraints")
     require_smooth(equations, "the geometry of active constraints")
@@ -263,8 +265,8 @@ def _adapted(source: Source) -> Equations:
     return equations
 
 
-def _shapes(equations: Equations, loop: Loop, a: ca.SX, values: Mapping[str, float]) -> ca.SX:
-    """σ(a) of all active coordinates, checked to be closed; (a,)."""
+def _loop_coordinates(equations: Equations, loop: Loop, a: ca.SX, values: Mapping[str, float]) -> ca.SX:
+    """Active coordinates σ(a) along a loop, checked to be closed; (a,)."""
     m, owner = equations.mechanism, equations.name
     shapes, names = dict(loop(a)), [item.name for item in m.actives]
     for name in shapes:

@@ -15,7 +15,7 @@ from liaisons.mechanics.equations import Equations
 
 
 def frozen(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
-    """The expression with numbers for all symbols of the mechanism but the moving ones."""
+    """The expression with numbers for all symbols of the mechanism except the moving ones."""
     variables = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
     numbers = numbers_of(equations, values)
     symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in variables}
@@ -46,15 +46,8 @@ def final_state(
     return integrate(owner, velocity, start, span, times=[duration], **tolerances, error=error)[:, -1]
 
 
-def spline_integral(time: NDArray, samples: NDArray) -> NDArray:
-    """Integral of the cubic spline through samples (r, n) over their instants; (r,)."""
-    from scipy.interpolate import make_interp_spline
-
-    return make_interp_spline(time, samples, k=min(3, time.size - 1), axis=1).integrate(time[0], time[-1])
-
-
 def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> NDArray:
-    """The instants of samples of the given shape, checked."""
+    """Instants of samples as an array, checked to increase and to be as many as the samples."""
     t = np.asarray(time, dtype=float)
     if t.ndim != 1 or t.size < 2 or not np.all(np.diff(t) > 0):
         raise ComponentError(f"{equations.name}: time of shape {t.shape} must hold increasing instants, 2 at least")
@@ -66,7 +59,7 @@ def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> N
 
 
 def eigenproblem(K: NDArray, M: NDArray) -> tuple[NDArray, NDArray]:
-    """Eigenvalues, ascending, and vectors as columns of K u = Ω² M u, both symmetric, uᵀ M u = 1 (K eq. 139, 151)."""
+    """Eigenvalues, ascending, and eigenvectors of K u = Ω² M u as columns, uᵀ M u = 1 (K eq. 139, 151)."""
     from scipy.linalg import eigh
 
     return eigh(K, M)

@@ -28,7 +28,7 @@ from liaisons.mechanics.equations import Equations
 
 
 def hamiltonian(source: Source) -> Quantity:
-    """H(q, p) = Σ q̇_k p_k - L, L once and not in each term, q̇ expressed by p (K eq. 29 corrected, 80) [J].
+    """Hamiltonian H(q, p) = Σ q̇_k p_k - L with q̇ expressed by p (K eq. 29, L taken once; 80) [J].
 
     It is T + V if T is quadratic in the free rates.  While the operator moves it is not the energy but generates the
     motion at the prescribed s(t): H̃ - Σ Y^β p_β of M eq. 46 with Y = ṡ.
@@ -43,7 +43,7 @@ def hamiltonian(source: Source) -> Quantity:
 
 
 def hamilton_equations(source: Source) -> Quantity:
-    """q̇ = ∂H/∂p, ṗ = -∂H/∂q (K eq. 81, 82), column (n + f,): without friction, drives and loads.
+    """Hamilton's equations q̇ = ∂H/∂p, ṗ = -∂H/∂q (K eq. 81, 82) without friction, drives and loads; (n + f,).
 
     An orientation has its quaternion among the q, ∂/∂q by turns about the axes of the inertial frame, and -p × ∂H/∂p
     more in ṗ, as turns do not commute.
@@ -57,14 +57,14 @@ def hamilton_equations(source: Source) -> Quantity:
 
 
 def hamiltonian_field(equations: Equations, h: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """q̇ and ṗ of the motion that a function h(q, p) generates; (n,) and (f,)."""
+    """Rates q̇ and ṗ of the motion that a function h(q, p) generates; (n,) and (f,)."""
     p, G = equations.mechanism.free.p, generators(equations)
     rates = gradient(h, p)
     return G @ rates, -G.T @ gradient(h, equations.mechanism.free.q) - turning_part(equations, p, rates)
 
 
 def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
-    """{u, v} = Σ (∂u/∂p ∂v/∂q - ∂v/∂p ∂u/∂q) (K eq. 87), so that {p, q} = +1 and da/dt = ∂a/∂t + {H, a} (eq. 88).
+    """Poisson bracket {u, v} = Σ (∂u/∂p ∂v/∂q - ∂v/∂p ∂u/∂q) (K eq. 87), with da/dt = ∂a/∂t + {H, a} (eq. 88).
 
     This is K's sign, and Landau's; many texts have the opposite one.  For the angular momentum of an orientation
     {H_x, H_y} = -H_z, as for that of a particle.
@@ -86,7 +86,7 @@ def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
 
 
 def phase_velocity(source: Source) -> Quantity:
-    """V of Ẋ = V(X), X = (q, p, internal states), with friction, drives and loads (K eq. 95); a column.
+    """Phase velocity V(X) of X = (q, p, internal states), with friction, drives and loads (K eq. 95); a column.
 
     :raises ComponentError: for constraints and contacts.
     """
@@ -100,14 +100,14 @@ def phase_velocity(source: Source) -> Quantity:
 
 
 def divergence(source: Source) -> Quantity:
-    """∇·V = Σ_{k=1}^f (∂q̇_k/∂q_k + ∂ṗ_k/∂p_k) (K eq. 100, 101 corrected) [1/s]: zero without friction.
+    """Divergence ∇·V = Σ_{k=1}^f (∂q̇_k/∂q_k + ∂ṗ_k/∂p_k) (K eq. 100, 101 corrected) [1/s]: zero without friction.
 
     The four components of a quaternion count like coordinates: V leaves its norm alone.
 
     :raises ComponentError: for constraints and contacts.
     """
     V = phase_velocity(source)
-    return Quantity(V.equations, ca.trace(ca.jacobian(V.expression, _phase(V.equations))))
+    return Quantity(V.equations, ca.trace(ca.jacobian(V.expression, _state(V.equations))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class Flow:
 
 
 def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values: Any) -> Flow:
-    """Move a state, and J with it by the variational equations J̇ = (∂V/∂X) J, J(0) = 1 (K 3.4, eq. 94, 98).
+    """Integrate a state, and J with it by the variational equations J̇ = (∂V/∂X) J, J(0) = 1 (K 3.4, eq. 94, 98).
 
     :param duration: time [s], > 0.
     :param tolerance: of the integration, relative and absolute.
@@ -138,11 +138,11 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     require_still(equations, values)
     if not (duration > 0 and np.isfinite(duration)):
         raise ComponentError(f"{owner}: duration = {duration} must be finite and > 0")
-    t, X = ca.SX.sym("t"), _phase(equations)
+    t, X = ca.SX.sym("t"), _state(equations)
     velocity, begin = V.expression, dict(values)
     for name, drive in values.items():
         if callable(drive):
-            sigma, sigma_dot = _drive(equations, name, drive, t)
+            sigma, sigma_dot = _prescribed(equations, name, drive, t)
             symbols = ca.vertcat(equations.symbols[name], equations.symbols[f"{name}_dot"])
             velocity = ca.substitute(velocity, symbols, ca.vertcat(sigma, sigma_dot))
             begin |= {f"{name}{end}": at_zero(e, t) for end, e in (("", sigma), ("_dot", sigma_dot))}
@@ -158,14 +158,14 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     )
 
 
-def _phase(equations: Equations) -> ca.SX:
-    """X = (q, p, internal states)."""
+def _state(equations: Equations) -> ca.SX:
+    """The state X = (q, p, internal states)."""
     m = equations.mechanism
     return ca.vertcat(m.free.q, m.free.p, m.internal)
 
 
-def _drive(equations: Equations, name: str, drive: Formula, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """σ(t) of an active coordinate and its rate."""
+def _prescribed(equations: Equations, name: str, drive: Formula, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Expressions σ(t) of an active coordinate and of its rate."""
     names = [item.name for item in equations.mechanism.actives]
     if name not in names:
         raise ComponentError(

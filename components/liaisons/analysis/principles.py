@@ -48,7 +48,7 @@ def action(
     variation: Mapping[str, ArrayLike] | None = None,
     **values: float,
 ) -> Action:
-    """S = ∫ L dt of a sampled path (K eq. 76, M eq. 1), and how it changes with the path (K eq. 77, M eq. 9).
+    """Action S = ∫ L dt of a sampled path (K eq. 76, M eq. 1), and its variations with the path (K eq. 77, M eq. 9).
 
     Constraints stand beside L, not in it: a motion under constraints makes S stationary for variations that are
     compatible with them, C δq = 0 and δs = 0, and these alone (Hölder's principle, M eq. 15).
@@ -67,19 +67,19 @@ def action(
     require_smooth(equations, "the action")
     require_coordinates(equations, "the action", independent=False)
     require_still(equations, values)
-    names = _moving(equations, path)
+    names = _moving_coordinates(equations, path)
     if not names:
         raise ComponentError(f"{equations.name}: the path moves no coordinate; give one and its rate")
     t, z = _samples(equations, time, path, names)
     eta = np.zeros_like(z)
     if variation is not None:
-        varied = _moving(equations, variation, among=names)
+        varied = _moving_coordinates(equations, variation, among=names)
         _, samples = _samples(equations, time, variation, varied)
         eta[[names.index(name) for name in varied]] = samples
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
             raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
     total, column = np.zeros(3), eta.ravel(order="F")
-    for piece, S, slope, curvature, _ in _pieces(_piece(equations, names, values), z, np.diff(t)):
+    for piece, S, slope, curvature, _ in _intervals(_interval_action(equations, names, values), z, np.diff(t)):
         total += np.array([S, slope @ column[piece], column[piece] @ curvature @ column[piece]])
     return Action(*total.tolist())
 
@@ -94,7 +94,7 @@ class StationaryPath:
 
 
 def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLike], **values: float) -> StationaryPath:
-    """The path with δS = 0 between the ends of a guess, by Newton's method on S itself: no equation of motion is used.
+    """Path with δS = 0 between the ends of a guess, by Newton's method on S; no equation of motion is used.
 
     The path is a cubic Hermite spline in the given instants: its error is of fourth order in their distance.
 
@@ -116,7 +116,7 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
     free = np.ones(z.shape, dtype=bool)
     free[:, 0, [0, -1]] = False
     free = np.flatnonzero(free.ravel(order="F"))
-    function = _piece(equations, names, values)
+    function = _interval_action(equations, names, values)
     for _ in range(50):
         S, gradient, hessian, norm = _assemble(function, z, h)
         curvatures = eigenproblem(hessian[np.ix_(free, free)], norm[np.ix_(free, free)])[0]
@@ -138,7 +138,7 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
 
 
 def vakonomic_equations(source: Source) -> Quantity:
-    """q̇ and ṗ of the paths with δS = 0 among all that keep the constraints (Arnold and Kozlov, after M 1); (n + f,).
+    """Rates q̇ and ṗ of the paths with δS = 0 among all that keep the constraints (Arnold and Kozlov); (n + f,).
 
     They are Hamilton's equations for the largest p·q̇ - L over the rates that the constraints allow.  Of geometric
     constraints they are d'Alembert's motion, of non-holonomic ones another: there p is no longer ∂L/∂q̇, and what it has
@@ -176,8 +176,10 @@ def gauss_function(source: Source) -> Quantity:
     return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
 
 
-def _moving(equations: Equations, path: Mapping[str, ArrayLike], among: list[str] | None = None) -> list[str]:
-    """Names of the coordinates that a path moves: all free ones and the given active ones, or those given."""
+def _moving_coordinates(
+    equations: Equations, path: Mapping[str, ArrayLike], among: list[str] | None = None
+) -> list[str]:
+    """Names of the coordinates that a path moves, checked: free ones, and active ones with samples."""
     m = equations.mechanism
     free, active = [item.name for item in m.coordinates], [item.name for item in m.actives]
     movable = among or [*free, *active]
@@ -191,7 +193,7 @@ def _moving(equations: Equations, path: Mapping[str, ArrayLike], among: list[str
 def _samples(
     equations: Equations, time: ArrayLike, path: Mapping[str, ArrayLike], names: list[str]
 ) -> tuple[NDArray, NDArray]:
-    """Instants, and values and rates of the coordinates, (coordinate, 2, n)."""
+    """Instants of a path, and values and rates of its coordinates, (coordinate, 2, n)."""
     t = np.asarray(time, dtype=float)
     needed = [suffixed(name, end) for name in names for end in ("", "_dot")]
     for name in needed:
@@ -203,16 +205,16 @@ def _samples(
     return t, np.array([path[name] for name in needed], dtype=float).reshape(len(names), 2, -1)
 
 
-def _cubic(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
-    """Cubic through value, rate, value, rate at its ends, and its derivative; of numbers or expressions."""
+def _hermite(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
+    """Value and derivative at u of the cubic through value, rate, value, rate at its ends."""
     q_0, v_0, q_1, v_1 = ends
     q = (1 - u) ** 2 * ((1 + 2 * u) * q_0 + u * h * v_0) + u**2 * ((3 - 2 * u) * q_1 - (1 - u) * h * v_1)
     v = 6 * u * (1 - u) * (q_1 - q_0) / h + (1 - u) * (1 - 3 * u) * v_0 - u * (2 - 3 * u) * v_1
     return q, v
 
 
-def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) -> ca.Function:
-    """Action of one interval as a function of its two ends, with gradient, Hessian and the norm ∫ δqᵀ A δq dt."""
+def _interval_action(equations: Equations, names: list[str], values: Mapping[str, float]) -> ca.Function:
+    """Function of the ends of an interval: its action, gradient, Hessian, and the norm ∫ δqᵀ A δq dt."""
     count, h = len(names), ca.SX.sym("h")
     ends = ca.SX.sym("ends", 4 * count)
     symbols = ca.vertcat(*(equations.symbols[suffixed(name, end)] for end in ("", "_dot") for name in names))
@@ -220,7 +222,7 @@ def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) 
     A = frozen(equations, equations.mass_matrix, values, symbols)
     S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-        q, v = _cubic(ca.vertsplit(ends, count), h, node)
+        q, v = _hermite(ca.vertsplit(ends, count), h, node)
         point = ca.vertcat(q, v)
         basis = ca.jacobian(q, ends)[: A.shape[0], :]  # of the free coordinates, which come first
         S += weight * h * ca.substitute(L, symbols, point)
@@ -229,7 +231,9 @@ def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) 
     return ca.Function("piece", [ends, h], [ca.densify(e) for e in (S, gradient, hessian, norm)])
 
 
-def _pieces(function: ca.Function, z: NDArray, h: NDArray) -> Iterator[tuple[slice, float, NDArray, NDArray, NDArray]]:
+def _intervals(
+    function: ca.Function, z: NDArray, h: NDArray
+) -> Iterator[tuple[slice, float, NDArray, NDArray, NDArray]]:
     """Yield for each interval its indices in the order (node, rate, coordinate), S, gradient, Hessian and norm."""
     node, column = 2 * z.shape[0], z.ravel(order="F")
     for i, width in enumerate(h):
@@ -239,10 +243,10 @@ def _pieces(function: ca.Function, z: NDArray, h: NDArray) -> Iterator[tuple[sli
 
 
 def _assemble(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-    """S of the whole path, its gradient and Hessian, and the norm."""
+    """Action of the whole path, its gradient and Hessian, and the norm."""
     gradient, hessian, norm = np.zeros(z.size), np.zeros((z.size, z.size)), np.zeros((z.size, z.size))
     total = 0.0
-    for piece, S, slope, curvature, weight in _pieces(function, z, h):
+    for piece, S, slope, curvature, weight in _intervals(function, z, h):
         total += S
         gradient[piece] += slope
         hessian[piece, piece] += curvature

@@ -40,7 +40,7 @@ class Quantity:
     conservative: bool = False  # whether friction, drives and loads were left out, so that evaluate() refuses them
 
     def evaluate(self, **values: ArrayLike) -> NDArray:
-        """Numbers for the quantity at one state or at many.
+        """Evaluate the quantity at one state or at many.
 
         :param values: symbols by name, numbers or arrays of shapes that broadcast: parameters, ``q``, ``p_q`` or
             ``q_dot``, ``s``, ``s_dot``, ``s_ddot``, ``q_force``, ``q_load``, ``P_x_load``.  A momentum that is not
@@ -74,7 +74,7 @@ class Quantity:
 
 
 def observable(source: Source, formula: Formula) -> Quantity:
-    """A formula of coordinates and rates as a function on phase space: q̇ is expressed by q and p (K 3.3).
+    """Quantity on phase space of a formula in coordinates and rates: q̇ is expressed by q and p (K 3.3).
 
     :param formula: for example ``lambda m: m.x * m.momentum(m.y)`` or ``lambda m: m.angular_momentum``.
     :raises ComponentError: if it is no scalar expression in the symbols of the mechanism, or contains forces of
@@ -90,7 +90,7 @@ def observable(source: Source, formula: Formula) -> Quantity:
 
 
 def equations_of(source: Source) -> Equations:
-    """The equations of a mechanism; the same ones at each call, so that their symbols agree."""
+    """Equations of a mechanism; at each call the same ones, so that their symbols agree."""
     if isinstance(source, Equations):
         return source
     abstract = getattr(source, "__abstractmethods__", None)
@@ -108,7 +108,7 @@ _derived = cache(derive)
 
 
 def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
-    """A number or array for each symbol, in the order of ``equations.symbols``; see :meth:`Quantity.evaluate`."""
+    """Number or array for each symbol, in the order of ``equations.symbols``; see :meth:`Quantity.evaluate`."""
     m, numbers = equations.mechanism, equations.numbers(values)
     for name, value in values.items():
         if not np.all(np.isfinite(value)):
@@ -123,7 +123,7 @@ def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[st
 
 
 def require_coordinates(equations: Equations, purpose: str, *, independent: bool = True) -> None:
-    """Raise a ComponentError unless free coordinates describe the motion, without constraints if ``independent``."""
+    """Raise a ComponentError for orientations, and if ``independent`` for constraints and contacts."""
     if independent:
         require_independent(equations, purpose)
         require_smooth(equations, purpose)
@@ -135,7 +135,7 @@ def require_coordinates(equations: Equations, purpose: str, *, independent: bool
 
 
 def require_independent(equations: Equations, purpose: str) -> None:
-    """Raise a ComponentError for constraints; an orientation is as good as three coordinates."""
+    """Raise a ComponentError for constraints; orientations are allowed."""
     m = equations.mechanism
     if kept := [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)]:
         raise ComponentError(
@@ -150,7 +150,7 @@ def require_smooth(equations: Equations, purpose: str) -> None:
 
 
 def _applied_forces(equations: Equations) -> ca.SX:
-    """Friction on free and active coordinates, drives and loads: what L does not have; a column."""
+    """Friction on free and active coordinates, drives and loads; a column."""
     m = equations.mechanism
     friction = equations.friction.against(ca.vertcat(m.free.q_dot, m.active.s_dot))
     return ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads)
@@ -169,7 +169,7 @@ def require_free(equations: Equations, purpose: str) -> None:
 
 
 def require_still(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
-    """Raise a ComponentError for the rate of an active coordinate that is held."""
+    """Raise a ComponentError for an active coordinate that is constant and has a rate."""
     for name in map(str, ca.vertsplit(equations.mechanism.active.s_dot)):
         if np.any(values.get(name, 0)):
             raise ComponentError(
@@ -188,14 +188,14 @@ def generators(equations: Equations) -> ca.SX:
 
 
 def turning_part(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
-    """u × v of the components about the axes of an orientation; 0 for those along coordinates. (f,) each."""
+    """Products u × v of the components along the axes of orientations, 0 for those along coordinates; (f,)."""
     count = len(equations.mechanism.coordinates)
     crossed = [ca.cross(u[count:], v[count:]) for _ in equations.mechanism.orientations]
     return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
 
 
 def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
-    """Random states about the start, the same ones each time; ``values`` are kept as they are."""
+    """Random states about the start, the same ones at each call; ``values`` are taken as they are."""
     m, rng = equations.mechanism, np.random.default_rng(0)
     centres = m.start_values()
     states: dict[str, ArrayLike] = {}
@@ -212,7 +212,7 @@ def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
 
 @cache
 def _constrained_states(equations: Equations, values: tuple[tuple[str, float], ...]) -> dict[str, ArrayLike]:
-    """Random states, moved onto the constraints; without those that get nowhere."""
+    """Random states projected onto the constraints; those that do not converge are left out."""
     states = sample_states(equations, dict(values))
     constraints, free = equations.constraints, equations.mechanism.free
     if equations.projection is None or not constraints.matrix.shape[0]:

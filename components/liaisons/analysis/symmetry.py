@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.analysis.numeric import instants, spline_integral
+from liaisons.analysis.numeric import instants
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
@@ -31,7 +31,7 @@ from liaisons.mechanics.equations import Equations
 
 
 def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
-    """Coordinates that L does not contain, and their momenta p = ∂L/∂q̇, which are constant (K eq. 32, 33).
+    """Constant momenta p = ∂L/∂q̇ of the coordinates that L does not contain (K eq. 32, 33).
 
     The operator may move the active coordinates.  Coordinates along which constraints, contacts, friction, drives or
     loads have a force are none.
@@ -52,7 +52,7 @@ def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
 
 
 def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values: float) -> Quantity:
-    """The quantity Σ ξ^k ∂L/∂q̇_k that is constant because L is invariant under q → q + ε ξ(q) (K 2.4, eq. 43-52).
+    """Conserved quantity Σ ξ^k ∂L/∂q̇_k of a symmetry, the invariance of L under q → q + ε ξ(q) (K 2.4, eq. 43-52).
 
     On constraints L need be invariant there only.  Their forces, C ξ = 0, and those of contacts, friction, drives and
     loads must do no work along ξ.
@@ -90,10 +90,10 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
 
 
 def _forces_along(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLike]) -> str:
-    """Which forces beside those of L work along ξ, as part of a sentence; empty if none does."""
+    """Words on the forces beside those of L that do work along ξ; empty if none does."""
     m = equations.mechanism
     rows = ca.vertcat(equations.constraints.matrix, ca.jacobian(m.contact_rates(), m.free.q_dot))
-    names = [*_rigid(m), *(item.name for item in m.dry_frictions)]
+    names = [*_liaison_names(m), *(item.name for item in m.dry_frictions)]
     direction, size = m.free.frame.T @ xi, ca.norm_2(xi)
     moved = [
         name
@@ -108,13 +108,13 @@ def _forces_along(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLik
     return ""
 
 
-def _rigid(m: Mechanism) -> list[str]:
+def _liaison_names(m: Mechanism) -> list[str]:
     """Names of constraints and unilateral liaisons, in the order of their rows."""
     return [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)]
 
 
 def _components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
-    """The shift of a coordinate, or the components of a turn."""
+    """Components of a field along a coordinate or an orientation, checked by their number."""
     parts = tuple(value) if isinstance(value, (tuple, list)) else (value,)
     if len(parts) != size:
         raise ComponentError(f"{owner}: the field gives {len(parts)} components for {name}; it must give {size}")
@@ -130,11 +130,11 @@ class Similarity:
 
     @property
     def time_exponent(self) -> float:
-        """1 - h/2 (K eq. 56)."""
+        """Exponent 1 - h/2 of the time in the ratio of lengths (K eq. 56)."""
         return 1 - self.degree / 2
 
     def time_ratio(self, length_ratio: ArrayLike) -> Any:
-        """τ'/τ = (L'/L)^(1 - h/2) (K eq. 57)."""
+        """Ratio of times τ'/τ = (L'/L)^(1 - h/2) for a ratio of lengths (K eq. 57)."""
         return np.asarray(length_ratio, dtype=float) ** self.time_exponent
 
     def mean_energies(self, energy: float) -> tuple[float, float]:
@@ -179,18 +179,18 @@ def similarity(source: Source, **values: float) -> Similarity:
     if np.isnan(degree):
         raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
     residuals = ca.vertcat(equations.constraints.residuals, *(getattr(m, item.name) for item in m.unilaterals))
-    for name, own in zip(_rigid(m), ca.vertsplit(residuals), strict=True):
+    for name, own in zip(_liaison_names(m), ca.vertsplit(residuals), strict=True):
         if ca.depends_on(own, rates) or _degree(equations, own, ca.jtimes(own, lengths, lengths), values) is None:
             raise ComponentError(
                 f"{owner}: {name} does not scale with {', '.join(names)} alone; set a length of its own to 0, or "
                 "describe the mechanism without it"
             )
     moved = (item.name for item in m.actives if item.name in names and item.start != 0)
-    return Similarity(degree, tuple(dict.fromkeys([*moved, *_rigid(m)])))
+    return Similarity(degree, tuple(dict.fromkeys([*moved, *_liaison_names(m)])))
 
 
 def _degree(equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str, ArrayLike]) -> float | None:
-    """k with change = k own (Euler) at random states; NaN where both vanish, None where there is none."""
+    """Degree k with change = k own (Euler) at random states; NaN where both vanish, None where no k fits."""
     changes, owns = Quantity(equations, ca.vertcat(change, own)).evaluate(**sample_states(equations, values))
     square = float(owns @ owns)
     degree = float(changes @ owns) / square if square else np.nan
@@ -214,7 +214,7 @@ class Virial:
 
 
 def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **values: float) -> Virial:
-    """The virial theorem over a finite time, 2 T̄ - mean(Σ r·∂V/∂r) = [Σ p·r]/τ (K eq. 71, 72 before the limit).
+    """Virial theorem over a finite time, 2 T̄ - mean(Σ r·∂V/∂r) = [Σ p·r]/τ (K eq. 71, 72 before the limit).
 
     r are the free coordinates in metres; angles beside them do not enter.  The means are integrals of a cubic spline:
     fourth order in the distance of the samples.
@@ -225,6 +225,8 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
     :param values: parameters where they differ from their defaults.
     :raises ComponentError: if T is not of degree 2 in the lengths, or for samples that do not fit.
     """
+    from scipy.interpolate import make_interp_spline
+
     equations = equations_of(source)
     require_coordinates(equations, "the virial")
     m = equations.mechanism
@@ -240,12 +242,13 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
     samples = quantities.evaluate(**dict(motion), **values)
     t = instants(equations, time, samples.shape[1:])
     tau = t[-1] - t[0]
-    kinetic, potential, mean = spline_integral(t, samples[:3]) / tau
+    spline = make_interp_spline(t, samples[:3], k=min(3, t.size - 1), axis=1)
+    kinetic, potential, mean = spline.integrate(t[0], t[-1]) / tau
     return Virial(float(kinetic), float(potential), float(mean), float((samples[3, -1] - samples[3, 0]) / tau))
 
 
 def _require_lengths(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
-    """T must be of degree 2 in the lengths and their rates, Σ (r ∂T/∂r + ṙ ∂T/∂ṙ) = 2 T, and L = T - V."""
+    """Raise a ComponentError unless T is of degree 2 in the lengths and their rates, and L = T - V."""
     m, T = equations.mechanism, equations.kinetic_energy
     where = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))
     excess = ca.jtimes(T, where, where) - 2 * T if names else T

@@ -45,7 +45,7 @@ class NormalModes:
 
 
 def equilibrium(source: Source, **values: float) -> dict[str, float]:
-    """Return the configuration at which forces vanish at rest, ∂V/∂q = drives - loads, by Newton's method (K eq. 132).
+    """Configuration in which the forces vanish at rest, ∂V/∂q = drives - loads, by Newton's method (K eq. 132).
 
     Along a zero mode it stays where it is.
 
@@ -54,15 +54,15 @@ def equilibrium(source: Source, **values: float) -> dict[str, float]:
     :raises ComponentError: for constraints, contacts, an orientation, internal states, rates that are not 0, unknown
         symbols, or if none is found near the guess.
     """
-    return _about(source, values)[0]
+    return _linearized(source, values)[0]
 
 
 def normal_modes(source: Source, **values: float) -> NormalModes:
-    """Mass and stiffness at the equilibrium near a guess, and the modes of K u = Ω² M u (K eq. 137-151).
+    """Normal modes K u = Ω² M u about the equilibrium near a guess, with mass and stiffness (K eq. 137-151).
 
     See :func:`equilibrium` for the arguments and errors; friction and magnetic forces are refused.
     """
-    rest, M, K, B = _about(source, values)
+    rest, M, K, B = _linearized(source, values)
     if np.max(np.abs(B)) > _ZERO * np.sqrt(np.max(np.abs(K)) * np.max(np.abs(M))):
         raise ComponentError(
             f"{equations_of(source).name}: its forces depend on the rates (friction, a magnetic field), and M ü = -K u "
@@ -73,8 +73,8 @@ def normal_modes(source: Source, **values: float) -> NormalModes:
     return NormalModes(rest, M, K, squares, modes)
 
 
-def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], NDArray, NDArray, NDArray]:
-    """Equilibrium, M, K and B.  At rest K eq. 15 leaves f = ∂L/∂q + Q; K = -∂f/∂q, B = -∂f/∂q̇."""
+def _linearized(source: Source, values: dict[str, float]) -> tuple[dict[str, float], NDArray, NDArray, NDArray]:
+    """Equilibrium near a guess; mass M, stiffness K = -∂f/∂q, damping B = -∂f/∂q̇ of the forces f (K eq. 15)."""
     equations = equations_of(source)
     require_coordinates(equations, "an equilibrium")
     m, f = equations.mechanism, equations.forces
@@ -94,20 +94,25 @@ def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], 
     function = ca.Function("at_rest", [m.free.q], [ca.densify(frozen(equations, at_rest, values, m.free.q))])
     names, numbers = [item.name for item in m.coordinates], numbers_of(equations, values)
     q = np.array([float(numbers[name]) for name in names])
+
+    def evaluate() -> list[NDArray]:
+        """Forces, K, M and B at q."""
+        return np.split(np.asarray(function(q)), np.arange(3) * q.size + 1, axis=1)
+
     for _ in range(_ROUNDS):
-        force, K, M, B = np.split(np.asarray(function(q)), np.array([0, 1, 2]) * q.size + 1, axis=1)
+        force, K, M, B = evaluate()
         if not np.all(np.isfinite(K)):
             break
         step = np.linalg.lstsq(K, force[:, 0], rcond=_ZERO)[0]
         q = q + step
         if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(q))) and _balanced(K, force[:, 0], step):
-            force, K, M, B = np.split(np.asarray(function(q)), np.array([0, 1, 2]) * q.size + 1, axis=1)
+            _, K, M, B = evaluate()
             return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2, B
     guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
     raise ComponentError(f"{equations.name}: no equilibrium found from the guess {guess}; start nearer to one")
 
 
 def _balanced(K: NDArray, force: NDArray, step: NDArray) -> bool:
-    """Whether the step answers the whole force: a constant force along a zero mode is no equilibrium."""
+    """Whether a step of Newton balances the forces: along a zero mode a constant force is never balanced."""
     left = np.max(np.abs(force - K @ step))
     return bool(left <= 1e-9 * (np.max(np.abs(K)) * (1 + np.max(np.abs(step))) + 1e-300))

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
+from liaisons.base.arrays import Floats
 from liaisons.base.port_names import port_names
 from liaisons.check.verdicts import table
 from liaisons.errors import ValidityError
 from liaisons.results import Result
 
 Method = Literal["same points", "Hermite", "linear"]
-
-_Numbers = NDArray[np.float64]
 
 
 @final
@@ -41,13 +40,13 @@ class Difference:
 
     @property
     def relative(self) -> float:
-        """The largest difference beside the largest value; infinite if that is 0 and there is a difference."""
+        """Largest difference relative to the largest value; infinite where only that is 0."""
         if self.scale > 0:
             return self.maximum / self.scale
         return 0.0 if self.maximum == 0 else float("inf")
 
     def row(self) -> dict[str, str]:
-        """Return a row of :func:`liaisons.check.table`."""
+        """Row of the difference in :func:`liaisons.check.table`."""
         return {
             "signal": self.name,
             "unit": self.unit or "-",
@@ -72,7 +71,7 @@ class Comparison:
     """
 
     titles: tuple[str, str]
-    times: _Numbers
+    times: Floats
     differences: tuple[Difference, ...]
     only_first: tuple[str, ...]
     only_second: tuple[str, ...]
@@ -89,7 +88,7 @@ class Comparison:
 
     @property
     def relative(self) -> float:
-        """The worst of the differences beside the largest value of their signal; not-a-number if one of them is."""
+        """Largest relative difference of all signals; not-a-number if one of them is."""
         return float(np.max([difference.relative for difference in self.differences]))
 
     def __str__(self) -> str:
@@ -125,11 +124,13 @@ def compare(first: Result, second: Result) -> Comparison:
     if not names:
         raise ValidityError(f"{first.title} and {second.title} have no signal in common")
     for name in names:
-        _check(first, second, name)
-    times, exact = _times(first, second)
+        _require_alike(first, second, name)
+    times, exact = _common_times(first, second)
     differences = []
     for name in names:
-        (one, one_by), (other, other_by) = (_at(result, name, times, exact=exact) for result in (first, second))
+        (one, one_by), (other, other_by) = (
+            _interpolated(result, name, times, exact=exact) for result in (first, second)
+        )
         if np.dtype(object) in {one.dtype, other.dtype}:  # strings: the same or not
             one, other = np.ones(one.shape), (one == other).astype(float)
         error = np.abs(one - other).reshape(len(times), -1)
@@ -156,7 +157,8 @@ def compare(first: Result, second: Result) -> Comparison:
     )
 
 
-def _check(first: Result, second: Result, name: str) -> None:
+def _require_alike(first: Result, second: Result, name: str) -> None:
+    """Raise a ValidityError unless units and shapes of a signal agree in both results."""
     units = first.units[name], second.units[name]
     if all(units) and units[0] != units[1]:
         raise ValidityError(f"{name} is in {units[0]} in {first.title}, in {units[1]} in {second.title}; convert one")
@@ -165,8 +167,8 @@ def _check(first: Result, second: Result, name: str) -> None:
         raise ValidityError(f"{name} has shape {shapes[0]} in {first.title}, {shapes[1]} in {second.title}")
 
 
-def _times(first: Result, second: Result) -> tuple[_Numbers, bool]:
-    """Common times [s], and whether both results have these points."""
+def _common_times(first: Result, second: Result) -> tuple[Floats, bool]:
+    """Common times [s], and whether both results have points there."""
     begin, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
     if begin > end:
         raise ValidityError(
@@ -181,15 +183,16 @@ def _times(first: Result, second: Result) -> tuple[_Numbers, bool]:
     return np.union1d(one, other), False
 
 
-def _nearest(points: _Numbers, times: _Numbers) -> NDArray[np.intp]:
-    """Index of the nearest of sorted points to each time."""
+def _nearest(points: Floats, times: Floats) -> NDArray[np.intp]:
+    """Index of the sorted point nearest to each time."""
     after = np.clip(np.searchsorted(points, times), 1, max(1, len(points) - 1))
     if len(points) == 1:
         return np.zeros(len(times), dtype=np.intp)
     return np.where(times - points[after - 1] <= points[after] - times, after - 1, after)
 
 
-def _at(result: Result, name: str, times: _Numbers, *, exact: bool) -> tuple[_Numbers, Method]:
+def _interpolated(result: Result, name: str, times: Floats, *, exact: bool) -> tuple[Floats, Method]:
+    """Values of a signal at times, and how they were interpolated."""
     values = result[name]
     if values.ndim == 1 or values.shape[0] != len(result.time):
         values = values.reshape(len(result.time), -1)

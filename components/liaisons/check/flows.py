@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import numbers
+from liaisons.base.arrays import Floats
 from liaisons.base.reference_integration import integrate
 from liaisons.errors import ValidityError
 
@@ -16,8 +17,8 @@ _STEP = 1e-30
 _TOLERANCE = 1e-13
 
 
-def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, times: ArrayLike) -> NDArray[np.float64]:
-    """Solution of q' = ∂H/∂p, p' = -∂H/∂q, by DOP853 at a relative tolerance of 1e-13.
+def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, times: ArrayLike) -> Floats:
+    """Integrate Hamilton's equations q' = ∂H/∂p, p' = -∂H/∂q, by DOP853 at a relative tolerance of 1e-13.
 
     ::
 
@@ -40,6 +41,7 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
     directions = 1j * _STEP * np.eye(2 * n)
 
     def rate(_: float, state: NDArray) -> NDArray:
+        """Rates of q and p, by complex steps."""
         slope = np.broadcast_to(np.imag(hamiltonian(*(state[:, None] + directions))) / _STEP, 2 * n)
         return np.append(slope[n:], -slope[:n])
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import finite, numbers
+from liaisons.base.arrays import Floats
 from liaisons.errors import ValidityError
 
 
@@ -28,7 +29,7 @@ def max_error(values: ArrayLike, reference: ArrayLike) -> float:
 
 
 def slope(h: ArrayLike, errors: ArrayLike, *, floor: float = 0.0) -> float:
-    """Order of convergence: the slope of log(error) against log(h), by least squares.
+    """Order of convergence: the slope of log(error) over log(h), by least squares.
 
     :param h: step sizes, shape (n,), all > 0 and not all equal.
     :param errors: errors at these step sizes, shape (n,), all > 0 unless at the floor.
@@ -53,8 +54,8 @@ def slope(h: ArrayLike, errors: ArrayLike, *, floor: float = 0.0) -> float:
     return float(x @ y / (x @ x))
 
 
-def crossings(time: ArrayLike, signal: ArrayLike, rate: ArrayLike, *, rising: bool = False) -> NDArray[np.float64]:
-    """Instants at which a signal passes zero, by a cubic Hermite spline: an error of fourth order in the step.
+def crossings(time: ArrayLike, signal: ArrayLike, rate: ArrayLike, *, rising: bool = False) -> Floats:
+    """Instants of the zeros of a signal, by a cubic Hermite spline: the error is of fourth order in the step.
 
     :param time: instants [s], shape (n,), increasing.
     :param signal: its values there, shape (n,).
@@ -74,7 +75,7 @@ def crossings(time: ArrayLike, signal: ArrayLike, rate: ArrayLike, *, rising: bo
     return roots[spline(roots, 1) > 0] if rising else roots
 
 
-def frequencies(cosines: ArrayLike, step: float) -> NDArray[np.float64]:
+def frequencies(cosines: ArrayLike, step: float) -> Floats:
     """Angular frequencies of cosines [rad/s], from q(t + h) + q(t - h) = 2 cos(Ωh) q(t) by least squares.
 
     :param cosines: at equal steps, shape (..., n), n at least 3; each without offset, slower than π/h.

@@ -42,7 +42,7 @@ class Verdict:
         return self.error <= self.tolerance
 
     def row(self) -> dict[str, str]:
-        """The verdict as one row of ``liaisons.scenarios.table``."""
+        """Row of the verdict in :func:`table`."""
         unit = f" {self.unit}" if self.unit else ""
         return {
             "claim": self.claim,
@@ -57,7 +57,7 @@ class Verdict:
 
 
 def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reason: str = "") -> Verdict:
-    """A verdict on a claim; see :class:`Verdict` for the arguments.
+    """Make a verdict on a claim; see :class:`Verdict` for the arguments.
 
     :raises ValidityError: for a negative error or a tolerance that is no bound.
     """
@@ -65,6 +65,7 @@ def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reaso
 
 
 def _number(claim: str, name: str, value: object) -> float:
+    """One number, checked, of an argument of a verdict."""
     array = numbers(f"{claim!r}: {name}", value, ValidityError)
     if array.size != 1:
         raise ValidityError(f"{claim!r}: {name} = {shown(value)}: give one number")
@@ -72,7 +73,7 @@ def _number(claim: str, name: str, value: object) -> float:
 
 
 def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = None) -> str:
-    """A plain-text table, columns aligned.
+    """Plain-text table with aligned columns.
 
     :param rows: verdicts, or mappings from column to content; the first row names the columns.
     :param width: characters of a line, where cells go over several lines; None: one line a row, however long.
@@ -88,7 +89,7 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
         return ""
     columns = list(records[0])
     cells = [columns, *([one_line(str(record.get(column, ""))) for column in columns] for record in records)]
-    widths = _fitting(cells, width or sys.maxsize)
+    widths = _fitting_widths(cells, width or sys.maxsize)
     broken = [
         line
         for row in cells
@@ -104,13 +105,14 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in broken)
 
 
-def _fitting(cells: list[list[str]], width: int) -> list[int]:
-    """Widths of columns, no narrower than their words, narrowed where that costs the fewest lines."""
+def _fitting_widths(cells: list[list[str]], width: int) -> list[int]:
+    """Widths of columns, at least those of their words, narrowed where that costs the fewest lines."""
     columns = list(zip(*cells, strict=True))
     widths = [max(map(len, column)) for column in columns]
     words = [max(len(word) for cell in column for word in cell.split() or [""]) for column in columns]
 
     def lines(widths: list[int]) -> int:
+        """Number of lines of a table with these widths."""
         return sum(max(-(-len(cell) // (wide or 1)) for cell, wide in zip(row, widths, strict=True)) for row in cells)
 
     while sum(widths) + 2 * (len(widths) - 1) > width and widths != words:

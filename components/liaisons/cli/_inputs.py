@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.base.arrays import Floats
 from liaisons.base.files import csv_cells
 from liaisons.cosim.structure.knots import Join, curve, knots
 from liaisons.cosim.structure.sources import Signal
@@ -110,7 +110,7 @@ def _driven(system: System, name: str, *, single: bool) -> Port:
     return part[variable]
 
 
-def _check_reach(file: str, times: NDArray[np.float64], start_time: float, stop_time: float) -> None:
+def _check_reach(file: str, times: Floats, start_time: float, stop_time: float) -> None:
     allowed = _ROUNDING * (times[-1] - times[0])
     if times[0] > start_time + allowed or times[-1] < stop_time - allowed:
         raise SimulationError(
@@ -121,8 +121,8 @@ def _check_reach(file: str, times: NDArray[np.float64], start_time: float, stop_
 
 def _of_table(
     prescribed: Given,
-    times: NDArray[np.float64],
-    columns: Mapping[str, NDArray[np.float64]],
+    times: Floats,
+    columns: Mapping[str, Floats],
     ports: Mapping[str, Port],
     join: Join,
 ) -> set[str]:
@@ -145,7 +145,7 @@ def _of_table(
     return set(ports) - rates | triples.keys()
 
 
-def read_table(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+def read_table(path: Path) -> tuple[Floats, dict[str, Floats]]:
     """Times and columns of a CSV file: names in its first line, one of them ``time`` or ``t``, numbers below.
 
     Lines that begin with ``#`` are left out.

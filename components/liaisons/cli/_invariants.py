@@ -11,7 +11,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from liaisons.base.folders import passing_folder
-from liaisons.check import Verdict, verdict
+from liaisons.check import Verdict, compare, verdict
 from liaisons.cli._subject import mismatches
 from liaisons.cosim import simulate
 from liaisons.cosim.description.archive import Archive
@@ -105,22 +105,18 @@ def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
     A balance is small, not imprecise.  Where all signals of a unit are small beside the motion's size in other units,
     rounding of these is what differs.  Strings differ by 1 or not at all.
     """
-    _, one, other = np.intersect1d(coarse.time, fine.time, return_indices=True)  # an FMU may end a run early
+    differences = compare(coarse, fine).differences
     scales: dict[str, float] = {}
-    numbers = [name for name in coarse.names if name not in coarse.texts]
-    for name in numbers:
-        scales[coarse.units[name]] = max(scales.get(coarse.units[name], 0.0), float(np.max(np.abs(coarse[name]))))
+    for difference in differences:
+        if difference.name not in coarse.texts:
+            scales[difference.unit] = max(scales.get(difference.unit, 0.0), difference.scale)
     least = _ROUNDING * max(scales.values(), default=0.0)
     worst, where = 0.0, ""
-    for name in coarse.names:
-        if name in coarse.texts:
-            errors = (coarse[name][one] != fine[name][other]).astype(float)
-        else:
-            scale = max(scales[coarse.units[name]], least) or 1.0
-            errors = np.abs(coarse[name][one] - fine[name][other]) / scale
-        if errors.size and not errors.max() <= worst:
-            worst = float(errors.max())
-            where = f", at worst {name} at t = {coarse.time[one[int(errors.argmax())]]:.6g} s"
+    for difference in differences:
+        scale = 1.0 if difference.name in coarse.texts else max(scales[difference.unit], least) or 1.0
+        if not difference.maximum / scale <= worst:
+            worst = difference.maximum / scale
+            where = f", at worst {difference.name} at t = {difference.at:.6g} s"
     return worst, where
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.base.array_names import split
+from liaisons.base.arrays import Floats
 from liaisons.base.files import replacing
 from liaisons.base.port_names import PortNames, port_names
 from liaisons.errors import SimulationError
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Curves = Mapping[str, NDArray[np.float64]]
+Curves = Mapping[str, Floats]
 """Name -> values, shape (points,) or (points, elements)."""
-_Grid = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]
+_Grid = tuple[Floats, Floats, NDArray[np.intp]]
 _Subplots = Callable[[Sequence[str], int], "Sequence[Axes]"]
 """Labels of groups of signals, and the number of columns -> a diagram a group."""
 
@@ -60,7 +61,7 @@ def essential(signals: Curves, units: Mapping[str, str], ports: Mapping[str, Por
 def plot(
     result: LabelledSignals, names: Sequence[str], over: str | None, path: Path | None, axes: Axes | None = None
 ) -> Figure:
-    """Draw a diagram a unit, or for a sweep on a grid of two values a map a signal.
+    """Draw a diagram for each unit; of a sweep on a grid of two values, a map of each signal.
 
     :param names: what to draw; if empty, what :func:`essential` chooses, or the first maps.
     :param over: signal on the horizontal axis; None: as in :meth:`liaisons.Result.plot`.
@@ -84,7 +85,7 @@ def plot(
 def _draw_diagrams(
     result: LabelledSignals, names: Sequence[str], over: str | None, subplots: _Subplots, *, legend_outside: bool
 ) -> Sequence[Axes]:
-    """Draw a diagram a unit, its legend outside or inside."""
+    """Draw a diagram for each unit, its legend outside or inside."""
     timed = result.kind != "sweep"
     if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
         over = result.names[0]
@@ -123,7 +124,7 @@ def _draw_diagrams(
 
 
 def _grid(result: LabelledSignals) -> _Grid | None:
-    """Both values of a grid, ascending, and the case at [second, first]; None if the sweep is on no grid."""
+    """Both values of a grid, ascending, and the case at [second, first]; None if the sweep has no grid."""
     if result.kind != "sweep" or len(result.names) < 3:
         return None
     (x, columns), (y, rows) = (np.unique(values, return_inverse=True) for values in result.values[:2])
@@ -135,7 +136,7 @@ def _grid(result: LabelledSignals) -> _Grid | None:
 
 
 def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subplots: _Subplots) -> Sequence[Axes]:
-    """Draw a map a signal over the first two values of a sweep; failed cases stay blank."""
+    """Draw a map of each signal over the first two values of a sweep; failed cases stay blank."""
     for name in names:
         result.numbers(name)  # raises if it is unknown
     asked = [n for name in names for n in result.names if name in {n, split(n)[0]}] or result.names[2 : 2 + DIAGRAMS]
@@ -152,7 +153,7 @@ def _draw_maps(result: LabelledSignals, names: Sequence[str], grid: _Grid, subpl
 
 
 def _subplots(title: str, axes: Axes | None, groups: Sequence[str], columns: int, *, alone: bool) -> Sequence[Axes]:
-    """A diagram a group in a new figure, or the axes for the only group."""
+    """Make a figure with one diagram a group; or return the axes for the only group."""
     if axes is None:
         count = max(1, len(groups))
         rows = math.ceil(count / columns)
@@ -191,7 +192,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def new_figure(*, alone: bool) -> Figure:
-    """An empty figure, which pyplot knows and shows unless it is alone.
+    """Make an empty figure, which pyplot knows and shows unless it is alone.
 
     In a notebook pyplot does not know it: it would be shown there, and again as what the cell returns.
     """
@@ -208,10 +209,8 @@ def new_figure(*, alone: bool) -> Figure:
     return figure
 
 
-def _draw_curves(
-    diagram: Axes, name: str, x: NDArray[np.float64], values: NDArray[np.float64], style: Mapping[str, Any]
-) -> None:
-    """Draw a signal, or the elements of an array, the first ones pale."""
+def _draw_curves(diagram: Axes, name: str, x: Floats, values: Floats, style: Mapping[str, Any]) -> None:
+    """Draw the curve of a signal, or those of the elements of an array, the first ones pale."""
     columns = values.reshape(len(values), -1).T
     along = np.broadcast_to(x.reshape(len(values), -1).T, columns.shape)
     for one, column, alpha in zip(along, columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
@@ -222,7 +221,7 @@ def _draw_curves(
 
 
 def _visible(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
-    """Names of the signals of one unit that can be seen in one diagram; none if all are constant."""
+    """Names of the signals of one unit that can be told apart in one diagram; none if all are constant."""
     sizes = {name: _largest(values) for name, values in signals.items()}
     motions = {name: _largest(values - values[:1]) for name, values in signals.items()}
     zero = _ROUNDING * max(*sizes.values(), 1.0 if unit in {"", "1", "rad"} else 0.0)
@@ -230,7 +229,7 @@ def _visible(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
     changing = [name for name in moving if motions[name] > _CHANGING * sizes[name]] or moving
     if not changing:
         return []
-    ends = {name: _ends(values) for name, values in signals.items()}
+    ends = {name: _extrema(values) for name, values in signals.items()}
     first = [ends[name] for name in changing if ranks[name] == ranks[changing[0]]]
     low, high = min(end[0] for end in first), max(end[1] for end in first)
     pixel = _PIXEL * (high - low)
@@ -244,22 +243,23 @@ def _visible(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
     return chosen[:CURVES]
 
 
-def _largest(values: NDArray[np.float64]) -> float:
+def _largest(values: Floats) -> float:
     """The largest absolute value."""
-    return max(map(abs, _ends(values)))
+    return max(map(abs, _extrema(values)))
 
 
-def _ends(values: NDArray[np.float64]) -> tuple[float, float]:
+def _extrema(values: Floats) -> tuple[float, float]:
     """Smallest and largest finite value; 0 if there is none."""
     finite = values[np.isfinite(values)]
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
 
 
 def _rank(name: str, unit: str, names: Container[str]) -> int:
-    """Rank of a signal in :func:`essential`, from 0, by its name in our FMUs."""
+    """Rank of a signal in :func:`essential`, from 0, by its name."""
     owner, dot, last = split(name)[0].rpartition(".")
 
     def has(name: str) -> bool:
+        """Whether the same component has a variable of this name."""
         return f"{owner}{dot}{name}" in names
 
     ending = port_names("")

@@ -7,8 +7,8 @@ from html import escape
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.base.arrays import Floats
 from liaisons.errors import LiaisonsError
 from liaisons.pictures import motion_page
 from liaisons.results.signals import LabelledSignals
@@ -27,17 +27,17 @@ _ROUNDING = 1e-9
 
 
 def html(signals: LabelledSignals) -> str:
-    """The motion, if there is one, and a table of the signals with small diagrams."""
+    """HTML of the motion, if there is one, and of a table of the signals with small diagrams."""
     remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
     motion, problems = _motion(signals)
     remarks += [*problems, *(f"Warning: {text}" for text in signals.warnings)]
     names = [] if signals.kind == "sweep" else signals.entries[:_MOST_ROWS]
-    curves = [_curve(signals.numbers(name)) for name in names]
+    curves = [_diagram(signals.numbers(name)) for name in names]
     return motion + _table(signals.headline, summary(signals, _MOST_ROWS, few=0), curves, remarks)
 
 
 def _motion(signals: LabelledSignals) -> tuple[str, list[str]]:
-    """The motion as a frame of HTML, and why it cannot be shown."""
+    """HTML frame of the motion, and the reasons why it cannot be shown."""
     if signals.scene is None:
         return "", []
     numbers = dict(zip(signals.names, signals.values, strict=True))
@@ -52,7 +52,7 @@ def _motion(signals: LabelledSignals) -> tuple[str, list[str]]:
 
 
 def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str], remarks: Sequence[str]) -> str:
-    """A table, the names of its columns from the first row, a curve beside each row, remarks below."""
+    """HTML table with a diagram beside each row, and remarks below; its columns are named by the first row."""
     columns = [f"<th>{escape(name)}</th>" for name in (rows[0] if rows else ())]
     lines = [[f"<td>{escape(cell)}</td>" for cell in row.values()] for row in rows]
     for line, curve in zip(lines, curves, strict=False):
@@ -64,7 +64,7 @@ def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str],
 
 
 def framed(page: bytes, height: int) -> str:
-    """A page as a frame of a notebook, in a sandbox: its script cannot read the notebook.
+    """HTML frame of a page in a sandbox: its script cannot read the notebook.
 
     :param height: of the frame [px].
     """
@@ -74,8 +74,8 @@ def framed(page: bytes, height: int) -> str:
     )
 
 
-def _curve(values: NDArray[np.float64]) -> str:
-    """A small diagram of values (points, ...): the band between the smallest and largest finite ones."""
+def _diagram(values: Floats) -> str:
+    """SVG diagram of values (points, ...): the band between the smallest and largest finite ones."""
     parts = enumerate(np.array_split(values, min(len(values), _WIDTH)))
     bands = [(x, finite.min(), finite.max()) for x, part in parts if (finite := part[np.isfinite(part)]).size]
     if not bands:

@@ -92,14 +92,14 @@ class Result(LabelledSignals):
         return cls(**tables.read_parquet(as_path("from_parquet", path)))
 
     def to_pandas(self) -> Any:
-        """A ``pandas.DataFrame``: a column a signal, over time, cases or both; title, units and so on in ``attrs``.
+        """Make a ``pandas.DataFrame``: a column a signal, over time, cases or both; title and units in ``attrs``.
 
         :raises SimulationError: if pandas is missing (``pip install 'liaisons[pandas]'``).
         """
         return tables.data_frame(self)
 
     def to_xarray(self) -> Any:
-        """An ``xarray.Dataset``: a variable a signal or array, over ``time``, ``case`` or both.
+        """Make an ``xarray.Dataset``: a variable a signal or array, over ``time``, ``case`` or both.
 
         The axes of arrays are called by place and length, ``i_10``, so that those of one length go together.  Units are
         attributes; what has failed is the coordinate ``failure`` of the cases.
@@ -170,4 +170,5 @@ class Result(LabelledSignals):
         return tables.summary(self, most, few)
 
     def _repr_html_(self) -> str:
+        """HTML by which a notebook shows the result."""
         return notebook.html(self)

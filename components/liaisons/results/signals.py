@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.base.array_names import Shape, complete, split
+from liaisons.base.arrays import Floats
 from liaisons.base.port_names import PortNames
 from liaisons.errors import SimulationError, UnknownSignalError, suggestion
 from liaisons.pictures import Scene
@@ -23,14 +24,14 @@ class LabelledSignals:
     """The data of a :class:`liaisons.Result`, which has the same fields."""
 
     title: str
-    time: NDArray[np.float64]
+    time: Floats
     names: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Floats
     units: Mapping[str, str]
     failures: Mapping[int, str] = field(default_factory=dict)
     unfinished: tuple[int, ...] = ()
-    errors: NDArray[np.float64] | None = None
-    coupling_error: NDArray[np.float64] | None = None
+    errors: Floats | None = None
+    coupling_error: Floats | None = None
     compiled: bool = False
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     jumping: frozenset[str] = frozenset()
@@ -48,14 +49,14 @@ class LabelledSignals:
 
     @property
     def kind(self) -> Literal["simulation", "sweep", "ensemble"]:
-        """A simulation over time, a sweep over cases, or an ensemble over both."""
+        """Whether it is a simulation over time, a sweep over cases, or an ensemble over both."""
         if not self.time.size:
             return "sweep"
         return "simulation" if self.values.ndim == 2 else "ensemble"
 
     @property
     def index(self) -> dict[str, NDArray[Any]]:
-        """The axes of each signal: ``"time"`` [s], ``"case"``, counted from 0, or both."""
+        """Axes of each signal: ``"time"`` [s], ``"case"``, counted from 0, or both."""
         axes = {"time": self.time, "case": np.arange(self.values.shape[-1])}
         chosen = {"simulation": ["time"], "sweep": ["case"], "ensemble": ["time", "case"]}[self.kind]
         return {axis: axes[axis] for axis in chosen}
@@ -73,14 +74,14 @@ class LabelledSignals:
         """A signal or an array of them, or the default if there is none of this name."""
         return self[name] if name in self else default  # noqa: SIM401 - it would call itself
 
-    def numbers(self, name: str) -> NDArray[np.float64]:
+    def numbers(self, name: str) -> Floats:
         """A signal or an array of them as numbers; a string as its index in ``texts``.
 
         :raises UnknownSignalError: if there is none of this name.
         """
         return self._select(self.values, name)
 
-    def error(self, name: str) -> NDArray[np.float64]:
+    def error(self, name: str) -> Floats:
         """Estimated largest error of a signal of an ensemble, shape (cases,); of a verified simulation, shape (times,).
 
         :raises SimulationError: for an unknown name, or if there is no estimate.
@@ -93,13 +94,13 @@ class LabelledSignals:
 
     @property
     def unconverged(self) -> tuple[int, ...]:
-        """Numbers of the cases, from 0, that do not converge as the steps shrink; none without error estimates."""
+        """Numbers of the cases, from 0, whose errors do not shrink with the steps; none without error estimates."""
         if self.errors is None or self.kind != "ensemble":
             return ()
         return tuple(np.flatnonzero(np.isinf(self.errors).any(axis=0)).tolist())
 
-    def _select(self, table: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-        """Rows of one name; the axes of an array become the last ones."""
+    def _select(self, table: Floats, name: str) -> Floats:
+        """Rows of a table by the name of a signal or array; the axes of an array become the last ones."""
         if not isinstance(name, str):
             raise UnknownSignalError(
                 f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
@@ -120,29 +121,29 @@ class LabelledSignals:
 
     @property
     def entries(self) -> tuple[str, ...]:
-        """Names of the signals, an array under its own."""
+        """Names of the signals; an array has its own name, and not those of its elements."""
         return self.grouped(0)
 
     def grouped(self, size: int) -> tuple[str, ...]:
-        """Names of the signals, an array of more elements than this under its own."""
+        """Names of the signals; an array of more elements than this size has its own name only."""
         elements = {row: name for name, (rows, _) in self._arrays.items() if len(rows) > size for row in rows}
         return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
 
     def element(self, name: str) -> str:
-        """The first element of an array; any other name itself."""
+        """Name of the first element of an array; any other name as it is."""
         return self.names[self._arrays[name][0][0]] if name in self._arrays else name
 
     def sized(self, name: str) -> str:
-        """A name, with the shape of its array: ``"theta (10)"``."""
+        """Name with the shape of its array: ``"theta (10)"``."""
         return f"{name} ({'×'.join(map(str, self._arrays[name][1]))})" if name in self._arrays else name
 
     def label(self, name: str) -> str:
-        """A name with its shape and unit: ``"theta (10) [rad]"``."""
+        """Name with its shape and unit: ``"theta (10) [rad]"``."""
         return f"{self.sized(name)} [{self.units[name]}]" if self.units[name] else self.sized(name)
 
     @property
     def headline(self) -> str:
-        """Title and size on one line."""
+        """Title and size, in one line."""
         timed = self.kind != "sweep"
         parts = [f"{len(self.time)} points, t = {self.time[0]:g} to {self.time[-1]:g} s"] if timed else []
         if self.kind != "simulation":
@@ -166,16 +167,17 @@ class LabelledSignals:
         return len(self.entries)
 
     def keys(self) -> tuple[str, ...]:
-        """Names, as :attr:`entries`."""
+        """Names of the signals, as :attr:`entries`."""
         return self.entries
 
     @cached_property
     def _rows(self) -> dict[str, int]:
+        """Row of each name."""
         return {name: row for row, name in enumerate(self.names)}
 
     @cached_property
     def _arrays(self) -> dict[str, tuple[list[int], Shape]]:
-        """Rows and shape of each array all of whose elements are recorded, in order."""
+        """Rows and shape of each array whose elements are all recorded, by its name."""
         elements: dict[str, list[tuple[int, Shape]]] = {}
         for name, row in self._rows.items():
             base, index = split(name)

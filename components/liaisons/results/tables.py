@@ -25,7 +25,7 @@ _NOTES = ("title", "warning", "estimates")
 
 
 def write_csv(signals: LabelledSignals, path: Path) -> None:
-    """Write a CSV file.
+    """Write signals to a CSV file.
 
     :raises SimulationError: if it cannot be written.
     """
@@ -38,7 +38,7 @@ def write_csv(signals: LabelledSignals, path: Path) -> None:
 
 
 def read_csv(path: Path) -> dict[str, Any]:
-    """Fields of the :class:`LabelledSignals` in a CSV file.
+    """Read a CSV file: fields of :class:`LabelledSignals`.
 
     :raises SimulationError: if it cannot be read, or is not such a file.
     """
@@ -57,11 +57,11 @@ def read_csv(path: Path) -> dict[str, Any]:
 
 
 def write_parquet(signals: LabelledSignals, path: Path) -> None:
-    """Write a Parquet file.
+    """Write signals to a Parquet file.
 
     :raises SimulationError: if it cannot be written, or PyArrow is missing.
     """
-    arrow, parquet = _pyarrow(path)
+    arrow, parquet = _import_pyarrow(path)
     names, units, contents = zip(*_columns(signals), strict=True)
     arrays = [arrow.array(content) for content in contents]
     columns = zip(names, arrays, units, strict=True)
@@ -73,11 +73,11 @@ def write_parquet(signals: LabelledSignals, path: Path) -> None:
 
 
 def read_parquet(path: Path) -> dict[str, Any]:
-    """Fields of the :class:`LabelledSignals` in a Parquet file.
+    """Read a Parquet file: fields of :class:`LabelledSignals`.
 
     :raises SimulationError: if it cannot be read, or PyArrow is missing.
     """
-    arrow, parquet = _pyarrow(path)
+    arrow, parquet = _import_pyarrow(path)
     try:
         with path.open("rb") as file:
             table = parquet.ParquetFile(file).read()
@@ -95,8 +95,8 @@ def read_parquet(path: Path) -> dict[str, Any]:
 
 
 def data_frame(signals: LabelledSignals) -> Any:
-    """A ``pandas.DataFrame``, a column a signal."""
-    pandas = _optional("to_pandas", "pandas", "pandas")
+    """Make a ``pandas.DataFrame`` with a column for each signal."""
+    pandas = _import_optional("to_pandas", "pandas", "pandas")
     levels = [pandas.Index(axis, name=name) for name, axis in signals.index.items()]
     index = levels[0] if len(levels) == 1 else pandas.MultiIndex.from_product(levels)
     frame = pandas.DataFrame({name: signals[name].ravel() for name in signals.names}, index=index)
@@ -110,8 +110,8 @@ def data_frame(signals: LabelledSignals) -> Any:
 
 
 def dataset(signals: LabelledSignals) -> Any:
-    """An ``xarray.Dataset``, a variable a signal or array."""
-    xarray = _optional("to_xarray", "xarray", "xarray")
+    """Make an ``xarray.Dataset`` with a variable for each signal or array."""
+    xarray = _import_optional("to_xarray", "xarray", "xarray")
     index = signals.index
     data = xarray.Dataset(coords=index, attrs={"title": signals.title, "warnings": list(signals.warnings)})
     if "time" in index:
@@ -133,17 +133,19 @@ def summary(signals: LabelledSignals, most: int | None, few: int) -> list[dict[s
     :param few: most elements of an array that has a row an element.
     """
     if signals.kind != "sweep":
-        return [_extent(signals, name) for name in signals.grouped(few)[:most]]
+        return [_extent_row(signals, name) for name in signals.grouped(few)[:most]]
     names = [signals.label(name) for name in signals.names]
     cases = signals.values.T[:most].tolist()
     return [dict(zip(names, (f"{value:.6g}" for value in case), strict=True)) for case in cases]
 
 
-def _extent(signals: LabelledSignals, name: str) -> dict[str, str]:
+def _extent_row(signals: LabelledSignals, name: str) -> dict[str, str]:
+    """Row of a table: start, end and extrema of a signal."""
     values = signals[name]
     numeric = values.dtype != object
 
     def texts(numbers: Iterable[Any]) -> list[str]:
+        """Numbers or strings as texts."""
         return [f"{number:.6g}" if numeric else number for number in numbers]
 
     start, end = texts(values[[0, -1]]) if values.ndim == 1 else ("", "")
@@ -158,7 +160,7 @@ def _extent(signals: LabelledSignals, name: str) -> dict[str, str]:
 
 
 def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]]:
-    """Name, unit and content of the columns of a file: a row a point, a case, or a case at a point."""
+    """Yield name, unit and content of the columns of a file, a row for each point, case, or case at a point."""
     index = signals.index
     axes = dict(zip(index, map(np.ravel, np.meshgrid(*index.values(), indexing="ij")), strict=True))
     if signals.kind != "sweep":  # whose cases are numbered by their rows
@@ -175,14 +177,14 @@ def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]
 
 
 def _notes(signals: LabelledSignals) -> list[tuple[str, str]]:
-    """Metadata of the file, by :data:`_NOTES`."""
+    """Metadata of a file: pairs of a key of :data:`_NOTES` and a text."""
     estimates = ", ".join(name for name in _ESTIMATES if getattr(signals, name) is not None)
     notes = [("title", signals.title), *(("warning", text) for text in signals.warnings), ("estimates", estimates)]
     return notes if estimates else notes[:-1]
 
 
 def _reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:
-    """Reason of the failure of each case; empty if it has none."""
+    """Reasons of the failures of cases; empty where a case has not failed."""
     return np.array([signals.failures.get(case, "") for case in cases.tolist()], dtype=object)
 
 
@@ -193,7 +195,7 @@ def _fields(
     units: Sequence[str],
     contents: Sequence[Sequence[Any]],
 ) -> dict[str, Any]:
-    """Fields of :class:`LabelledSignals`, from its columns and notes.
+    """Fields of :class:`LabelledSignals` from the columns and notes of a file.
 
     :param title: unless the notes have one.
     :raises ValueError: with the reason, if these are no signals.
@@ -201,7 +203,7 @@ def _fields(
     noted = dict(notes)
     first = 1 if names[-1:] != [_FAILURE] else 2 if names[:2] == ["time", "case"] else int(names[0] == "time")
     end = len(names) - (first != 1)  # of results over time alone, any name may be a signal's
-    last, last_error = _ends(noted.get("estimates", ""), first, end)
+    last, last_error = _column_ends(noted.get("estimates", ""), first, end)
     texts, rows = {}, [*contents[:end]]
     for column, name in enumerate(names[first:last], start=first):
         if not units[column] and len(rows[column]) and not any(map(_is_number, rows[column])):
@@ -233,8 +235,8 @@ def _fields(
     }
 
 
-def _ends(estimates: str, first: int, end: int) -> tuple[int, int]:
-    """Columns after the last signal and after its error, in a file with these estimates.
+def _column_ends(estimates: str, first: int, end: int) -> tuple[int, int]:
+    """Numbers of the columns after the last signal and after its error, in a file with these estimates.
 
     :param first: column of the first signal.
     :param end: column after the last number.
@@ -249,12 +251,12 @@ def _ends(estimates: str, first: int, end: int) -> tuple[int, int]:
 
 
 def _escaped(text: str) -> str:
-    """A text on one line, without quotes, which other readers of CSV would take for the start of a cell."""
+    """Text on one line, without the quotes by which other readers of CSV begin a cell."""
     return json.dumps(text, ensure_ascii=False)[1:-1].replace('\\"', "\\u0022")
 
 
 def _without_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
-    """Yield the lines of a CSV file without its metadata, and append that to ``notes``."""
+    """Yield the lines of a CSV file except its metadata, which are appended to ``notes``."""
     for line in lines:
         key, colon, text = line.rstrip("\r\n").partition(": ")
         if not (colon and key.startswith("# ") and key[2:] in _NOTES):
@@ -267,6 +269,7 @@ def _without_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterat
 
 
 def _is_number(content: Any) -> bool:
+    """Whether a cell holds a number."""
     try:
         float(content)
     except (TypeError, ValueError):
@@ -274,14 +277,15 @@ def _is_number(content: Any) -> bool:
     return True
 
 
-def _optional(purpose: str, package: str, extra: str, module: str = "") -> Any:
-    """An optional package, or a module of it."""
+def _import_optional(purpose: str, package: str, extra: str, module: str = "") -> Any:
+    """Import an optional package, or a module of it."""
     try:
         return import_module(f"{package.lower()}{module}")
     except ImportError:
         raise SimulationError(f"{purpose} needs {package}; pip install 'liaisons[{extra}]'") from None
 
 
-def _pyarrow(path: Path) -> tuple[Any, Any]:
+def _import_pyarrow(path: Path) -> tuple[Any, Any]:
+    """Import PyArrow and its module for Parquet."""
     names = f"{path}: Parquet", "PyArrow", "parquet"
-    return _optional(*names), _optional(*names, ".parquet")
+    return _import_optional(*names), _import_optional(*names, ".parquet")

@@ -26,7 +26,7 @@ class Bound:
 
 
 def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
-    """A bound for claims.
+    """Make a bound for claims.
 
     :param tolerance: largest error that is allowed, >= 0.
     :param unit: SI unit of error and tolerance; empty for what is relative or a count.
@@ -68,11 +68,11 @@ class Claims:
             pairs = [(_signal(text, got, name), expected[name]) for name in (expected if names is None else names)]
         else:
             pairs = [(got, expected)]
-        self._judge(text, [np.abs(_difference(text, *pair)) for pair in pairs], bound)
+        self._append_verdict(text, [np.abs(_difference(text, *pair)) for pair in pairs], bound)
 
     def below(self, text: str, got: ArrayLike, limit: ArrayLike, bound: Bound) -> None:
         """Claim that no result exceeds the limit; the error is the largest excess."""
-        self._judge(text, [np.maximum(_difference(text, got, limit), 0.0)], bound)
+        self._append_verdict(text, [np.maximum(_difference(text, got, limit), 0.0)], bound)
 
     def order(self, text: str, sizes: ArrayLike, errors: ArrayLike, order: float, bound: Bound) -> None:
         """Claim that errors go as the sizes to this power: the slope of their logarithms, three at least."""
@@ -97,7 +97,8 @@ class Claims:
         error, bound = max(accounts, key=lambda account: account[0] / account[1])
         self(text, error, 0.0, within(bound, "J", because="10 x tolerance x mean kinetic energy x time"))
 
-    def _judge(self, text: str, errors: list[NDArray[Any]], bound: Bound) -> None:
+    def _append_verdict(self, text: str, errors: list[NDArray[Any]], bound: Bound) -> None:
+        """Append the verdict on a claim whose error is the largest of these."""
         if not isinstance(bound, Bound):
             raise ValidityError(f"{text!r}: {shown(bound)} is no bound; give within(tolerance, unit, because=...)")
         error = max(map(np.max, errors), key=lambda e: (np.isnan(e), e))
@@ -107,6 +108,7 @@ class Claims:
 
 
 def _signal(text: str, got: Any, name: str) -> ArrayLike:
+    """Values of a signal, checked to be in the results."""
     try:
         return got[name]
     except (TypeError, IndexError, KeyError):
@@ -114,7 +116,7 @@ def _signal(text: str, got: Any, name: str) -> ArrayLike:
 
 
 def _difference(text: str, got: object, expected: object) -> NDArray[Any]:
-    """Results less the reference."""
+    """Results less the reference, checked to have shapes that agree."""
     numbers, reference = (_numbers(text, values) for values in (got, expected))
     try:
         if numbers.size:
@@ -125,6 +127,7 @@ def _difference(text: str, got: object, expected: object) -> NDArray[Any]:
 
 
 def _numbers(text: str, values: object) -> NDArray[Any]:
+    """Real or complex numbers as an array, checked."""
     try:
         numbers = np.asarray(values)
     except ValueError:  # rows of different lengths

@@ -46,7 +46,7 @@ class Outcome:
         return not self.error and all(verdict.passed for verdict in self.verdicts)
 
     def rows(self) -> list[Mapping[str, str]]:
-        """One row of the table a verdict; scenario and time stand in the first."""
+        """Rows of the table, one a verdict; scenario and time stand in the first."""
         rows = [verdict.row() for verdict in self.verdicts]
         rows += [{"claim": "(see its error)", "verdict": "ERROR"}] if self.error else []
         first = {"scenario": self.scenario.name, "time": f"{self.seconds:.1f} s"}
@@ -86,7 +86,7 @@ def scenario(main: Callable[[Claims], None]) -> Scenario:
 
 
 def load(target: str) -> Scenario:
-    """A scenario by its name or by the path of its file.
+    """Load a scenario by its name or by the path of its file.
 
     :raises ProjectError: for an unknown name, or a file that cannot be loaded or has no scenario.
     """
@@ -102,7 +102,7 @@ def load(target: str) -> Scenario:
 
 
 def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = False) -> Outcome:
-    """Run a scenario.
+    """Run a scenario: simulate, judge its claims, and write its figure.
 
     :param figures: directory for the figure; :func:`liaisons.base.project.figures_directory` unless given.
     :param debug: let errors of the scenario through instead of putting them into the outcome.
@@ -127,5 +127,5 @@ def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = Fa
 
 
 def report(outcomes: Iterable[Outcome]) -> str:
-    """The table that a run ends in: scenario, claim, error, tolerance, verdict, time."""
+    """Table of outcomes: scenario, claim, error, tolerance, verdict, time."""
     return table([row for outcome in outcomes for row in outcome.rows()])

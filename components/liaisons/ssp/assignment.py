@@ -21,7 +21,7 @@ Quantity = tuple[tuple[Number, ...], UnitDefinition | None]
 
 
 def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
-    """Names and values of the parameters of a set, with duplicates.
+    """Names and values of the parameters of a set; a name may occur twice.
 
     :raises SimulationError: for a type that is not supported, or a value of another type.
     """
@@ -37,7 +37,7 @@ def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
 def mapped(
     listed: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str
 ) -> Iterator[tuple[str, Quantity]]:
-    """The parameters under the names of their targets; without a mapping, under their own."""
+    """Yield the values, transformed by a mapping, with the names of their targets; without one, with their own."""
     quantities = {f"{prefix}{name}": quantity for name, quantity in listed}
     if not entries:
         yield from quantities.items()
@@ -50,7 +50,7 @@ def mapped(
 
 
 def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
-    """The value in the type and unit of the variable.
+    """The value of a parameter in the type and the unit of a variable.
 
     :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
@@ -68,6 +68,7 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
 
 
 def _values(name: str, element: Element) -> tuple[Number, ...]:
+    """Values of the parameter in an XML element."""
     kind, text = element.tag.rpartition("}")[2], element.get("value", "")
     try:
         if kind == "Real" or kind.startswith("Float"):
@@ -84,6 +85,7 @@ def _values(name: str, element: Element) -> tuple[Number, ...]:
 
 
 def _item(label: str, value: Number, items: Mapping[str, int]) -> Number:
+    """Value of an item of an enumeration, by its name."""
     if isinstance(value, str) and value not in items:
         raise SimulationError(f"{label} = {value!r}: it is one of {', '.join(items) or 'no items that have names'}")
     return items[value] if isinstance(value, str) else value
@@ -96,6 +98,7 @@ def _items(fmu: Fmu, variable: str) -> dict[str, int]:
 
 
 def _transformed(name: str, value: Number, entry: Element) -> Number:
+    """A value after the transformation of a mapping entry."""
     for child in entry:
         kind = child.tag.rpartition("}")[2]
         if kind == "LinearTransformation" and not isinstance(value, str):
@@ -117,6 +120,7 @@ _MAPPINGS: Mapping[str, Callable[[str], Number]] = {
 
 
 def _converted(label: str, value: Number, unit: UnitDefinition | None, target: UnitDefinition | None) -> Number:
+    """A value converted to another unit of the same dimension; unchanged where a unit is not defined."""
     if isinstance(value, str) or unit is None or target is None:
         return value
     if unit.exponents != target.exponents:

@@ -25,7 +25,7 @@ _FULL = {"Real": "Float64", "Integer": "Int32"}  # of FMI 2.0; FMI 3.0 and SSP 2
 
 
 def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
-    """The connector of a variable, a scalar or an FMI 3.0 array, and the index in it; () for all of it."""
+    """Return the scalar or FMI 3.0 array of a variable, and the index of the variable in it; () for all of it."""
     array = part.fmu.variables.whole(variable)
     if array is None:
         return part.fmu.variables[variable], ()
@@ -36,7 +36,7 @@ def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
 def inner(
     part: SystemComponent, connections: Iterable[Connection], shown: Iterable[VariableReference]
 ) -> dict[str, Entry]:
-    """Connectors of a component: those connected inside, and those exposed by the system."""
+    """Connectors of a component by name: those connected to other components, and those exposed by the system."""
     ends = (end.place for connection in connections for end in (connection.source, connection.target))
     entries = (connector(part, name)[0] for owner, name in (*ends, *shown) if owner == part.name)
     return {entry.like.name: entry for entry in entries}
@@ -76,7 +76,7 @@ def add_sizes(parent: Element, entry: Entry) -> None:
 
 
 def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form: Form) -> Element:
-    """Add the type of a variable, with its unit if that is defined."""
+    """Add and return the type of a variable, with its unit if that is defined."""
     name = (
         _PORTABLE.get(variable.type, variable.type) if form == "portable" else _FULL.get(variable.base, variable.base)
     )

@@ -34,7 +34,7 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 def page(
     name: str, parts: Iterable[SystemComponent], connections: Iterable[Connection], experiment: DefaultExperiment
 ) -> str:
-    """The HTML page."""
+    """HTML page of a system."""
     times = [f"starts at t = {experiment.start_time:g} s"]
     if experiment.stop_time is not None:
         times.append(f"stops at t = {experiment.stop_time:g} s")
@@ -53,8 +53,10 @@ def page(
 
 
 def _starts(part: SystemComponent) -> list[str]:
+    """Start values of a component in words."""
     return [f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in part.starts.items()]
 
 
 def _row(*cells: str) -> str:
+    """A row of an HTML table, its cells escaped."""
     return f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"

@@ -19,9 +19,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 from zipfile import ZipFile, ZipInfo
 
-import numpy as np
-from numpy.typing import NDArray
-
+from liaisons.base.arrays import Floats
 from liaisons.base.compiler import INSTALLATION
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
@@ -35,25 +33,25 @@ _DESCRIPTION = "modelDescription.xml"
 
 
 def takes(part: SystemComponent, mark: bytes) -> bool:
-    """Whether the FMU has code with this mark: reads the file (:data:`STARTS`), or has lines of kind ``z``."""
+    """Whether the code of an FMU has a mark: it reads start values (:data:`STARTS`), or skips zeros (:data:`ZEROS`)."""
     with ZipFile(part.fmu.path) as archive:
         modules = [name for name in archive.namelist() if name.startswith("resources/liaisons_runtime_")]
         return any(mark in archive.read(name) for name in (part.fmu.binary, *modules))
 
 
 def baked(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
-    """The FMU with the start values of a component.
+    """Contents of the FMU file with the start values of a component.
 
     :param ignore_zeros: prescribed coordinates that must not be 0 keep their start values where an importer sets 0
         before the first step.
     """
     values = {name: start(part, name) for name in scalars(part)}
     lines = [_line(part, *item) for item in values.items()]
-    return _copy(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
+    return _with_lines(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
 
 
-def with_table(path: Path, table: NDArray[np.float64]) -> bytes:
-    """The FMU with another table.
+def with_table(path: Path, table: Floats) -> bytes:
+    """Contents of the FMU file with another table.
 
     :param table: shape (columns, rows).
     :raises SimulationError: if the FMU is of the Python back end.
@@ -61,7 +59,7 @@ def with_table(path: Path, table: NDArray[np.float64]) -> bytes:
     with ZipFile(path) as archive:
         if _PYTHON in archive.namelist():
             raise SimulationError(f"{path.name}: {table.shape[1]} knots need a native FMU; {INSTALLATION}")
-    return _copy(path, [f"t 0 {table.size} {_bits('>d', table.ravel())} table\n"], {})
+    return _with_lines(path, [f"t 0 {table.size} {_hexadecimal('>d', table.ravel())} table\n"], {})
 
 
 def has_table(path: Path) -> bool:
@@ -70,7 +68,8 @@ def has_table(path: Path) -> bool:
         return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
 
 
-def _copy(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
+def _with_lines(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
+    """Contents of an FMU file with further lines of start values, also in its model description."""
     target = io.BytesIO()
     with ZipFile(path) as old, ZipFile(target, "w") as new:
         before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""
@@ -84,18 +83,20 @@ def _copy(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> byte
 
 
 def _line(part: SystemComponent, name: str, value: Value) -> str:
+    """Line of a variable in the file of start values."""
     like = part.fmu.variables.entry(name).like
     kind, form = ("r", ">d") if like.type == "Real" else ("i", ">q")
     numbers = value if isinstance(value, tuple) else (value,)
-    return f"{kind} {like.reference} {len(numbers)} {_bits(form, numbers)} {name}\n"
+    return f"{kind} {like.reference} {len(numbers)} {_hexadecimal(form, numbers)} {name}\n"
 
 
-def _bits(form: str, numbers: Iterable[object]) -> str:
+def _hexadecimal(form: str, numbers: Iterable[object]) -> str:
+    """Numbers as hexadecimal digits of their bits."""
     return " ".join(struct.pack(form, number).hex() for number in numbers)
 
 
 def _described(description: bytes, values: Mapping[str, Value], starts: str) -> bytes:
-    """The model description with these start values, and a GUID that the library accepts."""
+    """The model description with other start values, and a GUID of its own that the library accepts."""
     root = ElementTree.fromstring(description)
     name = "guid" if "guid" in root.attrib else "instantiationToken"
     # a minus, which a URI takes as it is: libcosim makes a directory of the GUID and does not encode it again

@@ -20,7 +20,7 @@ def chosen(
     stop_time: float | None = None,
     step_size: float | None = None,
 ) -> DefaultExperiment:
-    """Return times and step size: arguments first, then the last run, then the longest and shortest of the FMUs.
+    """Return start, stop and step: arguments first, then those of the last run, then those of the FMUs.
 
     :raises SimulationError: for what is no finite number.
     """
@@ -35,11 +35,12 @@ def chosen(
         stop_time = next(later, None)
     if step_size is None:
         step_size = usual.step_size if last.step_size is None else last.step_size
-    return DefaultExperiment(*(None if time is None else _meant(time) for time in (start_time, stop_time, step_size)))
+    times = start_time, stop_time, step_size
+    return DefaultExperiment(*(None if time is None else _without_rounding(time) for time in times))
 
 
-def _meant(time: float) -> float:
-    """The round number that sums of steps miss by their rounding errors: 2 for 2.000000000000001."""
+def _without_rounding(time: float) -> float:
+    """The time without the rounding errors of summed steps: 2 for 2.000000000000001."""
     few = float(f"{time:.14g}")
     return few if abs(few - time) <= 4 * math.ulp(time) else time
 
@@ -48,7 +49,7 @@ def add_master(system: Element, experiment: DefaultExperiment) -> None:
     """Tell OMSimulator the step size, as the last child of the system."""
     if experiment.step_size is None:
         return
-    annotation = _annotation(system, "org.openmodelica")
+    annotation = _add_annotation(system, "org.openmodelica")
     information = SubElement(SubElement(annotation, tag("oms:Annotations")), tag("oms:SimulationInformation"))
     SubElement(
         information,
@@ -66,7 +67,7 @@ def add_experiment(root: Element, experiment: DefaultExperiment) -> None:
     attributes = {name: repr(float(value)) for name, value in times.items() if value is not None}
     element = SubElement(root, tag("ssd:DefaultExperiment"), attributes)
     if experiment.step_size is not None:
-        algorithm = SubElement(_annotation(element, "com.opensimulationplatform"), tag("osp:Algorithm"))
+        algorithm = SubElement(_add_annotation(element, "com.opensimulationplatform"), tag("osp:Algorithm"))
         SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(experiment.step_size))
 
 
@@ -88,7 +89,8 @@ def read_experiment(root: Element) -> DefaultExperiment:
     return DefaultExperiment(start if math.isfinite(start) else 0.0, *span)
 
 
-def _annotation(parent: Element, kind: str) -> Element:
+def _add_annotation(parent: Element, kind: str) -> Element:
+    """Add and return an annotation of a kind."""
     annotations = parent.find(path("ssd:Annotations"))
     if annotations is None:
         annotations = SubElement(parent, tag("ssd:Annotations"))

@@ -20,7 +20,7 @@ _SHORT = 1e-6
 def solved(
     name: str, parts: Mapping[str, SystemComponent], connections: Sequence[Connection], start_time: float
 ) -> dict[str, SystemComponent]:
-    """The components; inputs in the cycles of a system with algebraic loops start from what our own run starts from.
+    """Components whose inputs in algebraic loops start from the solution of the loops.
 
     :param name: of the system.
     :param start_time: [s].

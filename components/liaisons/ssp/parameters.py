@@ -37,7 +37,7 @@ def scalars(part: SystemComponent) -> list[str]:
 
 
 def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
-    """A parameter set file (SSV)."""
+    """Contents of a parameter set file (SSV)."""
     root = Element(tag("ssv:ParameterSet"), version="1.0" if form == "portable" else "2.0", name=_INITIAL)
     group = SubElement(root, tag("ssv:Parameters"))
     used: dict[str, None] = {}
@@ -53,7 +53,7 @@ def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
 
 
 def mapping(listed: Iterable[Listed]) -> bytes:
-    """A mapping file (SSM) from the parameters of a set to variables of components."""
+    """Contents of a mapping file (SSM) from the parameters of a set to variables of components."""
     root = Element(tag("ssm:ParameterMapping"), version="2.0")
     for name, part, variable in listed:
         SubElement(root, tag("ssm:MappingEntry"), source=name, target=f"{part.name}.{variable}")
@@ -61,7 +61,7 @@ def mapping(listed: Iterable[Listed]) -> bytes:
 
 
 def bind(element: Element, values: str, names: str | None = None) -> None:
-    """Bind a parameter set, and a mapping, to a component or system."""
+    """Add the binding of a parameter set, and of a mapping, to a component or system."""
     binding = SubElement(SubElement(element, tag("ssd:ParameterBindings")), tag("ssd:ParameterBinding"), source=values)
     if names is not None:
         SubElement(binding, tag("ssd:ParameterMapping"), source=names)

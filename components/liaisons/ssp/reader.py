@@ -28,8 +28,7 @@ from liaisons.cosim.structure.connections import Connection, connect_scalars
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.ssp.assignment import Quantity, fitted, mapped, parameters
 from liaisons.ssp.experiment import read_experiment
-from liaisons.ssp.structure import Path as VariableReference
-from liaisons.ssp.structure import Pin, Structure, read_structure
+from liaisons.ssp.structure import ElementPath, Pin, Structure, read_structure
 from liaisons.ssp.xml import STRUCTURE, declared, path, tag
 
 _VERSIONS = ("1.0", "2.0")
@@ -63,7 +62,7 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
 
 
 def _name_of(archive: Archive, source: str, owner: str) -> str:
-    """Name of a file in the archive from a relative URI.
+    """Name of a file in the archive from its relative URI, checked to be there.
 
     :param owner: of the URI, for messages.
     """
@@ -76,7 +75,7 @@ def _name_of(archive: Archive, source: str, owner: str) -> str:
 
 
 def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
-    """An XML file with this root."""
+    """Root element of an XML file in the archive, checked by its name."""
     name = _name_of(archive, source, owner)
     try:
         with archive.open(name) as file:
@@ -98,6 +97,7 @@ def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
 
 
 def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
+    """The system in an opened archive, its FMUs unpacked."""
     if STRUCTURE not in archive.names:  # a truncated archive can end in the whole archive of an FMU
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
     root = _xml(archive, STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
@@ -107,9 +107,9 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
         structure, experiment = read_structure(root), read_experiment(root)
     except ValueError as error:
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
-    fmus = _unpacked(archive, structure, directory)
+    fmus = _unpack(archive, structure, directory)
     starts = _starts(archive, structure, fmus)
-    owners = {_name(path_): path_ for path_ in fmus}
+    owners = {_component_name(component): component for component in fmus}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
         if owner not in owners:
@@ -119,17 +119,22 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
         starts[owners[owner]].pop(variable, None)
         starts[owners[owner]][variable] = value
     system = make(structure.name)
-    parts = {path_: system.add(_name(path_), fmu.path, start_values=starts[path_]) for path_, fmu in fmus.items()}
+    parts = {
+        component: system.add(_component_name(component), fmu.path, start_values=starts[component])
+        for component, fmu in fmus.items()
+    }
     system.join(_connections(structure, parts))
     system.experiment = experiment
     return system
 
 
-def _name(place: VariableReference) -> str:
-    return "_".join(place).replace(".", "_")  # names of components have no dots
+def _component_name(element: ElementPath) -> str:
+    """Name of a component from those of nested elements."""
+    return "_".join(element).replace(".", "_")  # names of components have no dots
 
 
-def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[VariableReference, Fmu]:
+def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[ElementPath, Fmu]:
+    """Unpack the FMUs, and return them by component."""
     fmus: dict[str, Fmu] = {}
     size = archive.size
     for component, source in structure.sources.items():
@@ -147,26 +152,26 @@ def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[V
     return {component: fmus[source] for component, source in structure.sources.items()}
 
 
-def _starts(
-    archive: Archive, structure: Structure, fmus: dict[VariableReference, Fmu]
-) -> dict[VariableReference, dict[str, Any]]:
-    starts: dict[VariableReference, dict[str, Any]] = {component: {} for component in fmus}
+def _starts(archive: Archive, structure: Structure, fmus: dict[ElementPath, Fmu]) -> dict[ElementPath, dict[str, Any]]:
+    """Start values of each component, from all parameter bindings."""
+    starts: dict[ElementPath, dict[str, Any]] = {component: {} for component in fmus}
     for element, binding in structure.bindings:
-        for name, quantity in _bound(archive, element, binding):
-            meant = structure.meant(element, name)
-            if not meant:
+        for name, quantity in _bound_parameters(archive, element, binding):
+            targets = structure.targets(element, name)
+            if not targets:
                 logger.warning("%s: parameter %s fits nothing and is ignored", archive.path, name)
-            for component, variable in meant:
+            for component, variable in targets:
                 fmu = fmus[component]
                 if variable in fmu.arrays or variable in fmu.variables:
                     starts[component].pop(variable, None)  # later values override
-                    starts[component][variable] = fitted(_name(component), fmu, variable, quantity)
+                    starts[component][variable] = fitted(_component_name(component), fmu, variable, quantity)
                 else:
                     logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
     return starts
 
 
-def _bound(archive: Archive, element: VariableReference, binding: Element) -> Iterable[tuple[str, Quantity]]:
+def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) -> Iterable[tuple[str, Quantity]]:
+    """Names and values of the parameters of one binding."""
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
     source, values = binding.get("source"), binding.find(path("ssd:ParameterValues", "ssv:ParameterSet"))
     if source is not None:
@@ -186,13 +191,13 @@ def _bound(archive: Archive, element: VariableReference, binding: Element) -> It
         raise SimulationError(f"{owner} cannot be read: {error}") from None
 
 
-def _connections(structure: Structure, parts: dict[VariableReference, SystemComponent]) -> list[Connection]:
-    """The scalar connections."""
+def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]) -> list[Connection]:
+    """Connections from scalar to scalar."""
     joined: list[Connection] = []
     for chain in structure.connections():
         start, end = chain[0].start, chain[-1].end
         try:
-            pairs = _matched(start, _ends(start, parts), end, _ends(end, parts))
+            pairs = _paired(start, _scalar_ports(start, parts), end, _scalar_ports(end, parts))
             joined += [connect_scalars(*pair, structure.conversion(chain, *map(_unit, pair))) for pair in pairs]
         except ConnectError as error:
             if str(start) in str(error) and str(end) in str(error):
@@ -202,16 +207,18 @@ def _connections(structure: Structure, parts: dict[VariableReference, SystemComp
 
 
 def _unit(port: Port) -> UnitDefinition | None:
+    """Unit of the variable of a port; None if undefined."""
     return port.part.fmu.units.get(port.variable.unit)
 
 
-def _ends(node: Pin, parts: dict[VariableReference, SystemComponent]) -> list[Port]:
-    """The scalars of a connector or of one element of it."""
+def _scalar_ports(node: Pin, parts: dict[ElementPath, SystemComponent]) -> list[Port]:
+    """Ports of the scalars of a connector, or of one element of it."""
     name = f"{node.connector}[{','.join(map(str, node.indices))}]" if node.indices else node.connector
     return parts[node.element][name].elements()
 
 
-def _matched(start: Pin, sources: list[Port], end: Pin, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
+def _paired(start: Pin, sources: list[Port], end: Pin, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
+    """Pair the scalars of two connectors, which must be as many."""
     if len(sources) != len(targets):
         raise ConnectError(
             f"{start} has {len(sources)} elements, {end} has {len(targets)}: they cannot be connected as a whole"

@@ -14,7 +14,7 @@ from liaisons.cosim.description.model_description import SAME, Conversion, UnitD
 from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.ssp.xml import path, tag, units
 
-Path = tuple[str, ...]
+ElementPath = tuple[str, ...]
 """Names of nested elements; () is the root system."""
 
 _IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
@@ -25,7 +25,7 @@ _MOST_COMPONENTS, _LONGEST_WAY = 10_000, 1000  # beyond that reading would take 
 class Pin(NamedTuple):
     """A connector of an element, or one element of it if it is an array."""
 
-    element: Path
+    element: ElementPath
     connector: str
     indices: Shape = ()
 
@@ -60,27 +60,27 @@ class Structure:
     """
 
     name: str
-    sources: dict[Path, str] = field(default_factory=dict)
-    bindings: list[tuple[Path, Element]] = field(default_factory=list)
+    sources: dict[ElementPath, str] = field(default_factory=dict)
+    bindings: list[tuple[ElementPath, Element]] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
-    shown: dict[tuple[Path, str], UnitDefinition | None] = field(default_factory=dict)
+    shown: dict[tuple[ElementPath, str], UnitDefinition | None] = field(default_factory=dict)
 
     def connections(self) -> Iterator[list[Edge]]:
-        """Chains of connections from component to component through connectors of systems.
+        """Yield chains of connections that lead from component to component through connectors of systems.
 
         :raises SimulationError: if an input has several sources, or connections form a cycle without a component.
         """
-        into: dict[tuple[Path, str], list[Edge]] = {}
+        into: dict[tuple[ElementPath, str], list[Edge]] = {}
         for edge in self.edges:
             into.setdefault((edge.end.element, edge.end.connector), []).append(edge)
         for edge in self.edges:
             if edge.end.element in self.sources:
-                chain = self._way(edge, into)
+                chain = self._chain_to(edge, into)
                 if chain is not None:
                     yield chain
 
-    def _way(self, last: Edge, into: dict[tuple[Path, str], list[Edge]]) -> list[Edge] | None:
-        """The chain from the output of a component to the end of an edge; None if its start is not connected."""
+    def _chain_to(self, last: Edge, into: dict[tuple[ElementPath, str], list[Edge]]) -> list[Edge] | None:
+        """The chain from an output of a component to the end of an edge; None if its start is not connected."""
         chain, node = [last], last.start
         seen = {node}
         while node.element not in self.sources:
@@ -118,10 +118,10 @@ class Structure:
             unit = unit if next_unit is None and not edge.as_is and edge.conversion == SAME else next_unit
         return total
 
-    def meant(self, system: Path, name: str) -> list[tuple[Path, str]]:
-        """Components and variables that a parameter of an element sets; empty if there are none."""
-        variables: dict[tuple[Path, str], None] = {}
-        seen: set[tuple[Path, str]] = set()
+    def targets(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
+        """Components and variables that a parameter of an element sets."""
+        variables: dict[tuple[ElementPath, str], None] = {}
+        seen: set[tuple[ElementPath, str]] = set()
         waiting = [(system, name)]
         while waiting:
             connector = waiting.pop()
@@ -131,35 +131,35 @@ class Structure:
             if connector[0] in self.sources:
                 variables[connector] = None
             elif connector in self.shown:
-                edges = self._shows[connector]
+                edges = self._edges_from[connector]
                 if converting := [edge for edge in edges if edge.conversion != SAME]:
                     end = converting[0].end
                     raise SimulationError(f"{converting[0]} converts a parameter, which is not done here: give {end}")
                 waiting += [(edge.end.element, edge.end.connector) for edge in reversed(edges)]
             else:
-                waiting += self._inside(*connector)
+                waiting += self._nested(*connector)
         return list(variables)
 
-    def _inside(self, system: Path, name: str) -> list[tuple[Path, str]]:
-        """The element of a system that is the prefix of a dotted name, and the rest of the name."""
+    def _nested(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
+        """Element that a dotted name of a parameter begins with, and the rest of the name."""
         dot = len(name)
         while (dot := name.rfind(".", 0, dot)) > 0:  # the longest name of an element wins
             child = (*system, name[:dot])
-            if child in self._parents:
+            if child in self._paths:
                 return [(child, name[dot + 1 :])]
         return []
 
     @cached_property
-    def _shows(self) -> Mapping[tuple[Path, str], list[Edge]]:
-        """Connections from the connectors of systems."""
-        edges_from: dict[tuple[Path, str], list[Edge]] = {connector: [] for connector in self.shown}
+    def _edges_from(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
+        """Connections from each connector of a system."""
+        edges_from: dict[tuple[ElementPath, str], list[Edge]] = {connector: [] for connector in self.shown}
         for edge in self.edges:
             edges_from.get((edge.start.element, edge.start.connector), []).append(edge)
         return edges_from
 
     @cached_property
-    def _parents(self) -> set[Path]:
-        """The components, and the systems that contain them."""
+    def _paths(self) -> set[ElementPath]:
+        """Paths of all components, and of the systems that contain them."""
         return {component[:depth] for component in self.sources for depth in range(1, len(component) + 1)}
 
 
@@ -188,10 +188,10 @@ class _Reader:
 
     structure: Structure
     units: Mapping[str, UnitDefinition]
-    kinds: dict[tuple[Path, str], str] = field(default_factory=dict)
+    kinds: dict[tuple[ElementPath, str], str] = field(default_factory=dict)
 
-    def read(self, system: Element, parent: Path, dictionaries: dict[str, Path]) -> None:
-        """Add a system and its nested systems."""
+    def read(self, system: Element, parent: ElementPath, dictionaries: dict[str, ElementPath]) -> None:
+        """Add a system and its nested systems to the structure."""
         structure = self.structure
         structure.bindings.extend((parent, binding) for binding in _bindings(system))
         structure.shown.update(
@@ -199,7 +199,7 @@ class _Reader:
         )
         own = {d.get("name", ""): (*parent, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
         dictionaries = dictionaries | own
-        inside: dict[str, Path] = {}
+        inside: dict[str, ElementPath] = {}
         for element in system.iterfind(path("ssd:Elements") + "/*"):
             name = _required(element, "name")
             if name in inside:
@@ -221,8 +221,8 @@ class _Reader:
         for connection in system.iterfind(path("ssd:Connections", "ssd:Connection")):
             structure.edges.append(self._edge(connection, parent, inside))
 
-    def _connectors(self, element: Element, element_path: Path) -> list[tuple[str, str]]:
-        """Names and units of connectors; their kinds are stored."""
+    def _connectors(self, element: Element, element_path: ElementPath) -> list[tuple[str, str]]:
+        """Return names and units of connectors, after storing their kinds."""
         units_by_name = []
         for connector in element.iterfind(path("ssd:Connectors", "ssd:Connector")):
             name = _required(connector, "name")
@@ -230,9 +230,11 @@ class _Reader:
             units_by_name.append((name, next((unit for child in connector if (unit := child.get("unit"))), "")))
         return units_by_name
 
-    def _edge(self, connection: Element, parent: Path, inside: dict[str, Path]) -> Edge:
+    def _edge(self, connection: Element, parent: ElementPath, inside: dict[str, ElementPath]) -> Edge:
+        """The connection of an XML element, in the direction of signal flow."""
         start, end = (_end(connection, role, parent, inside) for role in ("start", "end"))
-        if (self._gives(start, parent), self._gives(end, parent)) in {(False, True), (False, None), (None, True)}:
+        kinds = self._is_source(start, parent), self._is_source(end, parent)
+        if kinds in {(False, True), (False, None), (None, True)}:
             start, end = end, start  # either end may be called the start
         conversion = SAME
         for child in connection:
@@ -245,8 +247,8 @@ class _Reader:
             raise SimulationError(f"{Edge(start, end)} has a factor or an offset that is no finite number")
         return Edge(start, end, conversion, connection.get("suppressUnitConversion") in {"true", "1"})
 
-    def _gives(self, pin: Pin, parent: Path) -> bool | None:
-        """Whether a connector is a source, seen from inside the system; None if unspecified."""
+    def _is_source(self, pin: Pin, parent: ElementPath) -> bool | None:
+        """Whether a connector is a source, as seen from inside the system; None if unspecified."""
         kind = self.kinds.get((pin.element, pin.connector))
         if kind not in {*_INWARDS, *_OUTWARDS}:
             return None
@@ -258,7 +260,8 @@ _OUTWARDS = ("output", "calculatedParameter")
 _DICTIONARIES = path("ssd:SignalDictionaries", "ssd:SignalDictionary")
 
 
-def _source(part: Element, component: Path) -> str:
+def _source(part: Element, component: ElementPath) -> str:
+    """ElementPath of the FMU of a component in the archive."""
     name, kind, source = ".".join(component), part.get("type", _FMU), part.get("source")
     if kind != _FMU:
         raise SimulationError(f"component {name} is of type {kind!r}; only FMUs ({_FMU}) can be simulated")
@@ -271,7 +274,8 @@ def _source(part: Element, component: Path) -> str:
     return source
 
 
-def _end(connection: Element, role: str, parent: Path, inside: dict[str, Path]) -> Pin:
+def _end(connection: Element, role: str, parent: ElementPath, inside: dict[str, ElementPath]) -> Pin:
+    """Connector at the start or the end of a connection."""
     element, connector = connection.get(f"{role}Element"), _required(connection, f"{role}Connector")
     index = tuple(map(int, connection.get(f"{role}Indices", "").split()))
     if not element:  # some tools write an empty name for the system itself
@@ -284,10 +288,12 @@ def _end(connection: Element, role: str, parent: Path, inside: dict[str, Path]) 
 
 
 def _bindings(element: Element) -> list[Element]:
+    """Parameter bindings of an element."""
     return element.findall(path("ssd:ParameterBindings", "ssd:ParameterBinding"))
 
 
 def _required(element: Element, attribute: str) -> str:
+    """Value of an attribute that an element must have."""
     value = element.get(attribute)
     if not value:
         raise SimulationError(f"its structure has a {element.tag.rpartition('}')[2]} without {attribute}")

@@ -76,7 +76,7 @@ def write(
     experiment = chosen(system, start_time, stop_time, step_size)
     if form == "portable":
         name = _identifier(name)
-        names = _identifiers(parts)
+        names = _unique_identifiers(parts)
         parts = solved(name, parts, connections, experiment.start_time or 0.0)
         parts = {names[p.name]: replace(_without_interpolation(p), name=names[p.name]) for p in parts.values()}
         connections = [
@@ -110,8 +110,8 @@ def _identifier(name: str) -> str:
     return re.sub(r"^(?=\d)|\W", "_", name, flags=re.ASCII) or "_"
 
 
-def _identifiers(names: Iterable[str]) -> dict[str, str]:
-    """A unique identifier for each name."""
+def _unique_identifiers(names: Iterable[str]) -> dict[str, str]:
+    """Unique identifiers by name."""
     identifiers: dict[str, str] = {}
     for name in sorted(names, key=lambda name: name != _identifier(name)):  # identifiers stay
         free, number = _identifier(name), 1
@@ -123,12 +123,12 @@ def _identifiers(names: Iterable[str]) -> dict[str, str]:
 
 
 def _moved(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str, str]) -> Port:
-    """The port of the component that is written."""
+    """The port of the renamed component."""
     return Port(parts[names[port.part.name]], port.name)
 
 
 def _without_interpolation(part: SystemComponent) -> SystemComponent:
-    """A copy that extrapolates its inputs: other masters step all FMUs at once, without inputs at the end."""
+    """The component, extrapolating its inputs: other masters step all FMUs at once."""
     if not part.approximation.interpolates:
         return part
     return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
@@ -137,13 +137,14 @@ def _without_interpolation(part: SystemComponent) -> SystemComponent:
 def _add_portable(
     system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
+    """Add the components, each with a parameter set of its own, and the connections between them."""
     elements = SubElement(system, tag("ssd:Elements"))
     # All outputs, since some importers record connectors only; no unconnected inputs, since some set them to 0.
     shown = [
         p for p, entry in outer(parts, connections).items() if entry.like.causality == "output" and not entry.shape
     ]
     for part in parts:
-        zeros = _fed_from_zero(part, connections) and takes(part, ZEROS)
+        zeros = _starts_from_nonzero(part, connections) and takes(part, ZEROS)
         bake = zeros or (bool(part.starts) and takes(part, STARTS))
         content = baked(part, ignore_zeros=zeros) if bake else b""
         source = _add_file(files, f"{part.name}.fmu", content) if bake else _add_fmu(files, part)
@@ -155,8 +156,8 @@ def _add_portable(
     _add_connections(system, connections, {})
 
 
-def _fed_from_zero(part: SystemComponent, connections: Iterable[Connection]) -> bool:
-    """Whether a connected input has a start value other than 0: some importers set it to 0 before the first step."""
+def _starts_from_nonzero(part: SystemComponent, connections: Iterable[Connection]) -> bool:
+    """Whether a connected input starts from another value than 0, which some importers set before the first step."""
     fed = (connection.target for connection in connections)
     starts = (end.variable.start for end in fed if end.part.name == part.name and end.variable.type == "Real")
     return any(start is not None and float(start) != 0 for start in starts)
@@ -165,6 +166,7 @@ def _fed_from_zero(part: SystemComponent, connections: Iterable[Connection]) -> 
 def _add_full(
     system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
+    """Add connectors of the system, one parameter set with its mapping, components and connections."""
     shown = outer(parts, connections)
     add_connectors(system, {"_".join(place): entry for place, entry in shown.items()}, units, "full")
     listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in scalars(c)]
@@ -179,6 +181,7 @@ def _add_full(
 
 
 def _add_component(elements: Element, name: str, source: str) -> Element:
+    """Add and return a component of an FMU."""
     kind = "application/x-fmu-sharedlibrary"
     return SubElement(elements, tag("ssd:Component"), name=name, type=kind, source=source)
 
@@ -213,14 +216,14 @@ def _add_connections(
 
 
 def _add_fmu(files: Files, part: SystemComponent) -> str:
-    """Add the FMU file, once for all components of it."""
+    """Add the FMU file of a component once, and return its name in the archive."""
     path = part.fmu.path
     known = next((name for name, content in files.items() if content == path), None)
     return known or _add_file(files, path.name, path)
 
 
 def _add_file(files: Files, name: str, content: bytes | Path) -> str:
-    """Add a resource under a unique name that is safe in a URI."""
+    """Add a resource, and return its unique name, which is safe in a URI."""
     stem, dot, suffix = re.sub(r"[^\w.\-]", "_", name, flags=re.ASCII).rpartition(".")
     number, free = 1, f"resources/{stem}{dot}{suffix}"
     while free in files:
@@ -231,6 +234,7 @@ def _add_file(files: Files, name: str, content: bytes | Path) -> str:
 
 
 def _check_scalars(path: Path, parts: Iterable[SystemComponent], connections: Iterable[Connection]) -> None:
+    """Raise a SimulationError for FMI 3.0 arrays, which SSP 1.0 does not know."""
     used = [(end.part, end.name) for connection in connections for end in (connection.source, connection.target)]
     used += [(part, name) for part in parts for name in part.starts]
     arrays = [f"{part.name}.{name}" for part, name in used if part.fmu.variables.whole(name)]

@@ -26,7 +26,7 @@ for _prefix, _uri in _NAMESPACES.items():
 
 
 def tag(name: str) -> str:
-    """``"ssd:System"`` as ElementTree writes it."""
+    """Name of an element as ElementTree writes it, from ``"ssd:System"``."""
     prefix, _, local = name.partition(":")
     return f"{{{_NAMESPACES[prefix]}}}{local}"
 
@@ -37,7 +37,7 @@ def path(*names: str) -> str:
 
 
 def document(root: Element) -> bytes:
-    """The XML file of an element."""
+    """Contents of the XML file of an element."""
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
@@ -56,7 +56,7 @@ def units(root: Element, group: str) -> Mapping[str, UnitDefinition]:
 
 
 def declared(text: bytes) -> tuple[bytes, list[str]]:
-    """A file with added declarations of its undeclared prefixes, and these prefixes."""
+    """Return the file with declarations of its undeclared prefixes, and these prefixes."""
     used = {*re.findall(rb"</?([A-Za-z_][\w.-]*):", text), *re.findall(rb"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=", text)}
     missing = sorted(used - {b"xml", b"xmlns", *re.findall(rb"xmlns:([\w.-]+)\s*=", text)})
     names = [prefix.decode() for prefix in missing]

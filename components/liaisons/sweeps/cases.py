@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias, final, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import named, numbers, shown, whole
+from liaisons.base.arrays import Floats
 from liaisons.errors import SweepError
 
 
@@ -30,13 +31,13 @@ Distribution: TypeAlias = Quantiles | tuple[float, float]
 
 @final
 @dataclass(frozen=True, eq=False, repr=False)
-class Cases(Mapping[str, NDArray[np.float64]]):
+class Cases(Mapping[str, Floats]):
     """Name of a parameter or input -> its value in each case, shape (count,).
 
     :param columns: all of one length.
     """
 
-    columns: Mapping[str, NDArray[np.float64]]
+    columns: Mapping[str, Floats]
 
     def __post_init__(self) -> None:
         for column in self.columns.values():
@@ -44,7 +45,7 @@ class Cases(Mapping[str, NDArray[np.float64]]):
 
     @classmethod
     def of(cls, columns: Mapping[str, ArrayLike]) -> Cases:
-        """Cases one by one: the first of all columns, the second, ...
+        """Return cases one by one: the first values of all columns, then the second ones, ...
 
         :raises SweepError: if nothing is varied, or columns differ in length.
         """
@@ -62,10 +63,10 @@ class Cases(Mapping[str, NDArray[np.float64]]):
         return len(next(iter(self.columns.values())))
 
     def case(self, number: int) -> dict[str, float]:
-        """The values of one case."""
+        """The values of one case, by name."""
         return {name: float(column[number]) for name, column in self.columns.items()}
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
+    def __getitem__(self, name: str) -> Floats:
         return self.columns[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -79,27 +80,27 @@ class Cases(Mapping[str, NDArray[np.float64]]):
 
 
 def grid(over: Mapping[str, ArrayLike]) -> Cases:
-    """All combinations of values; the last name varies fastest.
+    """Return the cases of all combinations of values; the last name varies fastest.
 
     ``column.reshape(len(a), len(b))`` is the column of a result on the grid.
 
     :raises SweepError: if there is nothing to vary, or a value is no finite number.
     """
     columns = _columns(over)
-    _check_count("grid", math.prod(map(len, columns.values())))
+    _refuse_too_many("grid", math.prod(map(len, columns.values())))
     mesh = np.meshgrid(*columns.values(), indexing="ij")
     return Cases({name: np.ascontiguousarray(axis).reshape(-1) for name, axis in zip(columns, mesh, strict=True)})
 
 
 def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hypercube: bool = False) -> Cases:
-    """Independent random values; the same ones for the same seed.
+    """Return cases of independent random values; the same ones for the same seed.
 
     :param over: name -> ``(low, high)``, or a distribution of ``scipy.stats``.
     :param latin_hypercube: spread the values of each name evenly over its quantiles.
     :raises SweepError: for an invalid count or seed, nothing to vary, or no distribution.
     """
     whole("sample: count", count, SweepError)
-    _check_count("sample", int(count))
+    _refuse_too_many("sample", int(count))
     whole("sample: seed", seed, SweepError, least=0)
     if not named("sample: over", over, SweepError):
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
@@ -111,15 +112,17 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
     else:
         quantiles = generator.random((int(count), len(over)))
     columns = zip(over.items(), quantiles.T, strict=True)
-    return Cases({name: _quantiles(name, distribution, q) for (name, distribution), q in columns})
+    return Cases({name: _values_at(name, distribution, q) for (name, distribution), q in columns})
 
 
-def _check_count(maker: str, count: int) -> None:
+def _refuse_too_many(maker: str, count: int) -> None:
+    """Raise a SweepError for more cases than a sweep may have."""
     if count > _MOST:
         raise SweepError(f"{maker}: {count} cases are too many; give {_MOST} at most, and do the rest in another sweep")
 
 
-def _quantiles(name: str, distribution: Distribution, quantiles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _values_at(name: str, distribution: Distribution, quantiles: Floats) -> Floats:
+    """Quantiles of a distribution, checked to be finite; shape (count,)."""
     if isinstance(distribution, Quantiles):
         values = np.array(distribution.ppf(quantiles), dtype=float)
     else:
@@ -138,7 +141,8 @@ def _quantiles(name: str, distribution: Distribution, quantiles: NDArray[np.floa
     return values
 
 
-def _columns(over: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
+def _columns(over: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    """Values by name as arrays, checked to be finite and not empty."""
     if not named("cases", over, SweepError):
         raise SweepError("nothing is varied; give at least one name with its values")
     columns = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
@@ -25,7 +24,6 @@ Client = Any
 
 _PATIENCE = "10s"  # for a scheduler to answer
 _CANCELLED = "the Dask cluster has cancelled the sweep; is its scheduler still there?"
-_PAUSE = 0.2  # [s] between two requests for the list of workers, once one of them has failed
 _pools: dict[tuple[str, int], tuple[Pool, ExitStack]] = {}  # on a worker: sweep and thread -> process, and its folder
 
 
@@ -64,7 +62,7 @@ def simulate_on_cluster(
         _Sweep(client, (shipment, time_limit), deliver).run(chunks)
     finally:
         with suppress(Exception):  # a cluster that is gone has ended them by itself
-            client.run(_close, key)
+            client.run(_close_pools, key)
 
 
 @final
@@ -78,26 +76,23 @@ class _Sweep:
         from distributed import as_completed
 
         self._client, self._task, self._deliver = client, task, deliver
-        self._chunks: dict[Any, tuple[list[int], set[str]]] = {}  # future -> cases, and their workers; empty: any
-        self._unable: set[str] = set()
+        self._chunks: dict[Any, list[int]] = {}  # future -> cases
+        self._failed_workers: set[str] = set()
         self._finished = as_completed(loop=client.loop)  # else it takes that of the default client
 
     def run(self, chunks: Iterable[list[int]]) -> None:
+        """Simulate all chunks of cases, and deliver their outcomes."""
         try:
             for cases in chunks:
                 self._submit(cases)
             while self._chunks:
-                if self._unable and not self._finished.has_ready():
-                    self._rescue()
-                    time.sleep(_PAUSE)
-                    continue
                 future = next(self._finished)
-                if future in self._chunks:
-                    self._take(future, self._chunks.pop(future)[0])
+                self._handle(future, self._chunks.pop(future))
         finally:
             self._client.cancel(list(self._chunks))
 
-    def _take(self, future: Any, cases: list[int]) -> None:
+    def _handle(self, future: Any, cases: list[int]) -> None:
+        """Deliver the outcomes of a future that is done, or submit its cases again."""
         if future.status == "finished":
             try:
                 answer: dict[int, Outcome] | _Unable = future.result()
@@ -106,8 +101,8 @@ class _Sweep:
             if not isinstance(answer, _Unable):
                 self._deliver(answer)
                 return
-            self._unable.add(answer.worker)
-            if self._able():
+            self._failed_workers.add(answer.worker)
+            if self._usable_workers():
                 self._submit(cases)
             else:
                 reason = f"the Dask worker {answer.worker} cannot begin: {answer.reason}"
@@ -121,28 +116,22 @@ class _Sweep:
             for case in cases:
                 self._submit([case])
 
-    def _rescue(self) -> None:
-        """Submit the cases of lost workers again."""
-        alive = set(self._client.nthreads())
-        lost = {future: cases for future, (cases, where) in self._chunks.items() if where and not where & alive}
-        for future, cases in lost.items():
-            del self._chunks[future]
-            future.cancel()
-            self._submit(cases)
-
     def _submit(self, cases: list[int]) -> None:
-        where = set(self._able() if self._unable else [])
-        future = self._client.submit(_simulate, self._task, cases, pure=False, workers=sorted(where) or None)
-        self._chunks[future] = cases, where
+        """Submit cases to the workers that can start."""
+        workers = self._usable_workers() if self._failed_workers else None  # others where all of these are lost
+        options = {"workers": workers, "allow_other_workers": bool(workers), "pure": False}
+        future = self._client.submit(_simulate, self._task, cases, **options)
+        self._chunks[future] = cases
         self._finished.add(future)
 
-    def _able(self) -> list[str]:
-        return [worker for worker in self._client.nthreads() if worker not in self._unable]
+    def _usable_workers(self) -> list[str]:
+        """Addresses of the workers that have not failed to start."""
+        return [worker for worker in self._client.nthreads() if worker not in self._failed_workers]
 
 
 @contextmanager
 def connected(client: Client | str) -> Iterator[Client]:
-    """A client of the scheduler at an address; a client itself is left open.
+    """Yield a client of the scheduler at an address; a client itself is passed on and left open.
 
     :raises SweepError: if ``distributed`` is not installed, or no scheduler answers.
     """
@@ -169,18 +158,18 @@ def connected(client: Client | str) -> Iterator[Client]:
 
 
 def _shipment(*parts: Any) -> Any:
-    """On a worker: the run's key, study and files, which other workers copy from this one."""
+    """Return, on a worker, the run's key, study and files, which other workers copy from there."""
     return parts
 
 
 def _simulate(
     task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
 ) -> dict[int, Outcome] | _Unable:
-    """On a worker: simulate cases in the process of this thread, which is kept for the next ones."""
+    """On a worker, simulate cases in the process of this thread, which stays for the next cases."""
     (key, study, files), time_limit = task
     try:
         if (key, get_ident()) not in _pools:
-            _start(key, study, files, time_limit)
+            _start_pool(key, study, files, time_limit)
         pool, _ = _pools[key, get_ident()]
         outcomes: dict[int, Outcome] = {}
         pool.run(cases, outcomes.update)
@@ -191,10 +180,11 @@ def _simulate(
         return _Unable(get_worker().address, failure(error).reason)
 
 
-def _start(key: str, study: Study, files: Mapping[Path, bytes], time_limit: float | None) -> None:
+def _start_pool(key: str, study: Study, files: Mapping[Path, bytes], time_limit: float | None) -> None:
+    """On a worker, write the files of a sweep and start the process of this thread."""
     from cloudpickle import dumps  # comes with Dask; functions of scripts go by value
 
-    _close(thread=get_ident())  # of a sweep that was lost
+    _close_pools(thread=get_ident())  # of a sweep that was lost
     with ExitStack() as stack:
         folder = stack.enter_context(passing_folder())
         paths = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
@@ -206,7 +196,7 @@ def _start(key: str, study: Study, files: Mapping[Path, bytes], time_limit: floa
         _pools[key, get_ident()] = pool, stack.pop_all()
 
 
-def _close(key: str = "", thread: int = 0) -> None:
-    """On a worker: end the processes of a sweep or of a thread."""
+def _close_pools(key: str = "", thread: int = 0) -> None:
+    """On a worker, end the processes of a sweep or of a thread."""
     for owner in [owner for owner in _pools if key == owner[0] or thread == owner[1]]:
         _pools.pop(owner)[1].close()

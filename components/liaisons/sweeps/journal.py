@@ -82,10 +82,12 @@ class Journal:
             ) from None
 
     def _write(self, lines: bytes) -> None:
+        """Append lines and flush the file."""
         self._file.write(lines)
         self._file.flush()
 
     def _lock(self) -> None:
+        """Lock the file, or raise a JournalError if another sweep does not release it in time."""
         end = time.monotonic() + _PATIENCE
         while not _lock(self._file):
             if time.monotonic() > end:
@@ -93,7 +95,7 @@ class Journal:
             time.sleep(0.05)
 
     def _read(self, key: str) -> dict[int, Outcome]:
-        """Outcomes in the file, whose incomplete last line is removed."""
+        """Return the outcomes in the file, after removing an incomplete last line from it."""
         self._file.seek(0)
         *lines, rest = self._file.read().split(b"\n")
         header = _line({"liaisons sweep": key}, 0)
@@ -104,11 +106,11 @@ class Journal:
         outcomes: dict[int, Outcome] = {}
         damaged: list[int] = []
         for number, line in enumerate(lines[1:], start=2):
-            content = _content(line, self._seed)
+            content = _checked_content(line, self._seed)
             if content is None:
                 damaged.append(number)
             else:
-                outcomes.update([self._outcome(content, number)])
+                outcomes.update([self._parsed_outcome(content, number)])
         if damaged:
             shown = ", ".join(map(str, damaged[:5])) + (f" and {len(damaged) - 5} more" if len(damaged) > 5 else "")
             _logger.warning("%s: damaged lines are left out, and their cases done again: %s", self._path, shown)
@@ -118,9 +120,10 @@ class Journal:
         return outcomes
 
     def _check_header(self, line: bytes, key: str) -> None:
+        """Raise a JournalError unless the first line identifies this sweep."""
         if not line.startswith(b'{"liaisons sweep": '):
             raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
-        content = _content(line, 0)
+        content = _checked_content(line, 0)
         if content is None:
             raise JournalError(
                 f"{self._path}: line 1, which names the sweep, is damaged or of an earlier release; "
@@ -132,7 +135,8 @@ class Journal:
                 "choose another file, or delete it"
             )
 
-    def _outcome(self, content: Any, number: int) -> tuple[int, Outcome]:
+    def _parsed_outcome(self, content: Any, number: int) -> tuple[int, Outcome]:
+        """Case and outcome of a line, checked to be of this sweep."""
         match content:
             case {"case": int(case), **outcome} if 0 <= case < self._cases:
                 match outcome:
@@ -149,6 +153,7 @@ class Journal:
 
 
 def _record(case: int, outcome: Outcome) -> dict[str, object]:
+    """Content of the line of a case."""
     if isinstance(outcome, Failure):
         return {"case": case, ("failure" if outcome.refused else "unfinished"): outcome.reason}
     warned = {"warnings": outcome.warnings} if outcome.warnings else {}
@@ -156,11 +161,12 @@ def _record(case: int, outcome: Outcome) -> dict[str, object]:
 
 
 def _line(content: dict[str, object], seed: int) -> bytes:
+    """A line of JSON with its checksum."""
     text = json.dumps(content).encode()
     return text[:-1] + f', "check": "{zlib.crc32(text, seed):08x}"}}\n'.encode()
 
 
-def _content(line: bytes, seed: int) -> Any:
+def _checked_content(line: bytes, seed: int) -> Any:
     """Content of a line; None if its checksum is wrong."""
     check = _CHECK.search(line)
     text = line[: check.start()] + b"}" if check else b""

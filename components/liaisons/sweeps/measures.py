@@ -21,7 +21,7 @@ _MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max":
 
 
 def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
-    """Name of the column -> its measure.
+    """Return the measure of each column by its name, checked.
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
@@ -38,7 +38,7 @@ def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Mea
 
 
 def split(measure: str) -> tuple[str, str]:
-    """Signal of a measure, and ``"final"``, ``"max"`` or ``"min"``."""
+    """Signal of a measure, and which of its values: ``"final"``, ``"max"`` or ``"min"``."""
     signal, colon, word = measure.partition(":")
     if not signal:
         raise SweepError(f"keep {measure!r}: no signal is named; write SIGNAL, SIGNAL:max or SIGNAL:min")
@@ -48,12 +48,13 @@ def split(measure: str) -> tuple[str, str]:
 
 
 def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
-    """The numbers of a case, in the order of their names.
+    """Return the measures of a case, in the order of the columns.
 
     :raises SweepError: if a function fails or returns no number.
     """
 
     def value(name: str, measure: Measure) -> float:
+        """The measure of one column."""
         if isinstance(measure, str):
             signal, word = split(measure)
             return float(_MEASURES[word](result[signal]))
@@ -66,7 +67,7 @@ def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
 
 
 def identity(measure: Measure) -> bytes:
-    """Bytes of a measure for the key of a journal; those of a function are its code and what it encloses."""
+    """Bytes that identify a measure in the key of a journal; of a function its code and the values it encloses."""
     if isinstance(measure, str):
         return measure.encode()
     code = getattr(measure, "__code__", None)

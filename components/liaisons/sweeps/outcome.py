@@ -35,7 +35,7 @@ Outcome: TypeAlias = Completed | Failure
 
 
 def failure(error: Exception) -> Failure:
-    """Failure for an error: refused after Discard or Error of an FMU, or an iteration that does not converge.
+    """Return the failure for an error; refused after Discard or Error of an FMU, or without convergence.
 
     Fatal is no refusal: the FMU may have run out of memory.
     """

@@ -32,7 +32,7 @@ SimulateCase: TypeAlias = Callable[[int, bool], Outcome]
 
 @contextmanager
 def session(task: Task) -> Iterator[SimulateCase]:
-    """A function that simulates one case; its process may be killed at any time."""
+    """Yield a function that simulates one case; its process may be killed at any time."""
     study, folders, tempfile.tempdir = task
     logger.logger.propagate = False  # warnings go with the case
     logger.logger.addHandler(logging.NullHandler())
@@ -49,9 +49,9 @@ def session(task: Task) -> Iterator[SimulateCase]:
                 if suspect:
                     isolated = replace(study.simulation, parts={name: part.apart() for name, part in parts.items()})
                     with Run(isolated, folders) as alone:
-                        return _completed(study, alone, parts)
+                        return _simulate(study, alone, parts)
                 run = run or stack.enter_context(Run(study.simulation, folders, again=True))
-                completed: Outcome = _completed(study, run, parts)
+                completed: Outcome = _simulate(study, run, parts)
                 if run.repeats:
                     return completed
             except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
@@ -63,7 +63,8 @@ def session(task: Task) -> Iterator[SimulateCase]:
         yield outcome
 
 
-def _completed(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> Completed:
+def _simulate(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> Completed:
+    """Simulate a case and return its measures and warnings."""
     with collected_warnings() as warned:
         try:
             run.start(parts)

@@ -50,11 +50,11 @@ class Study:
         return [part.fmu for part in self.simulation.parts.values()]
 
     def files(self) -> dict[Path, bytes]:
-        """Contents of the FMUs by path."""
+        """Contents of the FMU files, by path."""
         return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
 
     def moved(self, paths: Mapping[Path, Path]) -> Study:
-        """The study whose FMUs lie elsewhere: old path -> new one."""
+        """A copy of the study whose FMUs lie at other paths: old path -> new one."""
         parts = {
             name: replace(part, fmu=replace(part.fmu, path=paths[part.fmu.path]))
             for name, part in self.simulation.parts.items()
@@ -62,10 +62,11 @@ class Study:
         return replace(self, simulation=replace(self.simulation, parts=parts))
 
     def key(self) -> str:
-        """Hash of all that the outcomes depend on: contents of the FMUs, with their GUIDs, and settings."""
+        """Hash of all that the outcomes depend on: contents of the FMUs and settings."""
         digest = hashlib.sha256()
 
         def add(*parts: object) -> None:
+            """Add parts to the hash, each with its length."""
             for part in parts:
                 content = part if isinstance(part, bytes) else repr(part).encode()
                 digest.update(f"{len(content)}:".encode() + content)
@@ -83,7 +84,7 @@ class Study:
         return digest.hexdigest()
 
     def _converted(self, owner: str, variable: str, value: float) -> object:
-        """A number in the type of its variable, if it fits; else unchanged, and refused as a start value."""
+        """A number as a value of the type of its variable; unchanged where it does not fit and will be refused."""
         kind = self.simulation.parts[owner].fmu.variables[variable].type
         if kind in {"Integer", "Enumeration"} and value.is_integer():
             return int(value)

@@ -126,6 +126,7 @@ def sweep(
 def _check_settings(
     workers: int | None, client: Any, time_limit: float | None, *, retry: bool, journal: Path | str | None
 ) -> None:
+    """Raise a SweepError for settings that are invalid or exclude each other."""
     if workers is not None and client is not None:
         raise SweepError(f"workers = {workers!r} are processes of this machine; leave it out on a Dask cluster")
     if workers is not None:
@@ -143,6 +144,7 @@ def _study(
     starts: Mapping[str, float | bool | str],
     settings: SimulationSettings,
 ) -> Study:
+    """The study of a sweep, checked: names, settings, and the start values of the first case."""
     _check_names(cases, keep, starts)
     single = not isinstance(subject, System)
     if not isinstance(subject, System):
@@ -158,6 +160,7 @@ def _study(
     simulation = checked(title, parts, connections, settings, single=single, also=signals)
 
     def scalar(name: str) -> VariableReference:
+        """Component and variable of a name, which must not be an array."""
         owner, variable = owned(title, parts, "the sweep of", name, single=single)
         if variable not in parts[owner].fmu.variables:
             raise SimulationError(f"{owner}: {parts[owner].fmu.unknown(variable)}")
@@ -173,6 +176,7 @@ def _study(
 
 
 def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str, float | bool | str]) -> None:
+    """Raise a SweepError for a name that is varied and also set, or varied and also kept."""
     for name in cases:
         if name in starts:
             raise SweepError(f"{name!r} is varied, and set for all cases; do one of them")
@@ -181,6 +185,7 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
 
 
 def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
+    """The table of a sweep: what was varied, what was kept, failures and warnings."""
     done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
     measured = np.full((len(study.keep), study.cases.count), np.nan)
     measured[:, list(done)] = np.reshape([outcome.values for outcome in done.values()], (-1, len(study.keep))).T
@@ -197,12 +202,12 @@ def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
         units,
         failures={case: failure.reason for case, failure in failures.items()},
         unfinished=tuple(sorted(case for case, failure in failures.items() if not failure.refused)),
-        warnings=(*study.simulation.warnings, *_warned(done)),
+        warnings=(*study.simulation.warnings, *_collect_warnings(done)),
     )
 
 
-def _warned(done: Mapping[int, Completed]) -> tuple[str, ...]:
-    """Warnings with the numbers of their cases; logs how many cases have any, and the first one."""
+def _collect_warnings(done: Mapping[int, Completed]) -> tuple[str, ...]:
+    """Collect the warnings with the numbers of their cases, and log how many cases have any."""
     collected = Warnings()
     for case, outcome in done.items():
         for text in outcome.warnings:

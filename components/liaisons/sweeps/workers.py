@@ -28,8 +28,8 @@ from typing import final
 from uuid import uuid4
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.base.arrays import Floats
 from liaisons.base.folders import passing_folder
 from liaisons.base.processes import die_with_parent
 from liaisons.cosim.compiled import library as compiled
@@ -43,12 +43,12 @@ Deliver = Callable[[Mapping[int, Outcome]], None]
 
 _logger = logging.getLogger("liaisons.sweeps")
 
-_FLUSH = 0.1  # [s] between two reports of a worker
+_REPORT_INTERVAL = 0.1  # [s] between two reports of a worker
 _PATIENCE = 5.0  # [s] for a worker to release its FMUs
 _MOST = 256  # cases of one portion
 _SERVE = "import sys; from liaisons.sweeps.workers import serve; serve(int(sys.argv[1]), sys.argv[2])"
-_LIVES = 2  # processes that may die over one case before it is a failure
-_LONG = 60.0  # [s] after which a warning says that a case still runs
+_MOST_DEATHS = 2  # processes that may die over one case before it is a failure
+_LONG_CASE = 60.0  # [s] after which a warning says that a case still runs
 
 
 def simulate_locally(
@@ -95,7 +95,7 @@ class _Worker:
         self.process, self.pipe = begun
 
     def send(self, cases: list[int], *, suspect: bool = False) -> None:
-        """Send the next cases; none: release the FMUs, and end."""
+        """Send the next cases; an empty list lets the process release its FMUs and end."""
         self.cases = cases
         with suppress(OSError):  # it has died, as its pipe will report
             self.pipe.send((cases, suspect))
@@ -105,7 +105,7 @@ class _Worker:
         return max(0.0, time.monotonic() - self.current[0])
 
     def end(self, patience: float) -> int | None:
-        """End the process, by force after this time [s]; its exit code."""
+        """End the process, by force after a time [s], and return its exit code."""
         if isinstance(self.process, BaseProcess):
             self.process.join(patience)
             self.process.kill()
@@ -138,7 +138,7 @@ class Pool:
         self._closed = False
 
     def run(self, cases: Iterable[int], deliver: Deliver) -> None:
-        """Simulate these cases.
+        """Simulate cases and deliver their outcomes.
 
         :raises SweepError: if it has been closed, or a process cannot be started.
         """
@@ -157,8 +157,8 @@ class Pool:
                 elif not worker.cases:
                     self._send_next(worker)
                 elif self._time_limit is not None and worker.elapsed() > self._time_limit:
-                    self._stop(worker, self._time_limit)
-                elif self._warns and worker.elapsed() > _LONG:
+                    self._end_late(worker, self._time_limit)
+                elif self._warns and worker.elapsed() > _LONG_CASE:
                     self._warns = False
                     _logger.warning(
                         "case %d has been running for %.0f s; a time limit (time_limit, --time-limit) would end it",
@@ -178,7 +178,7 @@ class Pool:
             worker.end(patience)
 
     def _start_worker(self) -> _Worker:
-        """Start a process with its first cases."""
+        """Start a process and send it its first cases."""
         if self._closed:
             raise SweepError("the sweep has been ended")
         worker = _Worker(self._task, self._folder)
@@ -186,6 +186,7 @@ class Pool:
         return worker
 
     def _send_next(self, worker: _Worker) -> None:
+        """Send a process the next portion of cases, or one case over which another process has died."""
         if self._suspects:
             worker.send([self._suspects.popleft()], suspect=True)
         elif self._waiting:
@@ -194,7 +195,7 @@ class Pool:
             worker.send([self._waiting.popleft() for _ in range(size)])
 
     def _receive(self, worker: _Worker) -> bool:
-        """Take a report; False if the process has died."""
+        """Receive a report and deliver its outcomes; False if the process has died."""
         try:
             outcomes: dict[int, Outcome] = worker.pipe.recv()
         except (EOFError, OSError):
@@ -204,12 +205,12 @@ class Pool:
         return True
 
     def _timeout(self, busy: list[_Worker]) -> float | None:
-        """Time until the first case may take too long [s]."""
-        limit = self._time_limit or (_LONG if self._warns else None)
+        """Time until the first case may have taken too long [s]; None without a limit."""
+        limit = self._time_limit or (_LONG_CASE if self._warns else None)
         return None if limit is None else max(0.01, limit - max(worker.elapsed() for worker in busy))
 
-    def _stop(self, worker: _Worker, limit: float) -> None:
-        """End a process; its case is a failure unless it has just finished."""
+    def _end_late(self, worker: _Worker, limit: float) -> None:
+        """End a process that takes too long; its case is a failure unless it has just finished."""
         start = worker.current[0]
         worker.end(0.0)
         while worker.pipe.poll() and self._receive(worker):
@@ -221,27 +222,29 @@ class Pool:
         self._replace(worker)
 
     def _replace_dead(self, worker: _Worker) -> None:
-        """Replace a process that has died; if it had one case, that may be the cause."""
+        """Replace a process that has died; the only case that it had is suspected as the cause."""
         code = worker.end(_PATIENCE)
         if len(worker.cases) == 1:
             (case,) = worker.cases
             self._deaths[case] = self._deaths.get(case, 0) + 1
-            if self._deaths[case] == _LIVES:
-                reason = f"the process that simulated it died, {_LIVES} times (exit code {code})"
+            if self._deaths[case] == _MOST_DEATHS:
+                reason = f"the process that simulated it died, {_MOST_DEATHS} times (exit code {code})"
                 self._deliver({case: Failure(reason, refused=False)})
                 worker.cases = []
         self._replace(worker)
 
     def _replace(self, worker: _Worker) -> None:
+        """Start another process in the place of one that has ended; its cases are simulated one by one."""
         self._suspects.extend(worker.cases)
         worker.pipe.close()
         self._workers[self._workers.index(worker)] = self._start_worker()
 
 
-def _fork(task: Task, current: NDArray[np.float64]) -> tuple[BaseProcess, Connection]:
+def _fork(task: Task, current: Floats) -> tuple[BaseProcess, Connection]:
+    """Start a worker as a fork of this process, and return it with the pipe to it."""
     context = multiprocessing.get_context("fork")
     pipe, far = context.Pipe()
-    process = context.Process(target=_work, args=(far, current, task, os.getpid()), daemon=True)
+    process = context.Process(target=_simulate_from, args=(far, current, task, os.getpid()), daemon=True)
     with warnings.catch_warnings():
         # Python 3.12 warns of forks beside threads; ours use no locks of those.
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -251,6 +254,7 @@ def _fork(task: Task, current: NDArray[np.float64]) -> tuple[BaseProcess, Connec
 
 
 def _start_interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[bytes], Connection]:
+    """Start a worker as a new interpreter, and return it with the connection to it."""
     key = secrets.token_bytes()
     process = subprocess.Popen(
         [sys.executable, "-c", _SERVE, str(os.getpid()), str(current)],
@@ -270,7 +274,7 @@ def _start_interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[byt
 
 
 def serve(parent: int, current: str) -> None:
-    """Main function of a new interpreter.
+    """Connect to the parent and simulate its cases: the main function of a new interpreter.
 
     :param parent: process id of its parent.
     :param current: file of the current case.
@@ -282,10 +286,10 @@ def serve(parent: int, current: str) -> None:
         os.write(1, f"{port}\n".encode())
         os.dup2(2, 1)  # what an FMU prints is for the log
         pipe = listener.accept()
-    _work(pipe, np.memmap(current, float, "r+", shape=(2,)), pickle.loads(task), parent)
+    _simulate_from(pipe, np.memmap(current, float, "r+", shape=(2,)), pickle.loads(task), parent)
 
 
-def _work(pipe: Connection, current: NDArray[np.float64], task: Task, parent: int) -> None:
+def _simulate_from(pipe: Connection, current: Floats, task: Task, parent: int) -> None:
     """Simulate cases from a pipe, until an empty list comes or the parent ends."""
     die_with_parent(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles interrupts
@@ -302,7 +306,7 @@ def _work(pipe: Connection, current: NDArray[np.float64], task: Task, parent: in
                 current[1], current[0] = case, time.monotonic()
                 outcomes[case] = outcome(case, suspect)
                 current[0] = math.inf
-                if time.monotonic() - reported > _FLUSH:
+                if time.monotonic() - reported > _REPORT_INTERVAL:
                     pipe.send(outcomes)
                     outcomes, reported = {}, time.monotonic()
             if outcomes:
