@@ -13,7 +13,7 @@ _CHILD = """
 import ctypes, sys
 from liaisons.base import processes
 if "watched" in sys.argv:
-    processes._killed_by_kernel = lambda: False
+    processes._set_death_signal = lambda: False
 processes.die_with_parent(int(sys.argv[1]))
 sys.stdout.write("ready")
 sys.stdout.flush()

@@ -17,7 +17,7 @@ class LiaisonsError(Exception):
 
 
 def one_line(text: str) -> str:
-    """The text as a terminal may see it: on one line, without control characters, and not longer than one can read."""
+    """Text on one line for a terminal: without control characters, and shortened if it is very long."""
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST - 300]} ... {text[-300:]}"
     if text.isprintable():
@@ -123,7 +123,7 @@ class ValidityError(LiaisonsError, ValueError):
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:
-    """``", did you mean 'x'?"`` for the closest of the known names, else the list of them.
+    """Words that suggest the closest of the known names, ``"; did you mean 'x'?"``, else list them.
 
     :param name: the unknown name.
     :param known: all names.

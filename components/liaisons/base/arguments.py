@@ -26,13 +26,13 @@ T = TypeVar("T")
 
 
 def shown(value: object) -> str:
-    """A value in one line of 80 characters at most."""
+    """Value in one line of at most 80 characters, for messages."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def listed(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
-    """Names, or one name, as a list."""
+    """Names as a list, checked; one name is a list of one."""
     if isinstance(names, str):
         return [names]
     items = list(names) if isinstance(names, Iterable) and not isinstance(names, (Mapping, bytes)) else [None]
@@ -42,7 +42,7 @@ def listed(label: str, names: object, error: Error = InvalidValueError) -> list[
 
 
 def named(label: str, dictionary: object, error: Error = InvalidValueError) -> Mapping[str, Any]:
-    """A dictionary whose keys are names."""
+    """Dictionary whose keys are checked to be names."""
     if not isinstance(dictionary, Mapping) or not all(isinstance(name, str) for name in dictionary):
         raise error(f"{label} = {shown(dictionary)}: give a dictionary with names as keys")
     return dictionary
@@ -51,7 +51,7 @@ def named(label: str, dictionary: object, error: Error = InvalidValueError) -> M
 def merged(
     label: str, start_values: object, keywords: Mapping[str, T], error: Error = InvalidValueError
 ) -> dict[str, T]:
-    """Start values from a dictionary, None for none, and from keywords; a name that is in both is an error."""
+    """Start values from a dictionary, or None, and from keywords; a name in both is an error."""
     values = dict(named(f"{label}: start_values", {} if start_values is None else start_values, error))
     for name in keywords:
         if name in values:
@@ -61,7 +61,7 @@ def merged(
 
 @contextmanager
 def settings_beside(variables: Collection[str]) -> Iterator[None]:
-    """Let errors about a setting say where the value of a variable of the same name is given."""
+    """Let errors about a setting tell where the value of a variable of the same name is given."""
     try:
         yield
     except LiaisonsError as error:
@@ -72,20 +72,20 @@ def settings_beside(variables: Collection[str]) -> Iterator[None]:
 
 
 def as_path(label: str, path: object, error: Error = InvalidValueError) -> Path:
-    """A path."""
+    """Path, checked to be one."""
     if not isinstance(path, (str, os.PathLike)):
         raise error(f"{label} = {shown(path)}: give a path")
     return Path(path)
 
 
 def finite(label: str, value: object, error: Error = InvalidValueError) -> None:
-    """Check that it is a finite number."""
+    """Raise an error unless the value is a finite number."""
     if not isinstance(value, Real) or not math.isfinite(value):
         raise error(f"{label} = {shown(value)}: must be a finite number")
 
 
 def positive(label: str, value: object, error: Error = InvalidValueError) -> None:
-    """Check that it is a finite number greater than 0."""
+    """Raise an error unless the value is a finite number > 0."""
     finite(label, value, error)
     if value <= 0:  # type: ignore[operator]  # a number
         raise error(f"{label} = {shown(value)}: must be > 0")
@@ -106,7 +106,7 @@ def time_span(start_time: float, stop_time: float | None, step_size: float | Non
 
 
 def numbers(label: str, values: object, error: Error = InvalidValueError) -> NDArray[np.float64]:
-    """An array of numbers."""
+    """Numbers as an array, checked."""
     import numpy as np  # slow to load: the command line's help does without
 
     try:
@@ -118,12 +118,12 @@ def numbers(label: str, values: object, error: Error = InvalidValueError) -> NDA
 
 
 def whole(label: str, value: object, error: Error = InvalidValueError, *, least: int = 1) -> None:
-    """Check that it is a whole number."""
+    """Raise an error unless the value is a whole number, ``least`` or more."""
     if not isinstance(value, Integral) or value < least:
         raise error(f"{label} = {shown(value)}: give a whole number, {least} at least")
 
 
 def chosen(label: str, value: object, choices: Sequence[str], error: Error = InvalidValueError) -> None:
-    """Check that it is one of some words."""
+    """Raise an error unless the value is one of the choices."""
     if not isinstance(value, str) or value not in choices:
         raise error(f"{label} = {shown(value)}: choose one of {', '.join(map(repr, choices))}")

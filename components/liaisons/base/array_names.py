@@ -17,14 +17,14 @@ _ELEMENT = re.compile(rf"(.+)\[({_INDEX}(?:,{_INDEX})*)\]", re.DOTALL)
 
 
 def indices(shape: Shape) -> Iterator[str]:
-    """``"1"``, ``"2"``, ... or ``"1,1"``, ``"1,2"``, ..., the last index running fastest."""
+    """Indices of the elements of an array, ``"1"``, ``"2"`` or ``"1,1"``, ``"1,2"``, the last one running fastest."""
     if len(shape) == 1:
         return map(str, range(1, shape[0] + 1))
     return (",".join(map(str, index)) for index in product(*(range(1, n + 1) for n in shape)))
 
 
 def split(name: str) -> tuple[str, Shape | None]:
-    """``"theta[3]"`` is ``("theta", (3,))``; a name without an index at its end is itself and None."""
+    """Name of the array and index of an element, ``("theta", (3,))`` for ``"theta[3]"``; other names and None."""
     if not name.endswith("]"):  # most of them, at a tenth of the cost
         return name, None
     match = _ELEMENT.fullmatch(name)
@@ -32,13 +32,13 @@ def split(name: str) -> tuple[str, Shape | None]:
 
 
 def suffixed(name: str, ending: str) -> str:
-    """A name with an ending, which stands before the index of an element: ``x_dot[2]``."""
+    """Name with an ending before the index of the element: ``x_dot[2]`` for ``x[2]``."""
     array, bracket, index = name.partition("[")
     return f"{array}{ending}{bracket}{index}"
 
 
 def offset(index: Shape, shape: Shape) -> int | None:
-    """Index of an element, from 0, the last index running fastest; None if there is no such element."""
+    """Number of an element from 0, the last index running fastest; None if there is no such element."""
     if len(index) != len(shape):
         return None
     number = 0
@@ -50,7 +50,7 @@ def offset(index: Shape, shape: Shape) -> int | None:
 
 
 def complete(indices: Sequence[Shape]) -> Shape | None:
-    """The shape of the array with these indices; None if they are not all of one, in order."""
+    """Shape of the array with these indices; None unless they are all indices of one, in order."""
     shape = indices[-1]
     if math.prod(shape) != len(indices):
         return None

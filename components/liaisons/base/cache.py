@@ -14,7 +14,7 @@ _remembered: set[str] = set()  # by this process, also if the cache cannot be wr
 
 
 def folder() -> Path:
-    """The folder for caches of this user and system."""
+    """Folder for caches of this user."""
     if sys.platform == "win32":
         root = os.environ.get("LOCALAPPDATA")
     elif sys.platform == "darwin":
@@ -35,16 +35,16 @@ def digest(path: Path) -> str:
 
 
 def knows(key: str) -> bool:
-    """Whether an FMU with this digest was built by us, or tried with success."""
-    return key in _remembered or key in _stored()
+    """Whether an FMU with this digest was built by us, or has been tried with success."""
+    return key in _remembered or key in _stored_digests()
 
 
 def remember(key: str) -> None:
-    """Add a digest; where the cache cannot be written, for this process only."""
+    """Store a digest; where the cache cannot be written, for this process only."""
     _remembered.add(key)
     path = _file()
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    lines = [line for line in _stored() if line != key][1 - _MOST :]
+    lines = [line for line in _stored_digests() if line != key][1 - _MOST :]
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -55,10 +55,12 @@ def remember(key: str) -> None:
 
 
 def _file() -> Path:
+    """File of the stored digests."""
     return folder() / "fmus-that-run"
 
 
-def _stored() -> list[str]:
+def _stored_digests() -> list[str]:
+    """Stored digests, the newest last."""
     try:
         return _file().read_text(encoding="ascii").splitlines()
     except (OSError, ValueError):  # ValueError: not ours

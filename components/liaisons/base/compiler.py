@@ -38,7 +38,7 @@ INSTALLATION = "pip install 'liaisons[cross]'"
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A platform: its folders in ``binaries/`` (FMI 2.0.4, FMI 3.0), its extension, and its name for zig."""
+    """A platform: folders in ``binaries/`` (FMI 2.0.4, FMI 3.0), extension of libraries, and name for zig."""
 
     folders: tuple[str, str]
     extension: str
@@ -46,7 +46,7 @@ class Target:
     flags: tuple[str, ...] = ()
 
     def folder(self, fmi: Literal["2", "3"]) -> str:
-        """Its folder in ``binaries/``."""
+        """Folder of a version of FMI in ``binaries/``."""
         return self.folders[("2", "3").index(fmi)]
 
 
@@ -88,7 +88,7 @@ def zig_compiler() -> list[str] | None:
 
 
 def no_compiler(aim: str = "") -> str:
-    """Sentence for whoever needs a C compiler where there is none.
+    """Message where a C compiler is needed and there is none.
 
     :param aim: ``" for WebAssembly"``; empty: any compiler would do.
     """
@@ -109,7 +109,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         raise BuildError(no_compiler(" for other platforms" if cross else ""))
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
     flags = [flag for flag in (*FLAGS, *target.flags) if not _is_linker_flag(flag)]
-    with _written(sources) as (folder, names):
+    with _source_folder(sources) as (folder, names):
         for name in names:  # relative to the folder: no path gets into the library
             command = [*compiler, *aim, *flags, "-I.", "-c", name, "-o", f"{name}.o"]
             key = hashlib.sha256(repr((command, _with_headers(name, sources))).encode()).digest()
@@ -117,10 +117,10 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
             if key in _objects:
                 compiled.write_bytes(_objects[key])
             else:
-                _run(command, folder)
+                _run_compiler(command, folder)
                 _objects[key] = compiled.read_bytes()
         library, objects = folder / f"library{target.extension}", [f"{name}.o" for name in names]
-        _run([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
+        _run_compiler([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
         return library.read_bytes()
 
 
@@ -134,14 +134,14 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     zig = zig_compiler()
     if zig is None:
         raise BuildError(no_compiler(" for WebAssembly"))
-    with _written(sources) as (folder, names):
-        _run([*zig, *WASM_FLAGS, *flags, "-I.", *names, "-o", "module.wasm"], folder)
+    with _source_folder(sources) as (folder, names):
+        _run_compiler([*zig, *WASM_FLAGS, *flags, "-I.", *names, "-o", "module.wasm"], folder)
         return (folder / "module.wasm").read_bytes()
 
 
 @contextmanager
-def _written(sources: Mapping[str, bytes]) -> Iterator[tuple[Path, list[str]]]:
-    """A folder with the sources, and the names of the C files."""
+def _source_folder(sources: Mapping[str, bytes]) -> Iterator[tuple[Path, list[str]]]:
+    """Yield a folder with the sources, and the names of the C files."""
     with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
         for name, content in sources.items():
             Path(folder, name).write_bytes(content)
@@ -149,7 +149,7 @@ def _written(sources: Mapping[str, bytes]) -> Iterator[tuple[Path, list[str]]]:
 
 
 def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, bytes]]:
-    """A file and the headers that it includes: most of a runtime is the same for both versions of FMI."""
+    """A file and the headers that it includes, with their contents."""
     files = [name]
     for file in files:
         headers = re.findall(rb'^#include "([^"]+)"', sources[file], re.MULTILINE)
@@ -158,10 +158,12 @@ def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, by
 
 
 def _is_linker_flag(flag: str) -> bool:
+    """Whether only the linker takes a flag."""
     return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l"))
 
 
-def _run(command: list[str], folder: Path) -> None:
+def _run_compiler(command: list[str], folder: Path) -> None:
+    """Run a compiler, and raise a BuildError with its first words if it fails."""
     try:
         process = subprocess.Popen(
             command,
@@ -180,7 +182,7 @@ def _run(command: list[str], folder: Path) -> None:
         try:
             output, _ = process.communicate(timeout=TIME_OUT)
         except BaseException as error:  # an interrupt must not leave compilers running either
-            _kill(process)
+            _kill_group(process)
             if isinstance(error, subprocess.TimeoutExpired):
                 raise BuildError(f"the C compiler {command[0]} did not end within {TIME_OUT:g} s") from None
             raise
@@ -190,8 +192,8 @@ def _run(command: list[str], folder: Path) -> None:
         raise BuildError(f"the C compiler {command[0]} failed: {' | '.join(errors[:3])}")
 
 
-def _kill(process: subprocess.Popen[str]) -> None:
-    """End a compiler together with all processes that it has started."""
+def _kill_group(process: subprocess.Popen[str]) -> None:
+    """Kill a compiler and all processes that it has started."""
     if os.name == "posix":
         with suppress(ProcessLookupError):  # it has just ended by itself
             os.killpg(process.pid, signal.SIGKILL)

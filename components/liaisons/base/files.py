@@ -20,7 +20,7 @@ from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary file that replaces another one at the end, unless an exception is raised.
+    """Yield a temporary path, whose file replaces another one at the end unless an exception is raised.
 
     Links are followed.  A device, a pipe, the file of a standard stream, and a file in a folder that cannot be written
     are overwritten instead.
@@ -32,11 +32,11 @@ def replacing(path: Path) -> Iterator[Path]:
             with tempfile.TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
                 part = Path(folder, path.name)
                 yield part
-                with part.open("rb") as source, _opened(path) as sink:
+                with part.open("rb") as source, _open_for_overwriting(path) as sink:
                     shutil.copyfileobj(source, sink)
             return
         target = path.resolve()
-        part = _part(target)
+        part = _temporary_path(target)
         try:
             yield part
             part.replace(target)
@@ -44,17 +44,17 @@ def replacing(path: Path) -> Iterator[Path]:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise _unwritable_error(path, error) from None
 
 
 def check_writable(path: Path) -> None:
-    """Check before a long run that :func:`replacing` can write after it, as far as possible.
+    """Raise a SimulationError, before a long run, for a path that :func:`replacing` could not write after it.
 
     :raises SimulationError: if it cannot be written.
     """
     try:
         if not _is_overwritten(path):
-            part = _part(path.resolve())
+            part = _temporary_path(path.resolve())
             part.open("xb").close()
             part.unlink()
         elif path.is_dir():
@@ -62,11 +62,11 @@ def check_writable(path: Path) -> None:
         elif not os.access(path, os.W_OK):  # not opened: opening a pipe waits for a reader
             raise PermissionError(EACCES, os.strerror(EACCES))
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise _unwritable_error(path, error) from None
 
 
 def csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[str], dict[int, list[str]]]:
-    """Headings, units and rows of a CSV file, which commas, semicolons or tabulators separate.
+    """Read headings, units and rows of a CSV file, separated by commas, semicolons or tabulators.
 
     Lines that begin with ``#`` are left out, but for that below the headings, where units are; empty if there is none.
 
@@ -96,7 +96,7 @@ def csv_cells(path: Path, error: type[LiaisonsError]) -> tuple[list[str], list[s
 def toml_arguments(
     path: Path, keys: Collection[str], examples: Mapping[str, str], error: type[LiaisonsError]
 ) -> dict[str, Any]:
-    """Arguments of a function in a TOML file.
+    """Read the arguments of a function from a TOML file.
 
     :param keys: their names.
     :param examples: those that must be there, each with a value as an example.
@@ -116,17 +116,18 @@ def toml_arguments(
 
 
 def beside(path: Path, name: str) -> str:
-    """Path of a file beside another one; the name itself if there is none."""
+    """Path of a file in the folder of another one; the name as it is if there is no such file."""
     file = path.parent / name
     return str(file) if file.is_file() else name
 
 
-def _part(target: Path) -> Path:
+def _temporary_path(target: Path) -> Path:
+    """Temporary path beside a file."""
     return target.with_name(f".{target.name}.{os.getpid()}.part")
 
 
 def _is_overwritten(path: Path) -> bool:
-    """Whether a file is overwritten instead of replaced."""
+    """Whether a file has to be overwritten instead of replaced."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -136,7 +137,7 @@ def _is_overwritten(path: Path) -> bool:
 
 
 def _standard_stream(status: os.stat_result) -> int | None:
-    """The descriptor of the standard output or error, if it goes to this file."""
+    """Descriptor of the standard output or error, if it goes to this file."""
     for descriptor in (1, 2):
         with suppress(OSError):  # it is closed
             if os.path.samestat(status, os.fstat(descriptor)):
@@ -144,8 +145,8 @@ def _standard_stream(status: os.stat_result) -> int | None:
     return None
 
 
-def _opened(path: Path) -> IO[bytes]:
-    """A file opened for overwriting; a standard stream continues at its position."""
+def _open_for_overwriting(path: Path) -> IO[bytes]:
+    """Open a file for overwriting; a standard stream continues at its position."""
     descriptor = _standard_stream(path.stat())
     if descriptor is None:
         return path.open("wb")
@@ -154,5 +155,6 @@ def _opened(path: Path) -> IO[bytes]:
     return os.fdopen(os.dup(descriptor), "wb")
 
 
-def _unwritable(path: Path, error: OSError) -> SimulationError:
+def _unwritable_error(path: Path, error: OSError) -> SimulationError:
+    """Error for a path that cannot be written."""
     return SimulationError(f"{path}: cannot be written: {error.strerror}; choose another path")

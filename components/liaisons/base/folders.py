@@ -29,32 +29,33 @@ for folder in folders:
 
 @contextmanager
 def passing_folder() -> Iterator[Path]:
-    """A new folder, removed at the end of the context, or after this process if that is killed or crashes."""
+    """Yield a new folder, removed at the end of the context, or after this process if that is killed."""
     folder = TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)
-    _report(folder.name)
+    _report_folder(folder.name)
     try:
         with folder:
             yield Path(folder.name)
     finally:
-        _report(folder.name)
+        _report_folder(folder.name)
 
 
 @lru_cache(maxsize=1)
 def process_folder() -> Path:
-    """The folder of this process, removed when it ends."""
+    """Make the folder of this process, removed when it ends; one for all calls."""
     stack = ExitStack()
     atexit.register(stack.close)
     return stack.enter_context(passing_folder())
 
 
-def _report(name: str) -> None:
+def _report_folder(name: str) -> None:
+    """Tell the janitor that a folder is created or removed."""
     with suppress(OSError):  # no second process: then only the context removes it
-        os.write(_janitor(os.getpid()), os.fsencode(name).hex().encode() + b"\n")
+        os.write(_start_janitor(os.getpid()), os.fsencode(name).hex().encode() + b"\n")
 
 
 @lru_cache(maxsize=1)
-def _janitor(_process: int) -> int:
-    """The pipe to the janitor of this process; a forked one has its own."""
+def _start_janitor(_process: int) -> int:
+    """Start the janitor of this process, and return the pipe to it; a forked process starts its own."""
     read, write = os.pipe()
     try:
         janitor = subprocess.Popen(

@@ -21,7 +21,7 @@ lacks of the data at the end.
 
 
 def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
-    """Coefficients of the powers m ... 2m - 1 of θ, which is 0 at the begin of the interval and 1 at its end.
+    """Coefficients of the powers m ... 2m - 1 of θ, which runs from 0 to 1 over the interval.
 
     Those of lower powers are the Taylor polynomial's.
 
@@ -46,7 +46,7 @@ def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
 
 @cache
 def coefficients(count: int) -> NDArray[np.float64]:
-    """Coefficients of all powers of θ as linear functions of the data, shape (2 count, 2 count).
+    """Coefficients of all powers of θ as linear functions of the data; shape (2 count, 2 count).
 
     The data are derivatives with respect to θ, those at θ = 0 first.
     """

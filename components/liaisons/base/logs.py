@@ -14,7 +14,7 @@ _MOST = 100
 
 @final
 class Warnings:
-    """Warnings, each once, in the order in which they came first."""
+    """Warnings in the order of their first occurrence, each once."""
 
     def __init__(self) -> None:
         self._texts: dict[str, None] = {}
@@ -30,13 +30,13 @@ class Warnings:
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """The texts, and how many more there were."""
+        """The texts, and the number of those that were omitted."""
         return (*self._texts, *([f"and {self._omitted} more"] if self._omitted else []))
 
 
 @contextmanager
 def collected_warnings() -> Iterator[Warnings]:
-    """Collect the warnings that this thread logs in the context; they are logged all the same."""
+    """Yield a collector of the warnings that this thread logs in the context; they are logged all the same."""
     warnings = Warnings()
     token = _collecting.set((*_collecting.get(), warnings))
     try:
@@ -47,7 +47,7 @@ def collected_warnings() -> Iterator[Warnings]:
 
 @contextmanager
 def ignored_warnings() -> Iterator[None]:
-    """Neither log nor collect what is warned of in the context."""
+    """Neither log nor collect warnings in the context."""
     token, before = _collecting.set(()), logger.logger.level
     logger.setLevel(logging.ERROR)
     try:
@@ -62,6 +62,7 @@ class _CollectingLogger(logging.LoggerAdapter[logging.Logger]):
     """A logger whose warnings are collected whatever its level is."""
 
     def log(self, level: int, msg: object, *args: object, **kwargs: Any) -> None:
+        """Log a message; add a warning to the collectors of this thread."""
         if level == logging.WARNING:
             for warnings in _collecting.get():
                 warnings.add(str(msg) % args if args else str(msg))

@@ -18,7 +18,7 @@ class PortNames(NamedTuple):
 
 
 def port_names(value: str) -> PortNames:
-    """Names that belong to that of a value: ``bob_x[3]`` has the rate ``bob_x_dot[3]`` and the point ``bob[3]``."""
+    """Names of a port by that of its value: ``bob_x[3]`` has the rate ``bob_x_dot[3]`` and the point ``bob[3]``."""
     base = value.partition("[")[0] if value.endswith("]") else value
     index = value[len(base) :]
     rate, acceleration, force, load = (f"{base}{end}{index}" for end in ("_dot", "_ddot", "_force", "_load"))

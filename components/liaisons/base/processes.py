@@ -28,29 +28,31 @@ _handled: set[int] = set()  # signals that end this process in good order
 
 
 def die_with_parent(parent: int) -> None:
-    """End this process as soon as its parent ends, whatever it does then; the first call in a process.
+    """Let this process end as soon as its parent ends; the first call of a process.
 
     On Linux the kernel does it, when the *thread* ends that started the
     process; elsewhere a thread watches, which foreign code that never returns does not stop.
 
     :param parent: ``os.getpid()`` of the parent, taken there: it may have ended before this is called.
     """
-    if not (sys.platform == "linux" and _killed_by_kernel()):
-        threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+    if not (sys.platform == "linux" and _set_death_signal()):
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     if sys.platform != "win32" and os.getppid() != parent:
         os._exit(1)
 
 
-def _killed_by_kernel() -> bool:
+def _set_death_signal() -> bool:
+    """Let the kernel kill this process when its parent ends; False if it cannot."""
     return _process_control(_SET_DEATH_SIGNAL, signal.SIGKILL)
 
 
 def _process_control(option: int, value: int) -> bool:
+    """Call prctl; whether it succeeded."""
     return ctypes.CDLL(None).prctl(option, ctypes.c_ulong(value)) == 0
 
 
 def fork_guarded(*, close: Callable[[], object]) -> int:
-    """Fork (Linux), with a guard between both that ends all descendants of the new process when parent or child ends.
+    """Fork (Linux) with a guard in between, which ends all descendants of the child when parent or child ends.
 
     The guard ends as the new process does, after its descendants, or when it is terminated (SIGTERM).
 
@@ -76,7 +78,7 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
         return 0
     try:
         close()
-        code = _guarded(child)
+        code = _wait_for(child)
         if code < 0:
             _die_of(-code)
         os._exit(code)
@@ -84,23 +86,23 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
         os._exit(1)
 
 
-def _guarded(child: int) -> int:
-    """Exit code of a child, after its end or SIGTERM; all other descendants are killed."""
+def _wait_for(child: int) -> int:
+    """Wait for a child or SIGTERM, kill all other descendants, and return the exit code of the child."""
     statuses: dict[int, int] = {}
     while child not in statuses and signal.sigwait(_ENDINGS) != signal.SIGTERM:
-        statuses |= _reaped()
+        statuses |= _reap()
     end = time.monotonic() + _GRACE
     while (left := _children()) and time.monotonic() < end:
         for process in left:
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)  # no effect on one that is ending
         time.sleep(_MOMENT)
-        statuses |= _reaped()
+        statuses |= _reap()
     return os.waitstatus_to_exitcode(statuses.get(child, 1))
 
 
 def _die_of(number: int) -> None:
-    """End by this signal, without a core dump."""
+    """End this process by a signal, without a core dump."""
     _process_control(_SET_DUMPABLE, 0)
     if number != signal.SIGKILL:
         signal.signal(number, signal.SIG_DFL)
@@ -108,8 +110,8 @@ def _die_of(number: int) -> None:
     os.kill(os.getpid(), number)
 
 
-def _reaped() -> dict[int, int]:
-    """Statuses of children that have ended, by process id."""
+def _reap() -> dict[int, int]:
+    """Collect the statuses of children that have ended, by process id."""
     statuses: dict[int, int] = {}
     with suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:
@@ -118,7 +120,7 @@ def _reaped() -> dict[int, int]:
 
 
 def _children() -> list[int]:
-    """Children of this process, from /proc."""
+    """Process ids of the children of this process, from /proc."""
     children = []
     for entry in os.scandir("/proc"):
         if entry.name.isdigit():
@@ -129,7 +131,8 @@ def _children() -> list[int]:
     return children
 
 
-def _watch(parent: int) -> None:
+def _end_with(parent: int) -> None:
+    """End this process when its parent ends."""
     if sys.platform == "win32":
         kernel = ctypes.WinDLL("kernel32")
         kernel.OpenProcess.restype = ctypes.c_void_p
@@ -143,7 +146,7 @@ def _watch(parent: int) -> None:
 
 @contextmanager
 def orderly_end() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end this process as an exception does, so that resources are released.
+    """Let SIGTERM and SIGHUP end this process like an exception in the context, so that resources are released.
 
     It exits with status 128 + signal, after some seconds even if foreign code does not return.
     """
@@ -159,7 +162,7 @@ def orderly_end() -> Iterator[None]:
     _restore_after_fork()
     _handled.update(numbers)
     for number in numbers:
-        signal.signal(number, _end)
+        signal.signal(number, _raise_exit)
     threading.Thread(target=_end_after_grace, args=(read,), daemon=True).start()
     try:
         yield
@@ -171,12 +174,13 @@ def orderly_end() -> Iterator[None]:
         os.close(write)
 
 
-def _end(number: int, _frame: object) -> None:
+def _raise_exit(number: int, _frame: object) -> None:
+    """Raise SystemExit for a signal."""
     raise SystemExit(128 + number)
 
 
 def _end_after_grace(pipe: int) -> None:
-    """Wait for a signal, whose number Python writes to the pipe even while foreign code runs."""
+    """End this process some seconds after a signal, whose number Python writes to the pipe during foreign code, too."""
     while number := os.read(pipe, 1):
         if number[0] in _handled:
             time.sleep(_GRACE)
@@ -186,19 +190,22 @@ def _end_after_grace(pipe: int) -> None:
 
 @lru_cache(maxsize=1)
 def _restore_after_fork() -> None:
-    """Restore the signals in forked processes, which share the pipe: theirs would end this process."""
+    """Register that forked processes, which share the pipe, restore their signals."""
     os.register_at_fork(before=_block, after_in_parent=_unblock, after_in_child=_restore)
 
 
 def _block() -> None:
+    """Block the handled signals before a fork."""
     signal.pthread_sigmask(signal.SIG_BLOCK, _handled)
 
 
 def _unblock() -> None:
+    """Unblock the handled signals after a fork."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _handled)
 
 
 def _restore() -> None:
+    """Restore the handled signals in a forked process."""
     if _handled:
         signal.set_wakeup_fd(-1)
         for number in _handled:

@@ -12,7 +12,7 @@ _PAUSE = 0.1  # [s] between two updates
 
 @contextmanager
 def progress_bar(title: str, words: str, first: float, last: float) -> Iterator[Callable[[float], None]]:
-    """A function that shows on stderr the progress it is called with; nothing in a file or a pipe.
+    """Yield a function that shows the progress it is called with on stderr; nothing in a file or a pipe.
 
     :param title: what runs; nothing is shown when empty.
     :param words: format of the progress, for example ``"t = {:g} of {:g} s"``.

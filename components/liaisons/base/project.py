@@ -27,18 +27,18 @@ def fmus_directory() -> Path:
 
 
 def scenario_files() -> dict[str, Path]:
-    """Scenarios by name: those in ``scenarios/`` of the working directory, and ours."""
+    """Paths of the scenarios by name: of ``scenarios/`` in the working directory, and of this package."""
     paths = [path for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")]
     return dict(sorted((path.stem, path) for path in paths))
 
 
 def scenario_order() -> dict[str, dict[str, Any]]:
-    """Titles that names of scenarios do not give, and themes by short names, each with its title and scenarios."""
+    """Read the order of the gallery: titles that names of scenarios do not give, and themes with their scenarios."""
     return tomllib.loads((_OURS / "gallery.toml").read_text(encoding="utf-8"))
 
 
 def scenario_themes() -> dict[str, tuple[str, list[str]]]:
-    """Title of each theme and names of its scenarios, by its short name; ``own`` has those that stand in none."""
+    """Title and scenarios of each theme by its short name; ``own`` has the scenarios without a theme."""
     left = scenario_files()
     themes: dict[str, tuple[str, list[str]]] = {}
     for name, theme in scenario_order()["themes"].items():
@@ -47,7 +47,7 @@ def scenario_themes() -> dict[str, tuple[str, list[str]]]:
 
 
 def scenario_claim(path: Path) -> str:
-    """Return the claim of a scenario: the first paragraph of its docstring; the file is not run.
+    """Claim of a scenario, the first paragraph of its docstring; the file is not run.
 
     :raises ProjectError: if it is no Python file.
     """
@@ -59,13 +59,13 @@ def scenario_claim(path: Path) -> str:
 
 
 def figures_directory(scenario: Path) -> Path:
-    """Directory for the figure of a scenario: ``figures/`` beside it, or for ours in a wheel where we are."""
+    """Directory for the figure of a scenario: ``figures/`` beside it; in the working directory for those of a wheel."""
     elsewhere = _OURS == _SHIPPED or not Path.cwd().is_relative_to(_CLONE)
     return Path("figures") if elsewhere and scenario.resolve().parent == _OURS else scenario.parent / "figures"
 
 
 def declared_components() -> list[str] | None:
-    """The list ``components`` of ``fmus/fmus.toml``, with paths relative to it; None if there is no such file.
+    """Components that ``fmus/fmus.toml`` lists, paths relative to it; None if there is no such file.
 
     :raises ProjectError: if it has no such list.
     """
@@ -80,7 +80,7 @@ def declared_components() -> list[str] | None:
 
 
 def from_here(path: Path) -> Path:
-    """A path relative to the working directory if it is below."""
+    """Path relative to the working directory if it lies below that."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
@@ -103,12 +103,12 @@ def load_module(path: Path) -> ModuleType:
         raise ProjectError(f"{error.filename or path}:{error.lineno}: {error.msg}") from error
     except Exception as error:
         reason = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
-        raise ProjectError(f"{path}:{_line(error, path)}: {reason}") from error
+        raise ProjectError(f"{path}:{_innermost_line(error, path)}: {reason}") from error
     return module
 
 
-def _line(error: Exception, path: Path) -> int:
-    """The innermost line of a file that an error went through."""
+def _innermost_line(error: Exception, path: Path) -> int:
+    """Innermost line of a file in the traceback of an error."""
     causes = [raised for raised in (error, error.__cause__) if raised]  # the cause was raised further in
     frames = [frame for raised in causes for frame in traceback.extract_tb(raised.__traceback__)]
     return next((frame.lineno or 0 for frame in frames[::-1] if Path(frame.filename) == path.resolve()), 0)

@@ -22,7 +22,7 @@ def integrate(
     longest: float = np.inf,
     error: type[Exception] = LiaisonsError,
 ) -> NDArray[np.float64]:
-    """Solution of y' = rates(t, y), shape (n, times).
+    """Integrate y' = rates(t, y); the solution has shape (n, times).
 
     :param owner: for the error.
     :param start: y at the start of the span, shape (n,).

@@ -64,7 +64,7 @@ class Unit:
 
 @cache
 def parse(name: str) -> Unit:
-    """Read a unit.
+    """Parse a unit.
 
     :param name: for example ``"kg.m2/s"``.
     :raises ValueError: for an empty or unknown unit, with the list of symbols.
@@ -88,7 +88,7 @@ def parse(name: str) -> Unit:
 
 
 def in_si(name: str, unit: str) -> float:
-    """How many of an SI unit a measured unit is: π/180 for ``"deg/s"`` in ``"rad/s"``, 0.01 for ``"cm"`` in ``"m"``.
+    """Size of a measured unit in an SI unit: π/180 for ``"deg/s"`` in ``"rad/s"``, 0.01 for ``"cm"`` in ``"m"``.
 
     :raises ValueError: for an unknown unit, or one of another quantity.
     """
@@ -105,6 +105,7 @@ def in_si(name: str, unit: str) -> float:
 
 
 def _exponents(symbol: str) -> dict[str, int]:
+    """Exponents of a symbol by base units."""
     if symbol in _DERIVED:
         return dict(parse(_DERIVED[symbol]).exponents)
     return {} if symbol == "1" else {symbol: 1}
@@ -119,7 +120,7 @@ _NAMED = ("N", "J", "W", "Pa", "C", "V", "T")
 
 @cache
 def powers(name: str) -> Powers:
-    """Exponents of a unit.
+    """Exponents of a unit, in the order of :data:`Powers`.
 
     :raises ValueError: for an empty or unknown unit.
     """
@@ -134,12 +135,13 @@ def product(factors: Iterable[tuple[Powers, int | Fraction]]) -> Powers:
 
 
 def written(exponents: Powers) -> str:
-    """A unit as this package writes it: ``"N"``, ``"kg.m"``, ``"1/s"``, ``"m(1/2)"``; ``"1"`` for a pure number."""
+    """Name of a unit with these exponents: ``"N"``, ``"kg.m"``, ``"1/s"``, ``"m(1/2)"``; ``"1"`` for a pure number."""
     for name in _NAMED:
         if powers(name) == exponents:
             return name
 
     def factors(sign: int) -> str:
+        """Symbols with exponents of one sign."""
         pairs = zip(BASE, exponents, strict=False)
         return ".".join(base + _exponent(abs(power)) for base, power in pairs if power * sign > 0)
 
@@ -148,13 +150,14 @@ def written(exponents: Powers) -> str:
 
 
 def quotient(numerator: str, denominator: str) -> str:
-    """Unit of a quotient, the radian left out; ANY if one of them is."""
+    """Unit of a quotient, without the radian; ANY if one of both is."""
     if ANY in (numerator, denominator):
         return ANY
     return written(product([(powers(numerator), 1), (powers(denominator), -1)]))
 
 
 def _exponent(power: int | Fraction) -> str:
+    """Exponent as text, empty for 1."""
     if power == 1:
         return ""
     return str(power) if Fraction(power).denominator == 1 else f"({power})"
@@ -167,7 +170,7 @@ _MULTIPLIER = {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"}
 
 
 def rate(name: str) -> str:
-    """Unit of the time derivative of a quantity with this unit; of ANY, ANY."""
+    """Unit of the time derivative of a quantity with this unit; ANY for ANY."""
     return _RATE.get(name, f"{name}.s" if "/" in name else f"{name}/s")
 
 
@@ -187,5 +190,6 @@ def multiplier(name: str) -> str:
 
 
 def _over(numerator: str, name: str) -> str:
+    """Name of the quotient of two units."""
     top, slash, bottom = name.partition("/")
     return f"{numerator}.{bottom}/{top}" if slash else f"{numerator}/{top}"

@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in words  # before the command and behind it
     try:
-        with orderly_end(), _warnings_at_the_end():
+        with orderly_end(), _print_warnings_at_the_end():
             status, error = _perform([word for word in words if word != "--debug"], debug=debug)
     except KeyboardInterrupt:
         status, error = 130, "liaisons: interrupted"
@@ -33,8 +33,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 @contextmanager
-def _warnings_at_the_end() -> Iterator[None]:
-    """Print the warnings of simulations when all is done, however it ends; only an error comes after them."""
+def _print_warnings_at_the_end() -> Iterator[None]:
+    """Print the warnings of simulations at the end of the context, before the line of an error."""
     nowhere = logging.NullHandler()  # else Python prints each at once
     logger.logger.addHandler(nowhere)
     with collected_warnings() as warned:
@@ -47,7 +47,7 @@ def _warnings_at_the_end() -> Iterator[None]:
 
 
 def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
-    """Exit status and line of error of a command; empty where it succeeded."""
+    """Run a command, and return its exit status and its line of error, empty if it succeeded."""
     # Imported here, where an interrupt is caught.
     from typer import TyperException
 
@@ -67,13 +67,14 @@ def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
     except (LiaisonsError, OSError) as error:
         if debug:
             raise
-        return 2, f"liaisons: error: {_one_line(error)}"
+        return 2, f"liaisons: error: {_message(error)}"
     if status == 130:  # what Typer makes of an interrupt
         raise KeyboardInterrupt
     return status, ""
 
 
-def _one_line(error: Exception) -> str:
+def _message(error: Exception) -> str:
+    """Message of an error, on one line."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return str(error)

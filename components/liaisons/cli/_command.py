@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -25,6 +25,7 @@ _WIDTH = 100
 
 
 def _examples(lines: str) -> str:
+    """Examples as Typer shows them below the help."""
     return "\b\nexamples:\n" + "".join(f"  {line}\n" for line in cleandoc(lines).splitlines())
 
 
@@ -55,7 +56,7 @@ application = typer.Typer(
 
 
 def command(examples: str, **options: Any) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Make a command of a function: its docstring and its parameters are the help, what it returns the exit status.
+    """Make a command of a function: its docstring and parameters are the help, its result is the exit status.
 
     :param examples: lines of a shell.
     :param options: further ones of ``typer.Typer.command``.
@@ -64,6 +65,7 @@ def command(examples: str, **options: Any) -> Callable[[Callable[..., int]], Cal
 
 
 def _print_version(requested: bool) -> None:
+    """Print the version and exit, if requested."""
     if requested:
         print(f"liaisons {__version__}")
         raise typer.Exit
@@ -77,11 +79,11 @@ def frame(
     ] = False,
     _debug: Annotated[bool, typer.Option("--debug", help="show where an error comes from")] = False,
 ) -> None:
-    """Take what stands before a command; ``--debug`` is taken out of all words before."""
+    """Accept the options before a command; ``--debug`` has been removed from all words already."""
 
 
 def show(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
-    """Print a table as wide as the terminal at most; what fails is red where there are colours."""
+    """Print a table, at most as wide as the terminal; failures are red where there are colours."""
     from rich.console import Console
     from rich.text import Text
 
@@ -92,8 +94,19 @@ def show(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
     Console().print(text, soft_wrap=True)
 
 
+def judge(verdicts: Sequence[Verdict]) -> int:
+    """Print a table of verdicts, and return the exit status: 1 if one fails."""
+    show(verdicts)
+    return 0 if all(verdict.passed for verdict in verdicts) else 1
+
+
+def flag(names: str, words: str) -> Any:
+    """Declare an option without a value."""
+    return typer.Option(names, help=words)
+
+
 def show_scenarios() -> None:
-    """Print what the scenarios claim, a table for each theme."""
+    """Print the claims of the scenarios, a table for each theme."""
     files = scenario_files()
     for name, (title, scenarios) in scenario_themes().items():
         print(f"\n{title}: liaisons run --theme {name}\n")
@@ -101,38 +114,39 @@ def show_scenarios() -> None:
 
 
 def subject(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:
-    """The argument that says what a command is about; names of components complete."""
+    """Declare the argument that names what a command is about; names of components complete."""
     return typer.Argument(metavar=metavar, help=words, autocompletion=catalogue_names)
 
 
 def signals(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Completions of ``NAME,...`` by the variables of the component that the command is about."""
+    """Completions of ``NAME,...``: variables of the component that the command is about."""
     before, comma, _ = incomplete.rpartition(",")
     return [f"{before}{comma}{name}" for name, *_ in _variables(ctx)]
 
 
 def _assignments(ctx: typer.Context) -> list[str]:
-    """Completions of ``NAME=VALUE``, with the values that hold by default."""
+    """Completions of ``NAME=VALUE``: parameters and inputs with their default values."""
     return [f"{name}={start}" for name, causality, start in _variables(ctx) if causality in ("parameter", "input")]
 
 
 def _variables(ctx: typer.Context) -> list[tuple[str, str, str]]:
+    """Name, causality and start value of the variables of the component that the command is about."""
     words = [ctx.params.get("fmu"), *ctx.args]  # the latter while an option lacks its value
     return variables(next(filter(None, words), ""))
 
 
 def option(metavar: str, words: str, *names: str, **more: Any) -> Any:
-    """An option with a value."""
+    """Declare an option with a value."""
     return typer.Option(*names, metavar=metavar, help=words, **more)
 
 
 def several(metavar: str, words: str, *names: str, **more: Any) -> Any:
-    """An option that may be given several times; a list."""
+    """Declare an option that may be given several times; its value is a list."""
     return option(metavar, words, *names, default_factory=list, show_default=False, **more)
 
 
-def _allow(limit: str | None) -> None:
-    """Allow it in this process and in those that it starts."""
+def _set_unpacked_limit(limit: str | None) -> None:
+    """Set the unpacked limit for this process and for those that it starts."""
     if limit is not None:
         from liaisons.cosim.description.archive import LIMIT_VARIABLE, unpacked_limit
 
@@ -141,7 +155,7 @@ def _allow(limit: str | None) -> None:
 
 
 def assignment(text: str) -> tuple[str, float | bool | str]:
-    """``name=value`` of a command line; numbers and truth values as such."""
+    """Parse ``name=value``: a number, a truth value, or a string."""
     name, _, value = text.partition("=")
     if not (name and value):
         raise typer.BadParameter(f"{text!r}: write NAME=VALUE, for example theta_0=0.5")
@@ -163,13 +177,15 @@ UnpackedLimit = Annotated[
         "so much an FMU or SSP archive may take unpacked (default: 1 GiB)",
         "--unpacked-limit",
         envvar="LIAISONS_UNPACKED_LIMIT",
-        callback=_allow,
+        callback=_set_unpacked_limit,
     ),
 ]
 
 Size = Annotated[
     Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", "--size", parser=assignment)
 ]
+
+Output = Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")]
 
 # The options of every simulation.
 Starts = Annotated[
@@ -205,7 +221,7 @@ Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU'
 
 
 def check_figure(path: Path | None) -> None:
-    """Refuse, before the run, a figure that cannot be written after it."""
+    """Raise a SimulationError, before a run, for a figure that could not be written after it."""
     if path is not None:
         from matplotlib.figure import Figure
 

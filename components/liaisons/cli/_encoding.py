@@ -24,25 +24,27 @@ _SIGNS = {
 
 
 def tolerate_encodings() -> None:
-    """Have the standard streams write ``sigma`` where they cannot write σ, instead of failing."""
-    codecs.register_error(_HANDLER, _written)
+    """Let the standard streams write ``sigma`` where they cannot write σ, instead of failing."""
+    codecs.register_error(_HANDLER, _replace_unencodable)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors in _USUAL:
             stream.reconfigure(errors=_HANDLER)
 
 
 def in_ascii(text: str) -> str:
-    """Text without anything but ASCII: ``φ² ≤ 2π`` is ``phi2 <= 2pi``; what has no such name is a question mark."""
-    return "".join(character if character.isascii() else _one(character) for character in text)
+    """Text in ASCII: ``φ² ≤ 2π`` is ``phi2 <= 2pi``; a character without such a name is a question mark."""
+    return "".join(character if character.isascii() else _ascii(character) for character in text)
 
 
-def _written(error: UnicodeError) -> tuple[str, int]:
+def _replace_unencodable(error: UnicodeError) -> tuple[str, int]:
+    """Replacement for the characters that a stream cannot write, and where to go on."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     return in_ascii(error.object[error.start : error.end]), error.end
 
 
-def _one(character: str) -> str:
+def _ascii(character: str) -> str:
+    """ASCII for a character."""
     if character in _SIGNS:
         return _SIGNS[character]
     plain = unicodedata.normalize("NFKD", character)

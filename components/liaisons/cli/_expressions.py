@@ -18,7 +18,7 @@ Expression = Callable[[float], tuple[float, float, float]]
 
 
 def expression(text: str) -> Expression:
-    """A function of time from its text.
+    """Parse a function of time.
 
     :param text: a formula of ``t`` [s].
     :raises FormulaError: if it is none; names the place, and the nearest name.
@@ -33,6 +33,7 @@ def expression(text: str) -> Expression:
     buffer.set_res(0, memoryview(values))
 
     def evaluate(t: float) -> tuple[float, float, float]:
+        """Value, rate and acceleration at an instant."""
         time[0] = t
         run()
         value, rate, acceleration = values.tolist()
@@ -44,13 +45,14 @@ def expression(text: str) -> Expression:
 
 
 def pulses(text: str, start: float, stop: float) -> list[float]:
-    """Instants [s] by which a run sees pulses that are shorter than its steps, at maxima of what ``exp`` is of.
+    """Instants [s] around pulses that are shorter than the steps of a run: maxima of the argument of ``exp``.
 
     :raises FormulaError: as :func:`expression` does.
     """
     exponents: list[ca.SX] = []
 
     def exp(exponent: ca.SX) -> ca.SX:
+        """Exponential function that records its argument."""
         exponents.append(exponent)
         return ca.exp(exponent)
 
@@ -70,11 +72,12 @@ def pulses(text: str, start: float, stop: float) -> list[float]:
 
 
 def _rate(value: ca.SX) -> ca.SX:
+    """Derivative of a value by time."""
     return ca.jacobian(value, _T)
 
 
 def _magnitude(value: ca.SX) -> ca.SX:
-    """On the side where time goes: at a zero, its sign is that which it is about to have."""
+    """Absolute value whose sign at a zero is the one right after it, so that its rate is the one-sided one."""
     rate = _rate(value)
     sign = ca.sign(rate) + (rate == 0) * ca.sign(_rate(rate))
     return (ca.sign(value) + (value == 0) * sign) * value

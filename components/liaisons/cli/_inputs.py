@@ -29,40 +29,40 @@ _ROUNDING = 1e-9  # of the span of a table: by so much it may miss start or stop
 
 
 @dataclass(frozen=True)
-class Given:
+class PrescribedInputs:
     """Values that --input prescribes: functions of time by the names of inputs, and operators by owner and port."""
 
     functions: dict[str, Function] = field(default_factory=dict)
     operators: dict[str, dict[str, OperatorFmu]] = field(default_factory=dict)
 
 
-def drives(
-    system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool, join: Join
-) -> Given:
-    """Functions of time and operators of ``--input``.
+def prescribed_inputs(
+    system: System, inputs: Iterable[str], start_time: float, stop_time: float, *, single: bool, join: Join
+) -> PrescribedInputs:
+    """Functions of time and operators that ``--input`` prescribes.
 
-    :param given: ``NAME=EXPRESSION``, or the name of a file with a column of times and one an input.
+    :param inputs: ``NAME=EXPRESSION``, or the name of a file with a column of times and one an input.
     :param start_time: start of the simulation [s].
     :param stop_time: its stop [s]; tables have to reach from one to the other.
     :param single: the system is one FMU, whose inputs have no prefix.
     :param join: of the rows of tables without rates.
     :raises LiaisonsError: if an expression cannot be parsed, a file not read, or there is no such input.
     """
-    prescribed, names = Given(), set[str]()
-    for text in given:
+    prescribed, names = PrescribedInputs(), set[str]()
+    for text in inputs:
         name, equals, right = text.partition("=")
         if _is_file(text) or not equals:
             times, columns = read_table(Path(text))
-            _check_reach(text, times, start_time, stop_time)
-            ports = {column: _driven(system, column, single=single) for column in columns}
+            _require_reach(text, times, start_time, stop_time)
+            ports = {column: _input_port(system, column, single=single) for column in columns}
             try:
-                new = _of_table(prescribed, times, columns, ports, join)
+                new = _prescribe_table(prescribed, times, columns, ports, join)
             except LiaisonsError as error:
                 raise SimulationError(f"{text}: {error}") from None
         else:
             new = {name.strip()}
-            prescribed.functions[name.strip()] = _of_expression(
-                name.strip(), right, lambda name: _driven(system, name, single=single), (start_time, stop_time)
+            prescribed.functions[name.strip()] = _parsed_input(
+                name.strip(), right, lambda name: _input_port(system, name, single=single), (start_time, stop_time)
             )
         for name in new & names:
             raise SimulationError(f"--input: {name} is given twice; leave one out")
@@ -71,13 +71,15 @@ def drives(
 
 
 def _is_file(text: str) -> bool:
+    """Whether a text is the path of a file."""
     try:
         return Path(text).is_file()
     except OSError:  # a formula longer than a name can be
         return False
 
 
-def _of_expression(name: str, text: str, driven: Callable[[str], Port], span: tuple[float, float]) -> Function:
+def _parsed_input(name: str, text: str, driven: Callable[[str], Port], span: tuple[float, float]) -> Function:
+    """Function of time for an input, with the instants of its pulses."""
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
     from liaisons.cli._expressions import FormulaError, expression, pulses  # loads CasADi
@@ -89,8 +91,8 @@ def _of_expression(name: str, text: str, driven: Callable[[str], Port], span: tu
     return Signal(function if driven(name).triple() else lambda t: function(t)[0], breaks)
 
 
-def _driven(system: System, name: str, *, single: bool) -> Port:
-    """The input of this name.
+def _input_port(system: System, name: str, *, single: bool) -> Port:
+    """Port of an input by its name, checked.
 
     :raises SimulationError: with the nearest name, if there is none.
     """
@@ -110,7 +112,8 @@ def _driven(system: System, name: str, *, single: bool) -> Port:
     return part[variable]
 
 
-def _check_reach(file: str, times: Floats, start_time: float, stop_time: float) -> None:
+def _require_reach(file: str, times: Floats, start_time: float, stop_time: float) -> None:
+    """Raise a SimulationError unless a table reaches from start to stop."""
     allowed = _ROUNDING * (times[-1] - times[0])
     if times[0] > start_time + allowed or times[-1] < stop_time - allowed:
         raise SimulationError(
@@ -119,14 +122,14 @@ def _check_reach(file: str, times: Floats, start_time: float, stop_time: float) 
         )
 
 
-def _of_table(
-    prescribed: Given,
+def _prescribe_table(
+    prescribed: PrescribedInputs,
     times: Floats,
     columns: Mapping[str, Floats],
     ports: Mapping[str, Port],
     join: Join,
 ) -> set[str]:
-    """An operator for each coordinate, which takes the columns of its rates, and a function for each other input.
+    """Add an operator for each coordinate, which takes the columns of its rates, and a function for other inputs.
 
     :returns: the names of these inputs.
     """
@@ -146,7 +149,7 @@ def _of_table(
 
 
 def read_table(path: Path) -> tuple[Floats, dict[str, Floats]]:
-    """Times and columns of a CSV file: names in its first line, one of them ``time`` or ``t``, numbers below.
+    """Read a CSV file: times and columns; its first line names them, one of them ``time`` or ``t``.
 
     Lines that begin with ``#`` are left out.
 

@@ -31,7 +31,7 @@ _MOST_VALIDATED = 2**23
 
 
 def invariants(path: Path) -> Iterator[Verdict | str]:
-    """Verdicts on an FMU, and problems as text.
+    """Yield verdicts on an FMU, and problems as text.
 
     :raises SimulationError: if it cannot be read, or refuses its default experiment.
     """
@@ -44,11 +44,11 @@ def invariants(path: Path) -> Iterator[Verdict | str]:
         yield from (problems := [*validate_fmu(str(path)), *_experiment_problems(path)])
         claim = "fmpy's validator finds no problem, and the default experiment can be simulated"
         yield verdict(claim, error=len(problems), tolerance=0)
-    yield from _runs(fmu)
+    yield from _run_verdicts(fmu)
 
 
 def _experiment_problems(path: Path) -> Iterator[str]:
-    """Problems of a default experiment that the schema of FMI allows."""
+    """Yield problems of the default experiment that the schema of FMI allows."""
     experiment = read_description(path).experiment
     names = "startTime", "stopTime", "stepSize", "tolerance"
     values = {name: float(experiment[name]) for name in names if name in experiment}
@@ -59,8 +59,8 @@ def _experiment_problems(path: Path) -> Iterator[str]:
             yield f"DefaultExperiment: {name} = {value:g}: it must be a number > {least:g}"
 
 
-def _runs(fmu: Fmu) -> Iterator[Verdict]:
-    """Verdicts on the default experiment."""
+def _run_verdicts(fmu: Fmu) -> Iterator[Verdict]:
+    """Yield verdicts on runs of the default experiment."""
     stop_time = fmu.experiment.stop_time or 1.0
     steps = max(2, round(stop_time / (fmu.experiment.step_size or stop_time / 100)))
     step_size = stop_time / steps
@@ -94,13 +94,13 @@ def _runs(fmu: Fmu) -> Iterator[Verdict]:
             tolerance=10 * tolerance * scale * stop_time,
             unit="J",
         )
-    repeated = _roll_back(fmu, step_size, tolerance)
+    repeated = _roll_back_difference(fmu, step_size, tolerance)
     if repeated is not None:
         yield verdict("a step that is rolled back and repeated gives the same bits", error=repeated, tolerance=0)
 
 
 def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
-    """Largest difference at common times, beside the largest signal of the unit, and where: ``", at worst x at 1 s"``.
+    """Largest difference at common times, relative to the largest signal of its unit; and where, in words.
 
     A balance is small, not imprecise.  Where all signals of a unit are small beside the motion's size in other units,
     rounding of these is what differs.  Strings differ by 1 or not at all.
@@ -120,7 +120,7 @@ def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
     return worst, where
 
 
-def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
+def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     """Largest difference between two steps and their repetition; None if the FMU cannot restore its state."""
     outputs = [fmu.variables[name] for name in fmu.reals("output")]
     if not (fmu.can_get_and_set_state and outputs):
@@ -135,6 +135,7 @@ def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
         step, get = instance.stepper(time, size), instance.getter(outputs, seen)
 
         def perform(*calls: Call) -> None:
+            """Call functions of the FMU, and raise an error if one fails."""
             for call in calls:
                 status = call()
                 if status and status > WARNING:

@@ -9,7 +9,7 @@ from typing import Any
 from liaisons import ssp
 from liaisons.base.array_names import split
 from liaisons.base.project import ProjectError, load_module
-from liaisons.cli._inputs import Given, drives
+from liaisons.cli._inputs import PrescribedInputs, prescribed_inputs
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
@@ -22,7 +22,7 @@ _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothi
 
 
 def resolved(word: str, starts: Iterable[Any], size: Any = None) -> tuple[Path | System, dict[str, Any]]:
-    """The FMU or system of a command-line argument, and start values that are not in it yet.
+    """FMU or system of a command-line argument, and the start values that remain to be set.
 
     :param size: --size, of a component.
     :raises ProjectError: if there is no such thing.
@@ -36,7 +36,7 @@ def resolved(word: str, starts: Iterable[Any], size: Any = None) -> tuple[Path |
 
 
 def declared_system(word: str) -> System | None:
-    """The system that ``FILE.py:NAME`` names, if it does."""
+    """System that ``FILE.py:NAME`` names; None if it names none."""
     file, separator, name = word.rpartition(".py:")
     system = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
     return system if isinstance(system, System) else None
@@ -46,7 +46,7 @@ def simulation(
     word: str,
     starts: Sequence[Any],
     *span: float | None,
-    given: Iterable[str],
+    inputs: Iterable[str],
     join: Join = "quintic",
     record: list[str] | None = None,
     isolated: float = 0.0,
@@ -55,7 +55,7 @@ def simulation(
     """System and simulation of a command-line argument; the files of an archive are deleted with its system.
 
     :param span: --start, --stop, --step and --tolerance, None where they are not given.
-    :param given: --input, and ``join`` --join.
+    :param inputs: --input, and ``join`` --join.
     :param record: signals besides :func:`mismatches`; outputs and inputs if None.
     :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
     :param size: --size, of a component.
@@ -83,8 +83,8 @@ def simulation(
             "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
         )
         logger.warning(words, Path(word).name, end, size)
-    driven = drives(system, given, begin, end, single=single, join=join)
-    _refuse_twice(system, dict(starts), driven, single=single)
+    driven = prescribed_inputs(system, inputs, begin, end, single=single, join=join)
+    _refuse_ignored_starts(system, dict(starts), driven, single=single)
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)
     parts = {name: part.apart(isolated) if isolated else part for name, part in system.parts.items()}
@@ -101,8 +101,8 @@ def simulation(
     return system, asked
 
 
-def _refuse_twice(system: System, starts: Iterable[str], driven: Given, *, single: bool) -> None:
-    """Refuse a start value of what --input moves: it would be ignored.
+def _refuse_ignored_starts(system: System, starts: Iterable[str], driven: PrescribedInputs, *, single: bool) -> None:
+    """Raise a ProjectError for a start value of a variable that --input moves: it would be ignored.
 
     :raises ProjectError: if there is one.
     """
@@ -117,7 +117,7 @@ def _refuse_twice(system: System, starts: Iterable[str], driven: Given, *, singl
 
 
 def mismatches(fmu: Fmu) -> list[str]:
-    """Local variables that say how far σ, σ̇ and σ̈ of the inputs contradict each other; none in other tools' FMUs."""
+    """Local variables that measure contradictions of σ, σ̇ and σ̈ of inputs; none in FMUs of other tools."""
     inputs = {name for port in fmu.reals("input") for name in (port, split(port)[0])}
     found: list[str] = []
     for name in fmu.reals("local"):

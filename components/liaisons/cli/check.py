@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from liaisons.cli._command import UnpackedLimit, command, show, subject
+from liaisons.cli._command import UnpackedLimit, command, judge, subject
 from liaisons.library import fmu_file
 
 
@@ -27,5 +27,4 @@ def check(fmu: Annotated[str, subject("FMU|NAME|FILE.py")], _limit: UnpackedLimi
             verdicts.append(report)
         else:
             print(report)
-    show(verdicts)
-    return 0 if all(v.passed for v in verdicts) else 1
+    return judge(verdicts)

@@ -10,7 +10,8 @@ import typer
 from liaisons.cli._command import Number, command, option
 
 
-def _tolerance(text: str) -> float:
+def _parsed_tolerance(text: str) -> float:
+    """Parse a tolerance, >= 0."""
     tolerance = float(text)
     if not 0 <= tolerance < float("inf"):
         raise typer.BadParameter(f"{text!r}: give a number, 0 at least, e.g. --tolerance 1e-6")
@@ -28,7 +29,7 @@ def compare(
     first: Table,
     second: Table,
     tolerance: Annotated[
-        Number, option("R", "allowed difference beside the signal's largest value", parser=_tolerance)
+        Number, option("R", "allowed difference beside the signal's largest value", parser=_parsed_tolerance)
     ] = None,
 ) -> int:
     """Compare two results, signal by signal.

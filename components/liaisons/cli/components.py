@@ -16,7 +16,7 @@ import typer
 
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, from_here
-from liaisons.cli._command import Size, command, option, show, show_scenarios, subject
+from liaisons.cli._command import Size, command, flag, option, show, show_scenarios, subject
 from liaisons.errors import BackEndError
 from liaisons.library import Backend, catalogue, claim, model, sized_folder
 from liaisons.library import components as find
@@ -39,7 +39,7 @@ def listing(
     targets: Annotated[list[str] | None, subject("FILE.py", "show those of these files instead")] = None,
 ) -> int:
     """Show the components, with their free and active coordinates, and the scenarios by theme."""
-    show([_row(component) for target in targets or ["all"] for component in find(target)])
+    show([_component_row(component) for target in targets or ["all"] for component in find(target)])
     if not targets:
         show_scenarios()
     return 0
@@ -80,19 +80,19 @@ def build(
     ] = "2",
     arrays: Annotated[
         bool,
-        typer.Option(
+        flag(
             "--arrays/--no-arrays",
-            help="in FMI 3.0, arrays as such, or number by number for tools that know none, in fmi3/scalars/",
+            "in FMI 3.0, arrays as such, or number by number for tools that know none, in fmi3/scalars/",
         ),
     ] = True,
     size: Size = None,
     as_modelica: Annotated[
         bool,
-        typer.Option("--modelica", help="write Modelica text, NAME.mo, and no FMU; without names one package of all"),
+        flag("--modelica", "write Modelica text, NAME.mo, and no FMU; without names one package of all"),
     ] = False,
     standard_library: Annotated[
         bool,
-        typer.Option("--standard-library", help="with --modelica: flanges and units of the Modelica Standard Library"),
+        flag("--standard-library", "with --modelica: flanges and units of the Modelica Standard Library"),
     ] = False,
     output: Annotated[
         Path | None, option("DIR", "where they go (default: fmus/), of another size its n=NUMBER/")
@@ -130,7 +130,7 @@ def build(
 
 
 def _write_modelica(components: list[type[Component]], folder: Path, *, whole: bool, standard_library: bool) -> int:
-    """Write ``NAME.mo`` for each component, or the package of all."""
+    """Write ``NAME.mo`` for each component, or the package of all; return the exit status."""
     from liaisons.library.modelica_files import modelica, modelica_library
 
     if whole:
@@ -148,6 +148,7 @@ def _write_modelica(components: list[type[Component]], folder: Path, *, whole: b
 def _build_one(
     folder: Path, sizes: dict[str, object], versions: list[Any], how: dict[str, Any], name: tuple[str, str]
 ) -> list[Path | BackEndError]:
+    """Build the FMUs of a component: their paths, or the reason why a back end cannot."""
     from liaisons.fmu import build
 
     target, class_name = name
@@ -160,12 +161,12 @@ def _build_one(
 
 
 def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
-    """Yield the function's result for each task in order; errors are raised at the same place."""
+    """Yield the result of a function for each task in order, computed on all cores; errors are raised in its place."""
     count = min(os.cpu_count() or 1, len(tasks) // 2)  # a process takes as long to begin as an FMU to be built
     if count < 2:
         yield from map(function, tasks)
         return
-    with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (os.getpid(),)) as pool:
+    with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _prepare_worker, (os.getpid(),)) as pool:
         try:
             # pool.map cancels those that wait, to which a thread of the pool would report that its processes have ended
             for future in [pool.submit(function, task) for task in tasks]:
@@ -176,12 +177,14 @@ def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
             raise
 
 
-def _begin(parent: int) -> None:
+def _prepare_worker(parent: int) -> None:
+    """Let a worker end with its parent, and leave interrupts to it."""
     die_with_parent(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends them
 
 
-def _row(component: type[Component]) -> dict[str, str]:
+def _component_row(component: type[Component]) -> dict[str, str]:
+    """Row of a component in the list."""
     from liaisons.language import Chain, Coordinate, Mechanism
     from liaisons.language.checks import declared
 

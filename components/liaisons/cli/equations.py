@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import command, option, subject
+from liaisons.cli._command import command, flag, option, subject
 
 
 @command("""
@@ -16,13 +16,13 @@ from liaisons.cli._command import command, option, subject
     liaisons equations my_component.py --html > equations.html
 """)
 def equations(
-    of: Annotated[str, subject("NAME|FILE.py|FILE.ssp", "a component, or a system of components")],
+    target: Annotated[str, subject("NAME|FILE.py|FILE.ssp", "a component, or a system of components")],
     *,
     part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, forces, ... alone")] = None,
-    text: Annotated[bool, typer.Option("--text", help="for a terminal (the default)")] = False,
-    latex: Annotated[bool, typer.Option("--latex", help="for a document")] = False,
-    html: Annotated[bool, typer.Option("--html", help="for a browser")] = False,
-    modelica: Annotated[bool, typer.Option("--modelica", help="as Modelica text, without PART")] = False,
+    text: Annotated[bool, flag("--text", "for a terminal (the default)")] = False,
+    latex: Annotated[bool, flag("--latex", "for a document")] = False,
+    html: Annotated[bool, flag("--html", "for a browser")] = False,
+    modelica: Annotated[bool, flag("--modelica", "as Modelica text, without PART")] = False,
 ) -> int:
     """Show the equations of a component: Lagrangian, momenta, motion, forces of the operators, Hamiltonian."""
     if text + latex + html + modelica > 1 or (modelica and part):
@@ -31,11 +31,11 @@ def equations(
     from liaisons.cli._subject import declared_system
     from liaisons.library import modelica_files
 
-    system = ssp.read(of, interface.System) if of.lower().endswith(".ssp") else declared_system(of)
+    system = ssp.read(target, interface.System) if target.lower().endswith(".ssp") else declared_system(target)
     if modelica:
-        print(modelica_files.modelica(system or of))
+        print(modelica_files.modelica(system or target))
         return 0
-    shown = interface.equations(system or of)
+    shown = interface.equations(system or target)
     shown = shown if part is None else shown[part]
     if html:
         print("<!DOCTYPE html>", '<meta charset="utf-8">', *shown.html(), sep="\n")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import command, option, show
+from liaisons.cli._command import Output, command, judge
 
 
 @command("""
@@ -18,7 +18,7 @@ from liaisons.cli._command import command, option, show
 def identify(
     fit: Annotated[Path, typer.Argument(metavar="FIT.toml", help="keys are the arguments of liaisons.identify")],
     *,
-    output: Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")] = None,
+    output: Output = None,
 ) -> int:
     """Find parameters and start values from measurements, and say how sure they are.
 
@@ -39,5 +39,4 @@ def identify(
         print(f"{name}: {path}")
     verdicts = result.verify()
     print()
-    show(verdicts)
-    return 0 if all(verdict.passed for verdict in verdicts) else 1
+    return judge(verdicts)

@@ -6,8 +6,6 @@ import webbrowser
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from liaisons.base.project import ProjectError
 from liaisons.cli._command import (
     Inputs,
@@ -20,6 +18,7 @@ from liaisons.cli._command import (
     Tolerance,
     UnpackedLimit,
     command,
+    flag,
     option,
     subject,
 )
@@ -54,13 +53,15 @@ def animate(
     step: Step = None,
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
-    given: Inputs,
+    inputs: Inputs,
     join: Join = "quintic",
     speed: Annotated[
         float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)", parser=float)
     ] = None,
     turns: Annotated[float, option("N", "how often the camera goes round a spatial mechanism", parser=float)] = 0.0,
-    of: Annotated[Path | None, option("FILE", "the FMU of a result that is read from a file", "--fmu")] = None,
+    recorded_fmu: Annotated[
+        Path | None, option("FILE", "the FMU of a result that is read from a file", "--fmu")
+    ] = None,
 ) -> int:
     """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
     from liaisons.cli._subject import simulation
@@ -69,14 +70,14 @@ def animate(
 
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
-        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, join=join, size=size)
+        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size)
         result = performed(asked)
-    elif of is None:
+    elif recorded_fmu is None:
         raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
     else:
-        result = of_file(path, of, dict(starts))
-    found = result.animate(output, speed=speed, turns=turns)
-    print(f"motion: {output}{f', {found:g} times as fast as it is' if found != 1 else ''}")
+        result = of_file(path, recorded_fmu, dict(starts))
+    ratio = result.animate(output, speed=speed, turns=turns)
+    print(f"motion: {output}{f', {ratio:g} times as fast as it is' if ratio != 1 else ''}")
     return 0
 
 
@@ -94,9 +95,9 @@ def show(
     output: Annotated[
         Path | None, option("FILE", "where the page goes (default: NAME.html here)", "--output", "-o")
     ] = None,
-    launch: Annotated[bool, typer.Option("--open/--no-open", help="open it in the browser")] = True,
+    launch: Annotated[bool, flag("--open/--no-open", "open it in the browser")] = True,
     starts: Starts,
-    given: Inputs,
+    inputs: Inputs,
     join: Join = "quintic",
     _limit: UnpackedLimit = None,
 ) -> int:
@@ -109,28 +110,25 @@ def show(
     from liaisons.cli._subject import resolved, simulation
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_path
-    from liaisons.live import show as written
+    from liaisons.live import show as write_page
 
-    fmu, *beside = fmus
-    if beside and given:
+    fmu, *others = fmus
+    live, remark = zig_compiler(), ""
+    if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")
-    if beside:
-        page = interface.show(fmu, *beside, path=output, start_values=dict(starts)).path
-        print(f"page: {page}")
-        if launch:
-            webbrowser.open(page.resolve().as_uri())
-        return 0
-    found, rest = resolved(fmu, starts)
-    page = output or default_path(found)
-    live = zig_compiler()
-    if live and not given:
-        written(found, page, start_values=rest)
-        print(f"page: {page}")
+    if others:
+        page = interface.show(fmu, *others, path=output, start_values=dict(starts)).path
     else:
-        _system, asked = simulation(fmu, starts, None, None, None, None, given=given, join=join)
-        performed(asked).animate(page)
-        cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
-        print(f"page: {page}, a recorded motion{cure}")
+        shown, rest = resolved(fmu, starts)
+        page = output or default_path(shown)
+        if live and not inputs:
+            write_page(shown, page, start_values=rest)
+        else:
+            _system, asked = simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
+            performed(asked).animate(page)
+            cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
+            remark = f", a recorded motion{cure}"
+    print(f"page: {page}{remark}")
     if launch:
         webbrowser.open(page.resolve().as_uri())
     return 0

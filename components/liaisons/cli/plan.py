@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import command, option, show
+from liaisons.cli._command import Output, command, judge
 
 
 @command("""
@@ -18,7 +18,7 @@ from liaisons.cli._command import command, option, show
 def plan(
     goal: Annotated[Path, typer.Argument(metavar="GOAL.toml", help="keys are the arguments of liaisons.plan")],
     *,
-    output: Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")] = None,
+    output: Output = None,
 ) -> int:
     """Plan the motion of active coordinates that reaches a goal at least cost, and prove it.
 
@@ -40,5 +40,4 @@ def plan(
         print(f"{name}: {path.with_suffix(kind)}")
     verdicts = motion.verify()
     print()
-    show(verdicts)
-    return 0 if all(verdict.passed for verdict in verdicts) else 1
+    return judge(verdicts)

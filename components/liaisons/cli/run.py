@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from liaisons.base.project import ProjectError, from_here, scenario_files, scenario_themes
-from liaisons.cli._command import command, option, show, show_scenarios
+from liaisons.cli._command import command, flag, option, show, show_scenarios
 from liaisons.errors import suggestion
 
 
@@ -34,7 +34,7 @@ def run(
         str | None,
         option("NAME", "run the scenarios of a theme", autocompletion=lambda: list(scenario_themes())),
     ] = None,
-    every: Annotated[bool, typer.Option("--all", help="run every scenario of this project")] = False,
+    every: Annotated[bool, flag("--all", "run every scenario of this project")] = False,
     figures: Annotated[
         Path | None,
         option(

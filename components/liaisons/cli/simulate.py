@@ -8,7 +8,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
 from typer.core import TyperCommand
 
 from liaisons.base.array_names import split
@@ -27,6 +26,7 @@ from liaisons.cli._command import (
     UnpackedLimit,
     check_figure,
     command,
+    flag,
     option,
     show,
     signals,
@@ -42,6 +42,7 @@ class _Command(TyperCommand):
     """``--plot`` may stand without a file and ``--isolated`` without a number, which Typer does not know."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a command, after giving options that stand alone their default values."""
         bare = {index for index, word in enumerate([*args[1:], "-"]) if word.startswith("-")}
         alone = {"--plot": "--plot=", "--isolated": f"--isolated={TIME_LIMIT}"}
         return super().parse_args(
@@ -72,16 +73,14 @@ def simulate(
     step: Step = None,
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
-    given: Inputs,
+    inputs: Inputs,
     join: Join = "quintic",
     record: Annotated[
         str, option("NAME,...", "show only these signals (default: outputs and inputs)", autocompletion=signals)
     ] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="simulate again at half the step, show the differences")
-    ] = False,
+    verify: Annotated[bool, flag("--verify", "simulate again at half the step, show the differences")] = False,
     plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
     diagram: Annotated[Path | None, option("FILE.svg", "draw the FMUs of a system, and what is connected")] = None,
     isolated: Annotated[
@@ -97,16 +96,17 @@ def simulate(
     names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
     system, asked = simulation(
-        fmu, starts, start, stop, step, tolerance, given=given, join=join, record=names, isolated=limit, size=size
+        fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, record=names, isolated=limit, size=size
     )
     if diagram:
         system.diagram(diagram)
         print(f"diagram: {diagram}")
     figure = None if plot is None else Path(plot or f"{asked.title}.png")
-    _check_writable(csv, parquet, figure)
+    _require_writable(csv, parquet, figure)
 
     def write(result: Result, words: str = "") -> None:
-        shown, contradictions = _taken_out(result, names or ())
+        """Print the table of a result and write its files."""
+        shown, contradictions = _without_mismatches(result, names or ())
         show(shown.summary())
         for line in contradictions:
             print(line)
@@ -128,8 +128,8 @@ def simulate(
     return 0
 
 
-def _taken_out(result: Result, requested: Collection[str]) -> tuple[Result, list[str]]:
-    """The result without mismatches unless they are requested, and a line for each that is not 0."""
+def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Result, list[str]]:
+    """The result without mismatches, unless they are requested, and a line for each that is not 0."""
     from liaisons.cli._subject import MISMATCH
 
     rows, lines = [], []
@@ -150,8 +150,8 @@ def _taken_out(result: Result, requested: Collection[str]) -> tuple[Result, list
     return replace(result, names=names, values=result.values[rows], units=units, errors=errors), lines
 
 
-def _check_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:
-    """Notice before the run what would keep files from being written after it."""
+def _require_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:
+    """Raise a SimulationError, before the run, for files that could not be written after it."""
     for path in filter(None, (csv, parquet)):
         check_writable(path)
     if parquet and find_spec("pyarrow") is None:

@@ -23,6 +23,7 @@ from liaisons.cli._command import (
     UnpackedLimit,
     check_figure,
     command,
+    flag,
     option,
     several,
     show,
@@ -37,7 +38,8 @@ _MOST = 10_000_000  # values of one name
 _SHOWN = 20  # rows on the screen; the file has all
 
 
-def _values(text: str) -> tuple[str, list[float]]:
+def _parsed_values(text: str) -> tuple[str, list[float]]:
+    """Parse ``NAME=a,b,c`` or ``NAME=first:last:count``."""
     name, _, values = text.partition("=")
     try:
         if not name:
@@ -57,18 +59,19 @@ def _values(text: str) -> tuple[str, list[float]]:
         ) from None
 
 
-def _distribution(text: str) -> tuple[str, object]:
+def _parsed_distribution(text: str) -> tuple[str, object]:
+    """Parse ``NAME=low:high`` or ``NAME=normal:mean:deviation``."""
     name, _, values = text.partition("=")
     kind, _, rest = values.partition(":")
     try:
         if kind == "normal":
             from scipy.stats import norm
 
-            mean, deviation = _finite(rest)
+            mean, deviation = _parsed_finite(rest)
             if not (name and deviation > 0):
                 raise ValueError
             return name, norm(mean, deviation)
-        low, high = _finite(values.removeprefix("uniform:"))
+        low, high = _parsed_finite(values.removeprefix("uniform:"))
         if not (name and low < high):
             raise ValueError
         return name, (low, high)
@@ -79,7 +82,8 @@ def _distribution(text: str) -> tuple[str, object]:
         ) from None
 
 
-def _finite(text: str) -> list[float]:
+def _parsed_finite(text: str) -> list[float]:
+    """Parse finite numbers between colons."""
     numbers = [float(number) for number in text.split(":")]
     if not all(map(math.isfinite, numbers)):
         raise ValueError
@@ -102,7 +106,7 @@ def sweep(
         several(
             "NAME=VALUES",
             "values a,b,c or evenly spaced first:last:count; several times for a grid",
-            parser=_values,
+            parser=_parsed_values,
         ),
     ],
     random: Annotated[
@@ -110,13 +114,13 @@ def sweep(
         several(
             "NAME=LOW:HIGH",
             "uniform between two values, or normal:MEAN:DEVIATION; several times; needs --samples",
-            parser=_distribution,
+            parser=_parsed_distribution,
         ),
     ],
     samples: Annotated[int | None, option("N", "number of random cases", parser=int)] = None,
     seed: Annotated[int | None, option("S", "of the random cases (default: 0)", parser=int)] = None,
     latin_hypercube: Annotated[
-        bool, typer.Option("--latin-hypercube", help="spread random cases evenly over the quantiles of each name")
+        bool, flag("--latin-hypercube", "spread random cases evenly over the quantiles of each name")
     ] = False,
     keep: Annotated[
         list[str], option("SIGNAL,...", "what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min")
@@ -138,7 +142,7 @@ def sweep(
         ),
     ] = None,
     retry: Annotated[
-        bool, typer.Option("--retry", help="simulate again, too, what the model has refused according to the journal")
+        bool, flag("--retry", "simulate again, too, what the model has refused according to the journal")
     ] = False,
     time_limit: Annotated[
         Number,
@@ -164,10 +168,10 @@ def sweep(
     """
     from liaisons.sweeps import sweep
 
-    passing = None if csv is None or journal is not None else _beside(csv)
+    passing = None if csv is None or journal is not None else _default_journal(csv)
     journal = journal or passing
-    _check_files(csv, plot, journal, retry=retry)
-    with _interrupted(journal):
+    _require_writable(csv, plot, journal, retry=retry)
+    with _report_interrupt(journal):
         result = sweep(
             cases=_cases(over, random, samples, seed, latin_hypercube=latin_hypercube),
             keep=",".join(keep).split(","),
@@ -190,12 +194,12 @@ def sweep(
             print(f"{title}: {path}")
     if passing is not None and not result.unfinished:
         passing.unlink(missing_ok=True)
-    _tell_failures(result, kept=journal is not None)
+    _print_failures(result, kept=journal is not None)
     return 1 if result.failures else 0
 
 
-def _check_files(csv: Path | None, plot: Path | None, journal: Path | None, *, retry: bool) -> None:
-    """Refuse, before the sweep, files that cannot be written after it."""
+def _require_writable(csv: Path | None, plot: Path | None, journal: Path | None, *, retry: bool) -> None:
+    """Raise an error, before the sweep, for files that could not be written after it."""
     check_figure(plot)
     if csv is not None:
         check_writable(csv)
@@ -205,7 +209,7 @@ def _check_files(csv: Path | None, plot: Path | None, journal: Path | None, *, r
         raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
 
 
-def _tell_failures(result: Result, *, kept: bool) -> None:
+def _print_failures(result: Result, *, kept: bool) -> None:
     """Print which cases have failed and why; ``kept``: whether there is a journal."""
     for case, reason in list(result.failures.items())[:_SHOWN]:
         print(f"case {case} {'not finished' if case in result.unfinished else 'failed'}: {reason}")
@@ -217,14 +221,14 @@ def _tell_failures(result: Result, *, kept: bool) -> None:
         print(f"{len(result.unfinished)} of {count} cases not finished; {cure}")
 
 
-def _beside(csv: Path) -> Path | None:
-    """The journal that a table has by default; none for a device."""
+def _default_journal(csv: Path) -> Path | None:
+    """Default journal of a table, beside its file; None for a device."""
     return csv.with_name(f"{csv.name}.journal") if csv.name and (csv.is_file() or not csv.exists()) else None
 
 
 @contextmanager
-def _interrupted(journal: Path | None) -> Iterator[None]:
-    """Say where an interrupted sweep goes on from."""
+def _report_interrupt(journal: Path | None) -> Iterator[None]:
+    """Print, if the sweep is interrupted in the context, where it goes on from."""
     try:
         yield
     except (KeyboardInterrupt, SystemExit):
@@ -238,7 +242,7 @@ def _interrupted(journal: Path | None) -> Iterator[None]:
 def _subject(
     word: str, starts: dict[str, Any], start: float | None, stop: float | None, step: float | None
 ) -> dict[str, Any]:
-    """Arguments of ``sweep()`` that name the subject and its times."""
+    """Arguments of ``sweep()`` for the subject and its times."""
     from liaisons.cli._subject import resolved
     from liaisons.cosim import System
 
@@ -252,6 +256,7 @@ def _subject(
 def _cases(
     over: list[Any], random: list[Any], samples: int | None, seed: int | None, *, latin_hypercube: bool
 ) -> Cases:
+    """Cases of a grid, or random ones."""
     from liaisons.sweeps import grid, sample
 
     if over and random:

@@ -15,7 +15,7 @@ from liaisons.language import Component, Operator
 
 
 def _declared() -> dict[str, Any]:
-    """The classes and functions of all files, by name."""
+    """Public classes and functions of all files, by name."""
     files = [import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__) if not file.ispkg]
     return {
         name: value
@@ -26,6 +26,7 @@ def _declared() -> dict[str, Any]:
 
 
 def _is_component(value: object) -> bool:
+    """Whether a value is a component that is not abstract."""
     return isinstance(value, type) and issubclass(value, Component) and not value.is_abstract
 
 

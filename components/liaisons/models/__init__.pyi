@@ -32,6 +32,7 @@ from .pendulum import Pendulum as Pendulum
 from .pendulum_chain import PendulumChain as PendulumChain
 from .planar_cat import PlanarCat as PlanarCat
 from .planar_oscillator import PlanarOscillator as PlanarOscillator
+from .plane_curve import PlaneCurve as PlaneCurve
 from .planned_motion import PlannedMotion as PlannedMotion
 from .polar_oscillator import PolarOscillator as PolarOscillator
 from .quintic import quintic as quintic

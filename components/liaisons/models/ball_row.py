@@ -36,9 +36,9 @@ class BallRow(Mechanism):
         return ca.diff(self.x) - self.diameter
 
     def picture(self) -> Shapes:
-        places, radius = ca.vertsplit(self.x), self.diameter / 2
-        flashes = [Flash({"x": x + radius}, f"gap[{i}]") for i, x in enumerate(places[:-1], start=1)]
-        return [*(Ball({"x": x}, radius) for x in places), *flashes]
+        positions, radius = ca.vertsplit(self.x), self.diameter / 2
+        flashes = [Flash({"x": x + radius}, f"gap[{i}]") for i, x in enumerate(positions[:-1], start=1)]
+        return [*(Ball({"x": x}, radius) for x in positions), *flashes]
 
     def kinetic_energy(self) -> ca.SX:
         return ca.dot(self.mass, self.dot(self.x) ** 2) / 2

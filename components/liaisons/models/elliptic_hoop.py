@@ -9,7 +9,7 @@ from liaisons.language import Coordinate, Parameter, assertion, calculated, outp
 from liaisons.models.parametrised_hoop import ParametrisedHoop
 
 # Landen steps: errors of 1e-14 for ratios of the axes up to a million.
-_STEPS = 7
+_LANDEN_STEPS = 7
 
 
 class EllipticHoop(ParametrisedHoop):
@@ -48,20 +48,20 @@ class EllipticHoop(ParametrisedHoop):
         return -ca.asin(self.centre_y / self.semi_axis_b)
 
     def _arc_length(self, u: ca.SX) -> ca.SX:
-        """The incomplete elliptic integral of the second kind, by Landen's transformation.
+        """Arc length from u = 0, the incomplete elliptic integral of the second kind, by Landen's transformation.
 
         Each step takes the semi-axes to their means and about doubles the angle, until the ellipse is a circle.  In
         this form it holds for either order of the axes and any number of turns.
         """
         p, q = self.semi_axis_b, self.semi_axis_a
         square, angle, periodic = (p**2 + q**2) / 2, u, ca.SX(0)
-        for step in range(_STEPS):
+        for step in range(_LANDEN_STEPS):
             sine, cosine = ca.sin(angle), ca.cos(angle)
             angle = 2 * angle - ca.atan2((p - q) * sine * cosine, p * cosine**2 + q * sine**2)
             p, q, c = (p + q) / 2, ca.sqrt(p * q), (p - q) / 2
             square -= 2**step * c**2
             periodic += c * ca.sin(angle)
-        return square * angle / (2**_STEPS * p) + periodic
+        return square * angle / (2**_LANDEN_STEPS * p) + periodic
 
     @calculated("m", "length of the hoop")
     def hoop_length(self) -> ca.SX:

@@ -39,6 +39,7 @@ class FourierHoop(ParametrisedHoop):
 
     @property
     def _coefficients(self) -> list[tuple[int, ca.SX, ca.SX]]:
+        """Numbers k of the harmonics, with their coefficients cos_k and sin_k."""
         return [(k, self.symbols[f"cos_{k}"], self.symbols[f"sin_{k}"]) for k in range(1, 5)]
 
     @assertion("r must be > 0 all around: reduce cos_k, sin_k until O lies well inside the hoop")
@@ -49,7 +50,7 @@ class FourierHoop(ParametrisedHoop):
         return least - (SAMPLES[1] - SAMPLES[0]) ** 2 / 8 * bend
 
     def _radius(self, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """r and dr/dθ."""
+        """Radius r and its derivative dr/dθ."""
         cosine, sine = ca.cos(theta), ca.sin(theta)
         c, s, r, slope = ca.SX(1), ca.SX(0), ca.SX(1), ca.SX(0)
         for k, a, b in self._coefficients:

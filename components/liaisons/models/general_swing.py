@@ -33,8 +33,8 @@ class GeneralSwing(Mechanism, abstract=True):
     functions: ClassVar[Mapping[str, Function]] = {}
     theta = Coordinate("rad", "angle of the centre of mass from the downward vertical", start=0.5)
 
-    def _matrix(self, name: str, rows: int = 1, columns: int = 1) -> ca.SX:
-        """One of the four functions at the present shape."""
+    def _value_of(self, name: str, rows: int = 1, columns: int = 1) -> ca.SX:
+        """Value of one of the four functions at the present shape, checked by its size."""
         value = self.functions[name](*ca.vertsplit(self.active.s))
         if isinstance(value, (list, tuple)):
             value = ca.vertcat(*(ca.horzcat(*row) if isinstance(row, (list, tuple)) else row for row in value))
@@ -48,9 +48,9 @@ class GeneralSwing(Mechanism, abstract=True):
 
     @property
     def _metric(self) -> ca.SX:
-        """g of M eq. 55 in the coordinates (θ, s)."""
+        """Metric g of M eq. 55 in the coordinates (θ, s)."""
         count = len(self.actives)
-        I, J, g = self._matrix("I"), self._matrix("J", count), self._matrix("g", count, count)  # noqa: E741
+        I, J, g = self._value_of("I"), self._value_of("J", count), self._value_of("g", count, count)  # noqa: E741
         return ca.blockcat([[I, J.T], [J, g]])
 
     def picture(self) -> Shapes:
@@ -68,7 +68,7 @@ class GeneralSwing(Mechanism, abstract=True):
 
     @output("kg.m2", "moment of inertia I about the axis (M eq. 55)", unchecked=_NUMBERS)
     def inertia(self) -> ca.SX:
-        return self._matrix("I")
+        return self._value_of("I")
 
     @output(
         "N.m",
@@ -76,7 +76,7 @@ class GeneralSwing(Mechanism, abstract=True):
         unchecked=_NUMBERS,
     )
     def D(self) -> ca.SX:  # noqa: N802
-        return self._matrix("D")
+        return self._value_of("D")
 
     @assertion("the centre of mass must stay off the axis: D > 0", unchecked=_NUMBERS)
     def com_off_the_axis(self) -> ca.SX:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from typing import Any
-
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Parameter, output, point
+from liaisons.language import ActiveCoordinate, Experiment, Parameter, output, point
 from liaisons.language.shapes import Ball, Rod, Shapes, Wire
+from liaisons.models.plane_curve import PlaneCurve
 
 
-class Hoop(Mechanism, abstract=True):
+class Hoop(PlaneCurve, abstract=True):
     """Bead on a hoop that an operator turns, in a horizontal plane, about a point O inside it; abstract.
 
     A subclass declares one coordinate, u, and gives the :meth:`curve` on which u places the bead.  With ξ the arc
@@ -31,53 +29,25 @@ class Hoop(Mechanism, abstract=True):
     hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0, symbol="I")
     beta = ActiveCoordinate("rad", "angle of the axis OA in the fixed frame")
     experiment = Experiment(reference={"beta_dot": 1.0, "beta_ddot": 0.2})
-    once_round: Any  # what u grows by
-
-    @abstractmethod
-    def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Components of OP along the axis OA and to its left [m]; u grows counter-clockwise."""
-
-    def _rates(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Components of dOP/du."""
-        v = ca.SX.sym("v")
-        along, left = (ca.substitute(ca.jacobian(component, v), v, u) for component in self.curve(v))
-        return along, left
-
-    def _speed(self, u: ca.SX) -> ca.SX:
-        """|dOP/du| = dξ/du."""
-        x, y = self._rates(u)
-        return ca.sqrt(x**2 + y**2)
-
-    def _moment(self, u: ca.SX) -> ca.SX:
-        """OP × dOP/du = r² dθ/du: positive where OP turns counter-clockwise."""
-        (x, y), (x_rate, y_rate) = self.curve(u), self._rates(u)
-        return x * y_rate - y * x_rate
-
-    def _r_squared(self, u: ca.SX) -> ca.SX:
-        return ca.SX(sum(component**2 for component in self.curve(u)))
-
-    def _polar_angle(self, direction: ca.SX) -> ca.SX:
-        """Angle of OP, not wrapped, next to a direction that is never opposite to it."""
-        (x, y), cosine, sine = self.curve(self.free.q), ca.cos(direction), ca.sin(direction)
-        return direction + ca.atan2(y * cosine - x * sine, x * cosine + y * sine)
-
     _a = property(lambda self: self._moment(self.free.q) / self._speed(self.free.q))  # r²θ' at the bead
     _xi_dot = property(lambda self: self._speed(self.free.q) * self.free.q_dot)
 
     @property
     def _r_r_dash(self) -> ca.SX:
+        """Product r r' of the distance from O and its derivative by ξ, at the bead."""
         return ca.jacobian(self._r_squared(self.free.q), self.free.q) / (2 * self._speed(self.free.q))
 
-    def _place(self, u: ca.SX) -> dict[str, ca.SX]:
+    def _fixed_point(self, u: ca.SX) -> dict[str, ca.SX]:
+        """Point of the hoop at u, in the fixed frame."""
         (x, y), cosine, sine = self.curve(u), ca.cos(self.beta), ca.sin(self.beta)
         return {"x": x * cosine - y * sine, "y": x * sine + y * cosine}
 
     @point("m", "the bead, in the fixed frame")
     def bead(self) -> dict[str, ca.SX]:
-        return self._place(self.free.q)
+        return self._fixed_point(self.free.q)
 
     def picture(self) -> Shapes:
-        hoop = [self._place(self.once_round * k / 48) for k in range(48)]
+        hoop = [self._fixed_point(self.once_round * k / 48) for k in range(48)]
         return [Wire(hoop, closed=True), Rod({}, hoop[0]), Ball(self.bead)]
 
     def kinetic_energy(self) -> ca.SX:

@@ -35,7 +35,7 @@ class KnottedMotion(Operator, abstract=True):
     announced: Any  # and whether next_event_time has samples, too
 
     def rounds(self, t: ca.SX) -> ca.SX:
-        """Number of completed rounds; one that ends within rounding errors is completed."""
+        """Number of completed rounds; a round that ends within rounding errors is completed."""
         return ca.floor(t / self.repeats + 1e-10)
 
     def time_of_round(self, t: ca.SX) -> ca.SX:

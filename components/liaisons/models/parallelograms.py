@@ -59,14 +59,16 @@ class FourBars(Mechanism, abstract=True):
 
     @property
     def _rods(self) -> range:
+        """Numbers of the standing rods."""
         return range(self.windows + 1)
 
     def _top(self, i: int) -> dict[str, ca.SX]:
+        """Top B_i of a standing rod."""
         theta = self.symbols[f"theta_{i}"]
         return {"x": self.length * (i + ca.cos(theta)), "z": self.length * ca.sin(theta)}
 
     def stretch(self, i: int) -> ca.SX:
-        """σ_i [m]."""
+        """Stretch σ_i of a lying rod [m]."""
         one, other = self._top(i - 1), self._top(i)
         return (sum((other[axis] - one[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
 
@@ -74,7 +76,7 @@ class FourBars(Mechanism, abstract=True):
 
 
 def four_bars(windows: int) -> type[FourBars]:
-    """A row of parallelograms as a component: coordinates theta_0 .. theta_N, constraints rod_1 .. rod_N.
+    """Make a row of parallelograms: coordinates theta_0 .. theta_N, constraints rod_1 .. rod_N.
 
     :param windows: how many, N; all standing rods are upright at the start and fall to the right at 1 rad/s.
     :returns: the component; its FMU is called ``FourBars`` and the number.

@@ -31,7 +31,7 @@ class ParametrisedHoop(Hoop, abstract=True):
 
     @property
     def _u_at_A(self) -> ca.SX:  # noqa: N802
-        """u at the point A, where the axis OA meets the hoop."""
+        """Coordinate u of the point A, at which the axis OA meets the hoop."""
         return ca.SX(0)
 
     def _arc(self, u: ca.SX, rule: tuple[np.ndarray, np.ndarray]) -> ca.SX:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
-from liaisons.language.shapes import Ball, Rod, Shapes, turned
 
 
 class PlanarCat(Mechanism):
@@ -57,30 +55,18 @@ class PlanarCat(Mechanism):
         masses, hinge = (self.mass_0, self.mass_1, self.mass_2), ca.vertcat(self.hinge, 0)
         inertias = self.inertia_0, self.inertia_1, self.inertia_2
         limb_1, limb_2 = (ca.vertcat(ca.cos(psi), ca.sin(psi)) for psi in (self.psi_1, self.psi_2))
-        places = ca.SX.zeros(2), hinge + self.arm_1 * limb_1, -hinge - self.arm_2 * limb_2
-        centre = sum(mass * place for mass, place in zip(masses, places, strict=True)) / self._total_mass
-        turn = self.dot(self.phi)
-        spins = turn, turn + self.dot(self.psi_1), turn + self.dot(self.psi_2)
-        for mass, inertia, place, spin in zip(masses, inertias, places, spins, strict=True):
-            x, z = ca.vertsplit(place - centre)
-            yield mass, inertia, x, z, self.dot(x) - turn * z, self.dot(z) + turn * x, spin
-
-    def picture(self) -> Shapes:
-        h, (_, _, x, z, *_) = self.hinge, next(self._bodies)
-
-        def place(hinge: Any, along: Any = 0.0, up: Any = 0.0, psi: Any = 0.0) -> dict[str, ca.SX]:
-            r = turned("y", -self.phi) @ (ca.vertcat(x + hinge, 0, z) + turned("y", -psi) @ ca.vertcat(along, 0, up))
-            return {"x": self.com_x + r[0], "z": self.com_z + r[2]}
-
-        head, tail = place(h, c := 2 * self.arm_1, 0.0, self.psi_1), place(-h, -2 * self.arm_2, 0.0, self.psi_2)
-        trunk = [Rod(place(-h), place(h), 0.3 * h), Rod(place(h), head, 0.25 * h), Rod(place(-h), tail, 0.1 * h)]
-        rest = [Ball(head, 0.4 * h), *(Rod(place(a * h), place(a * h, 0, -h), 0.1 * h) for a in (-0.8, 0.8))]
-        return [*trunk, *(Rod(head, place(h, c + a * h, 0.6 * h, self.psi_1), 0.1 * h) for a in (-0.3, 0.3)), *rest]
+        positions = ca.SX.zeros(2), hinge + self.arm_1 * limb_1, -hinge - self.arm_2 * limb_2
+        centre = sum(mass * r for mass, r in zip(masses, positions, strict=True)) / self._total_mass
+        phi_dot = self.dot(self.phi)
+        spins = phi_dot, phi_dot + self.dot(self.psi_1), phi_dot + self.dot(self.psi_2)
+        for mass, inertia, r, spin in zip(masses, inertias, positions, spins, strict=True):
+            x, z = ca.vertsplit(r - centre)
+            yield mass, inertia, x, z, self.dot(x) - phi_dot * z, self.dot(z) + phi_dot * x, spin
 
     def kinetic_energy(self) -> ca.SX:
         fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)
-        turn = sum(m * (v**2 + w**2) + inertia * spin**2 for m, inertia, _, _, v, w, spin in self._bodies)
-        return (fall + turn) / 2
+        rotation = sum(m * (v**2 + w**2) + inertia * spin**2 for m, inertia, _, _, v, w, spin in self._bodies)
+        return (fall + rotation) / 2
 
     def potential_energy(self) -> ca.SX:
         return self._total_mass * self.gravity * self.com_z
@@ -90,4 +76,5 @@ class PlanarCat(Mechanism):
         parts = (m * (x * w - z * v) + inertia * spin for m, inertia, x, z, v, w, spin in self._bodies)
         return sum(parts, ca.SX(0))
 
+    from liaisons.models.pictures.planar_cat import picture
     from liaisons.models.solutions.planar_cat import exact, turn_rate

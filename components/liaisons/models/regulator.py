@@ -49,7 +49,7 @@ class Regulator(KnottedMotion):
     wanted = InternalState(ANY, "acceleration that was wanted there")
 
     def samples(self) -> dict[str, ca.SX]:
-        """The correction that is wanted from a knot on, of what is read there."""
+        """Values latched at a sample: the wanted acceleration of the correction, and the time."""
         gains = [f"gain_{i}" for i in range(1, READINGS + 1)]
         begin, end = self.interval(self.time_of_round(self.elapsed), "instant", "offset", "advance", *gains, rests=True)
         t_0, offset, advance, *row = begin
@@ -71,7 +71,7 @@ class Regulator(KnottedMotion):
         return {text: due + 2 * NEAR * self.period - self.elapsed}
 
     def _held_rows(self) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Values latched at the last sample."""
+        """Limits at the last sample, and the knots beside it."""
         limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
         return self.interval(self.time_of_round(self.sample), "instant", *limits, rests=True)
 

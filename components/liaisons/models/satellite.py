@@ -12,7 +12,7 @@ _SIGNS = "minors of different order are compared: only their signs count"
 
 
 def _least_minor(matrix: ca.SX) -> ca.SX:
-    """The smallest leading minor: positive when the symmetric matrix is positive definite (Sylvester)."""
+    """Smallest leading minor, positive where the symmetric matrix is positive definite (Sylvester)."""
     return ca.fmin(matrix[0, 0], ca.fmin(ca.det(matrix[:2, :2]), ca.det(matrix)))
 
 
@@ -51,12 +51,14 @@ class Satellite(Mechanism):
 
     @property
     def _inertia(self) -> ca.SX:
+        """Inertia tensor J, (3, 3)."""
         return ca.reshape(ca.vertcat(*(self.symbols[name] for name in TENSOR)), 3, 3)
 
     def picture(self) -> Shapes:
         R, spins = self.attitude.matrix, (self.wheel_1, self.wheel_2, self.wheel_3)
 
         def position(r: ca.SX) -> dict[str, ca.SX]:
+            """Components of a vector by axis."""
             return dict(zip("xyz", ca.vertsplit(r), strict=True))
 
         panels = [Box(position(side * R[:, 1]), R, (0.5, 1.1, 0.03)) for side in (-1, 1)]

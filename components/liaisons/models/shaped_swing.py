@@ -20,7 +20,7 @@ def marle_swing(
     shape: Mapping[str, ActiveCoordinate] | None = None,
     name: str = "MarleSwing",
 ) -> type[GeneralSwing]:
-    """The swing of M 8.1 as a component, from four functions of the shape.
+    """Make the swing of M 8.1 as a component, from four functions of the shape.
 
     Each function is called with the shape coordinates, one argument each, and returns numbers or CasADi expressions::
 
@@ -41,7 +41,7 @@ def marle_swing(
     :returns: a class as if it were written where ``I`` was defined; see :class:`GeneralSwing`.
     :raises ComponentError: if a function returns the wrong size, a name is taken, or I is not > 0 at the start.
     """
-    coordinates = _arguments(I) if shape is None else dict(shape)
+    coordinates = _shape_coordinates(I) if shape is None else dict(shape)
     for coordinate in coordinates:
         if hasattr(GeneralSwing, coordinate):
             raise ComponentError(f"{name}: a shape coordinate cannot be called {coordinate!r}; choose another name")
@@ -58,8 +58,8 @@ def marle_swing(
     return new_class(name, (GeneralSwing,), exec_body=lambda body: body.update(namespace))
 
 
-def _arguments(function: Function) -> dict[str, ActiveCoordinate]:
-    """The arguments of a function as shape coordinates."""
+def _shape_coordinates(function: Function) -> dict[str, ActiveCoordinate]:
+    """Shape coordinates that the arguments of a function stand for."""
     arguments = inspect.signature(function).parameters.values()
     starts = {a.name: 0.0 if a.default is a.empty else a.default for a in arguments}
     return {name: ActiveCoordinate("1", f"shape coordinate {name}", start=start) for name, start in starts.items()}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
-from liaisons.language.shapes import Ball, Rod, Shapes, turned
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
@@ -53,7 +52,7 @@ class SpatialCat(Mechanism):
     )
 
     def _half_B(self) -> tuple[ca.SX, ca.SX]:  # noqa: N802
-        """Axis b and angular velocity relative to half A, in the frame of A."""
+        """Axis b of half B and its angular velocity relative to half A, in the frame of A."""
         sine, cosine = ca.sin(self.azimuth), ca.cos(self.azimuth)
         hinge = ca.vertcat(cosine, sine, 0)
         axis = ca.vertcat(sine * ca.sin(self.bend), -cosine * ca.sin(self.bend), ca.cos(self.bend))
@@ -61,39 +60,20 @@ class SpatialCat(Mechanism):
         spin = azimuth_rate * _A + self.dot(self.bend) * hinge + (self.dot(self.twist) - azimuth_rate) * axis
         return axis, spin
 
-    def picture(self) -> Shapes:
-        d, R, (axis, _) = self.joint_distance, self.attitude.matrix, self._half_B()
-        B = turned("z", self.azimuth) @ turned("x", self.bend) @ turned("z", self.twist - self.azimuth)
-
-        def position(from_joint: ca.SX) -> dict[str, ca.SX]:
-            x, y, z = ca.vertsplit(R @ (d * from_joint + d / 2 * (_A - axis)))
-            return {"x": self.com_x + x, "y": self.com_y + y, "z": self.com_z + z}
-
-        joint, end_A, end_B = position(ca.SX.zeros(3)), position(-2 * _A), position(2 * axis)
-        tips = [(B @ ca.SX([-0.35, side, 0]), B @ ca.SX([-0.7, 2 * side, 0])) for side in (-0.2, 0.2)]
-        ears = [Rod(*(position(2 * axis + end) for end in ends), radius=0.08 * d) for ends in tips]
-        tail = Rod(end_A, position(-3 * _A + ca.SX([-0.8, 0, 0])), radius=0.08 * d)
-        legs = [
-            Rod(position(hip * half), position(hip * half + frame @ ca.SX([1, side, 0])), radius=0.08 * d)
-            for half, frame in ((-_A, ca.SX.eye(3)), (axis, B))
-            for hip in (0.6, 1.6)
-            for side in (-0.4, 0.4)
-        ]
-        halves = [Rod(joint, end, radius=0.4 * d) for end in (end_A, end_B)]
-        return [*halves, Ball(end_B, radius=0.5 * d), *legs, *ears, tail]
-
     def kinetic_energy(self) -> ca.SX:
         omega, (axis, spin) = self.attitude.rate, self._half_B()
         fall = self.mass * self.speed_squared({"x": self.com_x, "y": self.com_y, "z": self.com_z})
         apart = self.joint_distance * (_A + axis)
         orbit = self.mass / 4 * ca.sumsqr(self.dot(apart) + ca.cross(omega, apart))
-        return fall + orbit + self._turning(omega, _A) + self._turning(omega + spin, axis)
+        return fall + orbit + self._rotational_energy(omega, _A) + self._rotational_energy(omega + spin, axis)
 
-    def _turning(self, omega: ca.SX, axis: ca.SX) -> ca.SX:
+    def _rotational_energy(self, omega: ca.SX, axis: ca.SX) -> ca.SX:
+        """Kinetic energy of rotation of a half about its centre of mass."""
         along = ca.dot(omega, axis) ** 2
         return (self.inertia_transverse * (ca.sumsqr(omega) - along) + self.inertia_axial * along) / 2
 
     def potential_energy(self) -> ca.SX:
         return 2 * self.mass * self.gravity * self.com_z
 
+    from liaisons.models.pictures.spatial_cat import picture
     from liaisons.models.solutions.spatial_cat import bend_for, bisector, cone_turn, exact, turn

@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, assertion, output, point
-from liaisons.language.shapes import Ball, Box, Rod, Shapes, turned
 
 
 class Swing(Mechanism):
@@ -44,14 +43,6 @@ class Swing(Mechanism):
             "x": self.seat["x"] + self.torso_length * ca.sin(direction),
             "z": self.seat["z"] - self.torso_length * ca.cos(direction),
         }
-
-    def picture(self) -> Shapes:
-        x, z, s, c = self.seat["x"], self.seat["z"], ca.sin(self.theta), ca.cos(self.theta)
-        knee, foot = ({"x": x - 0.4 * c + l * s, "z": z - 0.4 * s - l * c} for l in (0, 0.4))  # noqa: E741
-        board = Box(self.seat, turned("y", -self.theta), (0.5, 0.3, 0.05))
-        legs = [Rod(self.seat, knee, radius=0.06), Rod(knee, foot, radius=0.05)]
-        child = [Rod(self.seat, self.torso, radius=0.08), *legs, Ball(self.torso, radius=0.14)]
-        return [Rod({}, self.seat), board, *child]
 
     def kinetic_energy(self) -> ca.SX:
         seat, torso = self.speed_squared(self.seat), self.speed_squared(self.torso)
@@ -92,4 +83,5 @@ class Swing(Mechanism):
     def com_off_the_pivot(self) -> ca.SX:
         return ca.hypot(*self._moment())
 
+    from liaisons.models.pictures.swing import picture
     from liaisons.models.solutions.swing import exact, leaning, lift

@@ -9,8 +9,8 @@ from liaisons.language import Values, closed_form
 from liaisons.models.solutions import elliptic
 
 
-def _top(at: Values) -> float:
-    """Angle of the start from the top [rad]."""
+def _start_angle(at: Values) -> float:
+    """Angle of the start from the top [rad], checked to lie on the sphere."""
     distance = np.hypot(at.x_0, at.z_0)
     text = f"BeadOnSphere: x_0 = {at.x_0}, z_0 = {at.z_0}: start on the sphere, at radius = {at.radius}"
     at.require(abs(distance - at.radius) <= 1e-9 * at.radius and at.x_0 != 0, f"{text}, beside its top")
@@ -20,7 +20,7 @@ def _top(at: Values) -> float:
 @closed_form("angle from the top [rad] and instant [s] at which the bead leaves the sphere", gravity="> 0")
 def leaves(at: Values) -> tuple[float, float]:
     """The force m g cos θ - m r θ'² = m g (3 cos θ - 2 cos θ_0) ends at cos θ = (2/3) cos θ_0."""
-    start, omega = _top(at), np.sqrt(at.gravity / at.radius)
+    start, omega = _start_angle(at), np.sqrt(at.gravity / at.radius)
     at.require(abs(start) < np.pi / 2, f"x_0 = {at.x_0}: it starts below the equator, and falls")
     angle = np.copysign(np.arccos(2 / 3 * np.cos(start)), start)
     rate = omega * np.copysign(np.sqrt(2 / 3 * np.cos(start)), start)
@@ -35,7 +35,7 @@ def leaves(at: Values) -> tuple[float, float]:
     z_dot_0="== 0",
 )
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    start, omega = _top(at), np.sqrt(at.gravity / at.radius)
+    start, omega = _start_angle(at), np.sqrt(at.gravity / at.radius)
     _, instant = leaves(at=at)
     angle, rate = elliptic.pendulum(np.minimum(t, instant), np.pi + start, 0.0, omega)
     x, z = -at.radius * np.sin(angle), -at.radius * np.cos(angle)

@@ -23,7 +23,7 @@ def lengthening_pendulum(
 
 
 def _solutions(length: NDArray, speed: float, gravity: float) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-    """J1(x)/x, Y1(x)/x, their time derivatives, and the Wronskian of the two, 2 x'/(π x³)."""
+    """Both solutions J1(x)/x and Y1(x)/x, their time derivatives, and their Wronskian 2 x'/(π x³)."""
     x = 2 * np.sqrt(gravity * length) / abs(speed)
     x_dot = 2 * gravity / (x * speed)
     J_dot, Y_dot = -jv(2, x) / x * x_dot, -yv(2, x) / x * x_dot

@@ -9,7 +9,7 @@ from liaisons.language import Values, closed_form
 
 
 def _impacts(end: float, at: Values) -> tuple[NDArray, NDArray]:
-    """Instants [s] and speeds [m/s] of the impacts until ``end``, or until the rest of them is nothing."""
+    """Instants [s] and speeds [m/s] of the impacts until ``end``, or until the ball is at rest to rounding."""
     speed = np.sqrt(at.height_dot_0**2 + 2 * at.gravity * (at.height_0 - at.table))
     instants, speeds = [(at.height_dot_0 + speed) / at.gravity], [speed]
     while instants[-1] <= end and at.bounce * speeds[-1] > 1e-17 * speed:

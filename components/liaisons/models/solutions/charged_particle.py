@@ -30,7 +30,7 @@ def drift(at: Values) -> NDArray:
 def _turning(
     t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rotation: NDArray
 ) -> tuple[NDArray, NDArray]:
-    """r and r' of r'' = acceleration + turn∧r', uniform: along the axis uniform acceleration, across it a turn.
+    """Position r and velocity r' of r'' = acceleration + rotation∧r': accelerated along the axis, turning across it.
 
     :param t: times since the start [s], any shape; the vectors have shape (3,).
     :returns: shape (3, ...) each.
@@ -49,7 +49,7 @@ def _turning(
 
 
 def _centre(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rotation: NDArray) -> NDArray:
-    """What a :func:`_turning` goes round, turn not 0: along the axis it goes with it, across it drifts evenly.
+    """Centre that a :func:`_turning` goes round; the rotation must not be 0.
 
     :returns: shape (3, ...).
     """

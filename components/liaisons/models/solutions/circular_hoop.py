@@ -33,7 +33,7 @@ def slow_turn(at: Values) -> SlowTurn:
 
 
 def _circle(xi: ArrayLike, at: Values) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """a = r²θ', b = r²r'² and their derivatives by ξ, of a circle whose centre lies on OA at the distance d from O."""
+    """Tangential part a = r²θ', rest b = r²r'², and their derivatives by ξ, at arc lengths of a circle."""
     R, d, psi = at.radius, at.offset, np.asarray(xi, dtype=float) / at.radius
     return R + d * np.cos(psi), (d * np.sin(psi)) ** 2, -d / R * np.sin(psi), d**2 / R * np.sin(2 * psi)
 
@@ -60,6 +60,7 @@ def on_a_free_shaft(t: NDArray, at: Values, *, shaft_inertia: float = 0.0) -> di
     p_beta = a * p_0 + (inertia + at.mass * b) * at.beta_dot
 
     def rates(_: float, y: NDArray) -> list[float]:
+        """Hamilton's equations of ξ, β, p_ξ."""
         a, b, a_dash, b_dash = _circle(y[0], at)
         Y = (p_beta - a * y[2]) / (inertia + at.mass * b)
         return [y[2] / at.mass - a * Y, Y, a_dash * y[2] * Y + at.mass / 2 * b_dash * Y**2]

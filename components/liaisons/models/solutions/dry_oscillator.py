@@ -13,15 +13,15 @@ Phase = tuple[float, float, float, float]
 """Instant [s], elongation [m] and rate [m/s] at which it begins; direction of sliding, ±1, or 0 where it sticks."""
 
 
-def _balanced(at: Values) -> tuple[float, float]:
+def _balanced_elongations(at: Values) -> tuple[float, float]:
     """Elongations [m] at which static and sliding friction balance the spring."""
     weight = at.mass * at.gravity / at.stiffness
     return at.mu_static * weight, at.mu_sliding * weight
 
 
 def _phases(end: float, at: Values) -> Iterator[Phase]:
-    """Until ``end``, or the last of them."""
-    static, sliding = _balanced(at)
+    """Yield the phases of sliding and sticking until ``end``, or until the last."""
+    static, sliding = _balanced_elongations(at)
     omega, belt = np.sqrt(at.stiffness / at.mass), at.belt_dot
     t, x, rate = 0.0, at.x_0 - at.support, at.x_dot_0
     direction = np.sign(rate - belt)
@@ -54,19 +54,19 @@ def _phases(end: float, at: Values) -> Iterator[Phase]:
     support_dot="== 0",
 )
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    _, sliding = _balanced(at)
+    _, sliding = _balanced_elongations(at)
     omega = np.sqrt(at.stiffness / at.mass)
     motion = np.zeros((3, *np.shape(t)))
     for begin, start, rate, direction in _phases(np.max(t), at):
         since = t - begin
         if direction == 0:
-            now = start + rate * since, np.full_like(since, rate), at.stiffness * (start + rate * since)
+            state = start + rate * since, np.full_like(since, rate), at.stiffness * (start + rate * since)
         else:
             a, sine, cosine = start + direction * sliding, np.sin(omega * since), np.cos(omega * since)
             position = a * cosine + rate / omega * sine - direction * sliding
             force = np.full_like(since, -direction * at.stiffness * sliding)
-            now = position, rate * cosine - a * omega * sine, force
-        motion = np.where(since >= 0, now, motion)
+            state = position, rate * cosine - a * omega * sine, force
+        motion = np.where(since >= 0, state, motion)
     return {"x": at.support + motion[0], "x_dot": motion[1], "slip_force": motion[2]}
 
 
@@ -79,7 +79,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 )
 def turning_points(at: Values) -> tuple[NDArray, NDArray]:
     """Each half swing takes π/ω and loses 2 μ m g/k, until static friction balances the spring."""
-    static, sliding = _balanced(at)
+    static, sliding = _balanced_elongations(at)
     x = [at.x_0 - at.support]
     while abs(x[-1]) > static:
         x.append(2 * np.sign(x[-1]) * sliding - x[-1])
@@ -98,7 +98,7 @@ def stick_slip(at: Values) -> tuple[float, float]:
     It slides from δ beyond the centre, at the belt's speed: x = δ cos ωt + (v/ω) sin ωt.  The rate is v again where
     tan(ωt/2) = -δω/v, there x = -δ, and the belt carries it over 2δ.
     """
-    static, sliding = _balanced(at)
+    static, sliding = _balanced_elongations(at)
     omega, reach, speed = np.sqrt(at.stiffness / at.mass), static - sliding, abs(at.belt_dot)
     return float(2 * reach / speed), float(2 / omega * (np.pi - np.arctan(reach * omega / speed)))
 

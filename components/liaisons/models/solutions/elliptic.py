@@ -34,28 +34,29 @@ class _Start:
 
     @property
     def modulus(self) -> float:
-        """k."""
+        """Modulus k."""
         return float(np.hypot(self.sine, self.speed))
 
     @property
     def complement(self) -> float:
-        """1 - k² as a product, which keeps its digits where k is close to 1."""
+        """Complement 1 - k², as a product that keeps its digits where k is close to 1."""
         return (self.cosine - abs(self.speed)) * (self.cosine + abs(self.speed))
 
     @property
     def on_separatrix(self) -> bool:
-        """Whether 1 - k² is nothing but the rounding of sine, cosine and speed."""
+        """Whether 1 - k² is no more than the rounding of sine, cosine and speed."""
         return abs(self.cosine - abs(self.speed)) <= 2 * _EPSILON * abs(self.speed)
 
 
 def _start(angle: float, rate: float, frequency: float) -> _Start:
+    """The initial state of an angle [rad] and a rate [rad/s]."""
     valley = float(np.round(angle / (2 * np.pi)))
     sign = 1 - 2 * (valley % 2)  # sine and cosine of a half angle change sign from one valley to the next
     return _Start(valley, sign * np.sin(angle / 2), sign * np.cos(angle / 2), rate / (2 * frequency))
 
 
 def pendulum(t: ArrayLike, angle: float, rate: float, frequency: float) -> tuple[NDArray, NDArray]:
-    """Angle and rate of φ'' = -Ω² sin φ.
+    """Angle and rate that solve φ'' = -Ω² sin φ.
 
     :param t: times since the start [s], any shape.
     :param angle: initial angle [rad], any number of turns; ``rate`` the initial rate [rad/s].
@@ -82,7 +83,7 @@ def pendulum(t: ArrayLike, angle: float, rate: float, frequency: float) -> tuple
 
 
 def period(angle: float, rate: float, frequency: float) -> float:
-    """Period of a libration, 4 K(k)/Ω, or time of one turn of a rotation, 2 K(1/k)/kΩ; infinite between them [s]."""
+    """Period of a libration, 4 K(k)/Ω, or of a rotation, 2 K(1/k)/kΩ [s]; infinite between them."""
     start = _start(angle, rate, frequency)
     k, complement = start.modulus, start.complement
     if start.on_separatrix:

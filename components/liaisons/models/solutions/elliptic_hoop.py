@@ -23,11 +23,13 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     lowest = 0.0 if a > b else np.pi / 2  # the bead swings about the far ends of the longer axis
 
     def speed(u: ArrayLike) -> NDArray:
+        """Length dξ/du."""
         return np.hypot(a * np.sin(u), b * np.cos(u))
 
     v_0 = float(speed(at.u_0)) * at.u_dot_0  # du/dτ = ξ_dot
 
     def motion(tau: NDArray) -> tuple[NDArray, NDArray]:
+        """Coordinate u and rate ξ_dot at times τ."""
         if frequency == 0:
             return at.u_0 + v_0 * tau, np.full_like(tau, v_0)
         twice, rate = elliptic.pendulum(tau, 2 * (at.u_0 - lowest), 2 * v_0, frequency)

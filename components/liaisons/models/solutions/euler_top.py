@@ -92,7 +92,7 @@ def _to_momentum(omega: NDArray, moments: NDArray, am: NDArray) -> NDArray:
 
 
 def _third_kind(u: NDArray, n: float, complement: float) -> NDArray:
-    """∫ dv / (1 - n sn²v) from 0 to u, by Carlson's forms; n <= 0."""
+    """Elliptic integral ∫ dv / (1 - n sn²v) from 0 to u, n <= 0, by Carlson's forms."""
     quarter = float(ellipkm1(complement))
     half_periods = np.round(u / (2 * quarter))
     parity = 1 - 2 * (half_periods % 2)
@@ -100,6 +100,7 @@ def _third_kind(u: NDArray, n: float, complement: float) -> NDArray:
     s, c = parity * sn, cn**2
 
     def within(s: NDArray, c: NDArray) -> NDArray:
+        """The integral within half a period."""
         modular = c + complement * s**2
         return s * elliprf(c, modular, 1.0) + n / 3 * s**3 * elliprj(c, modular, 1.0, 1 - n * s**2)
 
@@ -107,4 +108,5 @@ def _third_kind(u: NDArray, n: float, complement: float) -> NDArray:
 
 
 def _column(q: NDArray, dimensions: int) -> NDArray:
+    """Quaternion with axes of length 1 for those of the times."""
     return q[(...,) + (None,) * dimensions]

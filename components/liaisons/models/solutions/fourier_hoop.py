@@ -17,6 +17,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     waves, k, Y = fourier_waves(at), np.arange(1, 5), at.beta_dot
 
     def radius_and_speed(theta: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Radius r and length dξ/dθ."""
         terms = waves * np.exp(1j * np.multiply.outer(theta, k))
         r, slope = at.radius * (1 + np.real(terms).sum(-1)), at.radius * np.real(1j * k * terms).sum(-1)
         return r, np.hypot(r, slope)
@@ -32,6 +33,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     )
 
     def rates(_: float, y: NDArray) -> NDArray:
+        """Rates of θ and ξ."""
         r, speed = radius_and_speed(y[0])
         xi_dot = np.sign(v_0) * np.sqrt(v_0**2 + Y**2 * (r**2 - r_0**2))
         return np.array([xi_dot / speed, xi_dot])
@@ -51,5 +53,5 @@ def slow_turn(at: Values) -> SlowTurn:
 
 
 def fourier_waves(at: Values) -> NDArray:
-    """Complex coefficients of e^ikθ, k = 1 to 4, whose real part r/radius - 1 is."""
+    """Complex coefficients of e^ikθ, k = 1 to 4, of which r/radius - 1 is the real part."""
     return at.array(*(f"cos_{k}" for k in range(1, 5))) - 1j * at.array(*(f"sin_{k}" for k in range(1, 5)))

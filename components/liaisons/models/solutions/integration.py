@@ -12,15 +12,15 @@ from liaisons.errors import ValidityError
 
 
 def integrate(
-    where: object,
+    owner: object,
     rates: Callable[[float, NDArray], ArrayLike],
     start: ArrayLike,
     t: ArrayLike,
     longest: float = np.inf,
 ) -> NDArray:
-    """Solution y(t) of y' = rates(t, y), y(0) = start.
+    """Solve y' = rates(t, y), y(0) = start, to rounding.
 
-    :param where: closed form, for the error.
+    :param owner: closed form, for the error.
     :param start: shape (n,).
     :param t: times [s], any shape and order, >= 0.
     :param longest: of the steps [s], where the rates come and go.
@@ -29,11 +29,11 @@ def integrate(
     """
     times, order = np.unique(np.ravel(np.asarray(t, dtype=float)), return_inverse=True)
     if np.any(times < 0):
-        raise ValidityError(f"{where}: t = {np.min(times)} must be >= 0")
+        raise ValidityError(f"{owner}: t = {np.min(times)} must be >= 0")
     y = np.repeat(np.reshape(np.asarray(start, dtype=float), (-1, 1)), times.size, axis=1)
     if times[-1] > 0:
         y = reference_integration.integrate(
-            *(f"{where}", rates, y[:, 0], (0.0, times[-1])),
+            *(f"{owner}", rates, y[:, 0], (0.0, times[-1])),
             times=times,
             rtol=1e-13,
             atol=1e-14,

@@ -35,7 +35,7 @@ class Orbit:
 
     @classmethod
     def of(cls, at: Values, speed: float, a: float, c: float) -> Orbit:
-        """The orbit of given speed, a > 0 and 0 < c <= 1/√(a e).
+        """Make the orbit of a speed, a > 0 and 0 < c <= 1/√(a e).
 
         :raises ValidityError: on the circle r² = 1/a or too close to it, and where it passes too close to the origin.
         """
@@ -51,13 +51,13 @@ class Orbit:
             f"r falls to {ratio:.2g} of its largest value; the series reach {_NEAREST}",
         )
         theta = np.pi * (np.arange(_MODES) + 0.5) / _MODES
-        w = _between(inner, outer, theta)
+        w = _radius_squared(inner, outer, theta)
         near, far = np.where(theta < np.pi / 2, inner, outer), np.where(theta < np.pi / 2, outer, inner)
         # f(w)/((w - w_1)(w_2 - w)), from the nearer root, where f itself has no digits: c² exp(a w_i) = w_i
         root = np.sqrt((1 - near * a * exprel(a * (w - near))) / (far - w))
         rate = 2 * speed * root
         turn = c * speed * np.exp(a * w / 2) / w
-        return cls(inner, outer, _cosines(1 / rate), _cosines(turn / rate))
+        return cls(inner, outer, _cosine_coefficients(1 / rate), _cosine_coefficients(turn / rate))
 
     @property
     def half_period(self) -> float:
@@ -70,23 +70,23 @@ class Orbit:
         return float(np.pi * self.angle[0])
 
     def phase(self, w: float, *, outwards: bool) -> float:
-        """θ at a distance √w."""
+        """Phase θ at a distance √w."""
         theta = float(np.arccos(np.clip((self.inner + self.outer - 2 * w) / (self.outer - self.inner), -1, 1)))
         return theta if outwards else -theta
 
     def at(self, t: NDArray, phase: float) -> tuple[NDArray, NDArray, NDArray]:
-        """r [m], r' [m/s] and φ - φ(0) [rad] at times since θ had the given phase."""
-        target = t + _integral(self.time, np.array(phase))
+        """Radius r [m], r' [m/s] and φ - φ(0) [rad] at times after a phase."""
+        target = t + _series_integral(self.time, np.array(phase))
         theta = target / self.time[0]
         for _ in range(60):  # Newton; quadratic from a start that is off by the sine series alone
-            step = (_integral(self.time, theta) - target) / _sum(self.time, theta)
+            step = (_series_integral(self.time, theta) - target) / _series_sum(self.time, theta)
             theta = theta - step
             if np.max(np.abs(step)) <= 4e-16 * np.max(1 + np.abs(theta)):
                 break
-        w = _between(self.inner, self.outer, theta)
-        w_dot = (self.outer - self.inner) / 2 * np.sin(theta) / _sum(self.time, theta)
+        w = _radius_squared(self.inner, self.outer, theta)
+        w_dot = (self.outer - self.inner) / 2 * np.sin(theta) / _series_sum(self.time, theta)
         r = np.sqrt(w)
-        return r, w_dot / (2 * r), _integral(self.angle, theta) - _integral(self.angle, np.array(phase))
+        return r, w_dot / (2 * r), _series_integral(self.angle, theta) - _series_integral(self.angle, np.array(phase))
 
 
 @closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T")
@@ -131,21 +131,24 @@ def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> t
     return float(np.sqrt(orbit.inner)), float(np.sqrt(orbit.outer)), orbit.half_period, orbit.apsidal_angle
 
 
-def _between(inner: float, outer: float, theta: NDArray) -> NDArray:
+def _radius_squared(inner: float, outer: float, theta: NDArray) -> NDArray:
+    """Square of the radius at a phase."""
     return inner + (outer - inner) * np.sin(theta / 2) ** 2
 
 
-def _cosines(values: NDArray) -> NDArray:
+def _cosine_coefficients(values: NDArray) -> NDArray:
     """Coefficients of Σ a_k cos kθ from the values at (j + ½) π/n."""
     coefficients = np.asarray(dct(values, type=2)) / values.size
     coefficients[0] /= 2
     return coefficients
 
 
-def _sum(series: NDArray, theta: NDArray) -> NDArray:
+def _series_sum(series: NDArray, theta: NDArray) -> NDArray:
+    """Sum of a cosine series."""
     return np.cos(np.multiply.outer(theta, np.arange(series.size))) @ series
 
 
-def _integral(series: NDArray, theta: NDArray) -> NDArray:
+def _series_integral(series: NDArray, theta: NDArray) -> NDArray:
+    """Integral of a cosine series from 0."""
     k = np.arange(1, series.size)
     return series[0] * theta + np.sin(np.multiply.outer(theta, k)) @ (series[1:] / k)

@@ -49,7 +49,7 @@ def time(E: ArrayLike, at: Values, *, semi_axis: float, eccentricity: float) -> 
 def _motion(
     t: NDArray[np.float64], r_0: complex, v_0: complex, mu: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Position and velocity after the times t; the angular momentum must not vanish."""
+    """Position and velocity at times t; the angular momentum must not vanish."""
     sigma, L = (r_0.conjugate() * v_0).real, (r_0.conjugate() * v_0).imag
     distance, parameter = abs(r_0), L**2 / mu
     beta = 2 * mu / distance - abs(v_0) ** 2
@@ -63,10 +63,12 @@ def _motion(
     nearest = parameter / (1 + e)
 
     def position(s: NDArray) -> NDArray:
+        """Position at the universal anomaly s, in the frame of the pericentre."""
         c_1, c_2, _ = stumpff(beta * s**2)
         return nearest - mu * s**2 * c_2 + 1j * L * s * c_1
 
     def elapsed(s: NDArray) -> NDArray:
+        """Time since the pericentre."""
         c_1, _, c_3 = stumpff(beta * s**2)
         return s * (nearest * c_1 + mu * s**2 * c_3)
 
@@ -83,7 +85,7 @@ def _motion(
 
 
 def _universal_anomaly(t: NDArray, nearest: float, e: float, beta: float, mu: float) -> NDArray:
-    """s(t) for t >= 0, on an ellipse up to half a period.
+    """Universal anomaly s at times t >= 0, on an ellipse up to half a period.
 
     By Newton's method: t(s) is convex, since r grows, so that from an upper bound s falls to the root.
     """

@@ -34,7 +34,7 @@ def oscillation(
     gamma: float,
     forces: Sequence[tuple[complex, float]] = (),
 ) -> tuple[NDArray, NDArray]:
-    """Position and rate of x'' + γ x' + ω_0² x = Re Σ f e^(iωt).
+    """Position and rate that solve x'' + γ x' + ω_0² x = Re Σ f e^(iωt).
 
     :param t: times since the start [s], any shape, >= 0.
     :param position: x(0); ``rate`` is x'(0).
@@ -44,12 +44,12 @@ def oscillation(
     """
     t = np.asarray(t, dtype=float)
     slow, fast = _roots(omega_squared, gamma)
-    S = _difference(slow, fast, t)
+    S = _divided_difference(slow, fast, t)
     S_dot = np.exp(slow * t) + fast * S
     x = position * (S_dot + gamma * S) + rate * S
     v = -position * omega_squared * S + rate * S_dot
     for amplitude, omega in forces:
-        D = _second_difference((slow, fast, 1j * omega), t)
+        D = _second_divided_difference((slow, fast, 1j * omega), t)
         x = x + amplitude * D
         v = v + amplitude * (S + 1j * omega * D)
     return x.real, v.real
@@ -102,19 +102,19 @@ def superposition(
 
 
 def free_fall(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """Height ``com_z`` and speed of a centre of mass in free fall."""
+    """Height ``com_z`` and its rate of a centre of mass in free fall."""
     height = at.com_z_0 + at.com_z_dot_0 * t - at.gravity * t**2 / 2
     return {"com_z": height, "com_z_dot": at.com_z_dot_0 - at.gravity * t}
 
 
 def _roots(omega_squared: float, gamma: float) -> tuple[complex, complex]:
-    """λ_1, λ_2 of K eq. 126, the slower decaying one first and without cancellation (their product is ω_0²)."""
+    """Roots λ_1, λ_2 of K eq. 126, the slower decaying one first, without cancellation (their product is ω_0²)."""
     fast = -gamma / 2 - np.emath.sqrt(gamma**2 / 4 - omega_squared)
     return complex(omega_squared / fast if fast else 0), complex(fast)
 
 
-def _difference(a: complex, b: complex, t: NDArray) -> NDArray:
-    """exp[a, b](t) = (e^(at) - e^(bt)) / (a - b) without cancellation or overflow; t e^(at) for a = b."""
+def _divided_difference(a: complex, b: complex, t: NDArray) -> NDArray:
+    """Divided difference exp[a, b](t) = (e^(at) - e^(bt)) / (a - b), without cancellation or overflow."""
     if a.real < b.real:
         a, b = b, a
     z = (b - a) * t
@@ -122,8 +122,8 @@ def _difference(a: complex, b: complex, t: NDArray) -> NDArray:
     return np.exp(a * t) * t * quotient
 
 
-def _second_difference(nodes: tuple[complex, complex, complex], t: NDArray) -> NDArray:
-    """exp[a, b, c](t) = (exp[a, b] - exp[b, c]) / (a - c), the nodes that differ most taken for a and c.
+def _second_divided_difference(nodes: tuple[complex, complex, complex], t: NDArray) -> NDArray:
+    """Divided difference exp[a, b, c](t) = (exp[a, b] - exp[b, c]) / (a - c), a and c those that differ most.
 
     While |a - c| t < 1 the quotient loses digits; there the convolution is integrated by Gauss's rule, whose twelve
     points are exact to rounding for so short a piece of an exponential.
@@ -131,6 +131,7 @@ def _second_difference(nodes: tuple[complex, complex, complex], t: NDArray) -> N
     a, b, c = max(permutations(nodes), key=lambda order: abs(order[0] - order[2]))
     short = np.abs(a - c) * t < 1
     lag = np.multiply.outer(np.where(short, t, 0.0), (1 + _NODES) / 2)
-    integral = np.where(short, t / 2, 0.0) * ((_difference(a, b, t[..., None] - lag) * np.exp(c * lag)) @ _WEIGHTS)
-    quotient = (_difference(a, b, t) - _difference(b, c, t)) / (a - c or 1)
+    convolved = _divided_difference(a, b, t[..., None] - lag) * np.exp(c * lag)
+    integral = np.where(short, t / 2, 0.0) * (convolved @ _WEIGHTS)
+    quotient = (_divided_difference(a, b, t) - _divided_difference(b, c, t)) / (a - c or 1)
     return np.where(short, integral, quotient)

@@ -12,7 +12,7 @@ from liaisons.models.solutions import elliptic
 
 
 def _frequency(at: Values, component: Any) -> float:
-    """√(G/J) of so many windows [rad/s]."""
+    """Frequency √(G/J) of a row of parallelograms [rad/s]."""
     windows = component.windows
     return float(np.sqrt(at.gravity / at.length * ((windows + 1) / 2 + windows) / ((windows + 1) / 3 + windows)))
 

@@ -28,7 +28,7 @@ def crouch_growth(*, length_low: float, length_high: float) -> float:
 )
 def crouch_schedule(half_swings: int, at: Values, *, length_low: float, length_high: float) -> tuple[NDArray, NDArray]:
     """Instants [s] alternately at θ = 0 and at a turning point, (2 half_swings,); θ_max [rad], (half_swings + 1,)."""
-    growth = (length_low / length_high) ** 3
+    growth = crouch_growth(length_low=length_low, length_high=length_high)
     versines = (1 - np.cos(at.theta_0)) * growth ** np.arange(half_swings + 1)
     at.require(versines[-1] < 2, f"it goes over the top; half_swings = {half_swings} is too many")
     quarters = ellipk(versines / 2)  # k² = sin²(θ_max/2)
@@ -41,6 +41,7 @@ def crouch_schedule(half_swings: int, at: Values, *, length_low: float, length_h
 )
 def pumped(t: NDArray, at: Values, *, amplitude: float, angular_frequency: float) -> dict[str, NDArray]:
     def rates(t: float, y: NDArray) -> list[float]:
+        """Rates of θ and θ_dot."""
         phase = angular_frequency * t
         length, speed = at.length + amplitude * np.sin(phase), amplitude * angular_frequency * np.cos(phase)
         return [y[1], -(at.gravity * np.sin(y[0]) + 2 * speed * y[1]) / length]

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-NAMES = ("q_w", "q_x", "q_y", "q_z")
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
 def product(*factors: NDArray) -> NDArray:
-    """q_1 q_2 ...: the rotation q_1 after q_2 after ...; the factors broadcast."""
+    """Product q_1 q_2 ... of quaternions, the rotation q_1 after q_2 after ...; the factors broadcast."""
     w, x, y, z = factors[0]
     for a, b, c, d in factors[1:]:
         w, x, y, z = (
@@ -24,12 +23,12 @@ def product(*factors: NDArray) -> NDArray:
 
 
 def conjugate(q: NDArray) -> NDArray:
-    """The inverse of a unit quaternion."""
+    """Conjugate of a unit quaternion, its inverse."""
     return np.concatenate([q[:1], -q[1:]])
 
 
 def about(axis: int, angle: ArrayLike) -> NDArray:
-    """Rotation by an angle [rad] of any shape about axis 0, 1 or 2; continuous in the angle."""
+    """Rotation by an angle [rad], of any shape, about axis 0, 1 or 2; continuous in the angle."""
     half = np.asarray(angle, dtype=float) / 2
     q = np.zeros((4, *half.shape))
     q[0], q[1 + axis] = np.cos(half), np.sin(half)
@@ -43,16 +42,16 @@ def exponential(vector: NDArray) -> NDArray:
 
 
 def turned(q: NDArray, vector: NDArray) -> NDArray:
-    """The attitude q, shape (4,), turned about axes of the body by rotation vectors [rad], shape (3, ...)."""
+    """Attitude q, shape (4,), turned about axes of the body by rotation vectors [rad], shape (3, ...)."""
     return product(q[(...,) + (None,) * (vector.ndim - 1)], exponential(vector))
 
 
 def of_matrix(matrix: NDArray) -> NDArray:
-    """Either of the two unit quaternions of a rotation matrix, shape (3, 3)."""
+    """One of the two unit quaternions of a rotation matrix, shape (3, 3)."""
     return np.roll(Rotation.from_matrix(matrix).as_quat(), 1)
 
 
 def unit(q: ArrayLike) -> NDArray:
-    """A quaternion divided by its norm."""
+    """Quaternion divided by its norm."""
     q = np.asarray(q, dtype=float)
     return q / np.linalg.norm(q)

@@ -66,6 +66,7 @@ def steered(t: NDArray, at: Values, *, wheels: Callable[[float], ArrayLike]) -> 
     follows = -at.J_wheel * np.linalg.inv(_inertia(at))
 
     def rates(t: float, q: NDArray) -> NDArray:
+        """Rate of the attitude."""
         return rotations.product(q, np.concatenate([[0.0], follows @ np.asarray(wheels(t), dtype=float) / 2]))
 
     q = integrate(at, rates, _start(at), t, longest=float(np.max(t, initial=1e-300)) / 400)

@@ -39,38 +39,38 @@ class SlowTurn:
     waves: Mapping[int, complex]  # c_k [m] by k
 
     def curve(self, u: ArrayLike, order: int = 0) -> NDArray:
-        """OP as complex numbers [m], or a derivative of it by u; the shape of ``u`` [rad], as in all that follows."""
+        """Point OP as complex number [m], or a derivative of it by u; of the shape of ``u`` [rad], as all results."""
         terms = ((1j * k) ** order * c * np.exp(1j * k * np.asarray(u, dtype=float)) for k, c in self.waves.items())
         return np.sum(list(terms), axis=0)
 
     def speed(self, u: ArrayLike) -> NDArray:
-        """dξ/du [m/rad]."""
+        """Length dξ/du [m/rad]."""
         return np.abs(self.curve(u, 1))
 
     def a(self, u: ArrayLike) -> NDArray:
-        """r²θ' [m], the part of OP across the tangent."""
+        """Part r²θ' [m] of OP across the tangent."""
         return np.imag(np.conj(self.curve(u)) * self.curve(u, 1)) / self.speed(u)
 
     def r_squared(self, u: ArrayLike) -> NDArray:
-        """|OP|² [m2]."""
+        """Square of the distance from O, |OP|² [m2]."""
         return np.abs(self.curve(u)) ** 2
 
     @cached_property
     def length(self) -> float:
-        """ℓ [m]."""
+        """Length ℓ of the hoop [m]."""
         return float(_TURN * np.mean(self.speed(_GRID)))
 
     @cached_property
     def shift(self) -> float:
-        """-4π area/length [m], what remains for an infinitely slow turn."""
+        """Shift -4π area/length [m] in an infinitely slow turn."""
         return float(-_TURN * self._mean(self.a(_GRID)))
 
     def spread(self, beads: int) -> NDArray:
-        """u of beads that are equally far from one another along the hoop, from u = 0 on."""
+        """Coordinates u of beads at equal distances along the hoop, from u = 0 on."""
         lengths, u = self.length * np.arange(beads) / beads, _TURN * np.arange(beads) / beads
-        arc = _integrated(self.speed(_GRID))
+        arc = _primitive_spectrum(self.speed(_GRID))
         for _ in range(50):
-            step = (self.length / _TURN * u + _at(arc, u) - _at(arc, 0.0) - lengths) / self.speed(u)
+            step = (self.length / _TURN * u + _interpolated(arc, u) - _interpolated(arc, 0.0) - lengths) / self.speed(u)
             u = u - step
             if np.max(np.abs(step)) <= 1e-14:
                 break
@@ -83,24 +83,25 @@ class SlowTurn:
         variance, square, mean = self._mean(r_squared**2) - self._mean(r_squared) ** 2, self._mean(G**2), self._mean(a)
 
         def rate(x: float) -> float:
+            """Integrand of the remainder over the time x of the turn, from 0 to 1."""
             beta_dot = _TURN / duration * 140 * (x * (1 - x)) ** 3
             beta_ddot = _TURN / duration**2 * 420 * (x * (1 - x)) ** 2 * (1 - 2 * x)
             return -(variance / 4 * beta_dot**4 + square * beta_ddot**2) / (speed - mean * beta_dot) ** 3
 
         jump = _TURN * 840 / duration**4  # of the fourth derivative of β
-        G_2 = _at(np.fft.fft(self._primitive(self._primitive(G))), u)
+        G_2 = _interpolated(np.fft.fft(self._primitive(self._primitive(G))), u)
         return quad(rate, 0, 1, epsabs=0)[0] * duration + jump * duration * G_2 / speed**3
 
     def abrupt_bound(self, duration: float, speed: float = 1.0) -> float:
-        """The largest (2π)² |<r²> - r²|/2vT: how far off -2πa(ξ_0) an abrupt turn shifts a bead, to order 1/T."""
+        """Bound (2π)² max |<r²> - r²|/2vT [m] of the error of -2πa(ξ_0) after an abrupt turn, to order 1/T."""
         r_squared = self.r_squared(_GRID)
         return float(_TURN**2 * np.max(np.abs(r_squared - self._mean(r_squared))) / (2 * speed * duration))
 
     def abrupt_mean_remainder(self, duration: float, speed: float = 1.0) -> float:
         """Mean error of :attr:`shift` over all starts of an abrupt turn, to order 1/T²."""
         a, r_squared = self.a(_GRID), self.r_squared(_GRID)
-        arc = _integrated(self.speed(_GRID))
-        xi = self.length / _TURN * _GRID + _at(arc, _GRID) - _at(arc, 0.0)
+        arc = _primitive_spectrum(self.speed(_GRID))
+        xi = self.length / _TURN * _GRID + _interpolated(arc, _GRID) - _interpolated(arc, 0.0)
         places, primitive = np.append(xi, self.length), self._primitive(r_squared)
         end = np.mod(xi + speed * duration - _TURN * a, self.length)
         at_end = np.interp(end, places, np.append(primitive, primitive[0]))
@@ -112,19 +113,19 @@ class SlowTurn:
         return float(np.average(values, weights=self.speed(_GRID)))
 
     def _primitive(self, values: NDArray) -> NDArray:
-        """∫ (values - <values>) dξ on the grid, with mean zero."""
-        G = np.real(np.fft.ifft(_integrated((values - self._mean(values)) * self.speed(_GRID))))
+        """Primitive ∫ (values - <values>) dξ on the grid, with mean 0."""
+        G = np.real(np.fft.ifft(_primitive_spectrum((values - self._mean(values)) * self.speed(_GRID))))
         return G - self._mean(G)
 
 
-def _integrated(values: NDArray) -> NDArray:
-    """Spectrum of the periodic primitive by u of values on the grid, their mean left out."""
+def _primitive_spectrum(values: NDArray) -> NDArray:
+    """Spectrum of the periodic primitive by u of values on the grid, without their mean."""
     spectrum = np.fft.fft(values)
     return np.divide(spectrum, 1j * _HARMONIC, where=_HARMONIC != 0, out=np.zeros_like(spectrum))
 
 
-def _at(spectrum: NDArray, u: ArrayLike) -> NDArray:
-    """The values of a spectrum anywhere; those beyond the 256th wave are rounding."""
+def _interpolated(spectrum: NDArray, u: ArrayLike) -> NDArray:
+    """Values of a spectrum at u; waves beyond the 256th are rounding."""
     near = np.abs(_HARMONIC) <= 256
     waves = np.exp(1j * np.multiply.outer(np.asarray(u, dtype=float), _HARMONIC[near]))
     return np.real(waves @ spectrum[near]) / _GRID.size

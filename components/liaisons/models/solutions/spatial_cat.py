@@ -52,6 +52,7 @@ def cone_turn(at: Values, *, tilt: float, half_angle: float) -> float:
     (s, c), (sb, cb) = ((np.sin(angle), np.cos(angle)) for angle in (tilt, half_angle))
 
     def rate(theta: float) -> float:
+        """Integrand of Kane and Scher's integral."""
         T = c * cb - s * sb * np.cos(theta)
         S = -sb * (c * sb + s * cb * np.cos(theta))
         return ratio * S * np.sqrt(2 / (1 + T)) / ((T - 1) * (1 - T + ratio * (1 + T)))

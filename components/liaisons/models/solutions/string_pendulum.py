@@ -44,8 +44,8 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         angles, rates = elliptic.pendulum(t - begin, angle, rate, omega)
         sine, cosine = length * np.sin(angles), length * np.cos(angles)
         pull = at.mass * (length * rates**2 + g * np.cos(angles))
-        now = sine, -cosine, cosine * rates, sine * rates, pull, np.full_like(sine, lost)
-        motion = np.where(t >= begin, now, motion)
+        state = sine, -cosine, cosine * rates, sine * rates, pull, np.full_like(sine, lost)
+        motion = np.where(t >= begin, state, motion)
         rising = (rate / omega) ** 2 / 3 - 2 / 3 * np.cos(angle)  # sin ψ
         if not 0 < rising < 1:
             break
@@ -54,7 +54,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         begin += elliptic.duration((angle, rate), (slack, sense * u / length), omega)
         since = t - begin
         across, up = -sense * u * np.sin(psi), u * np.cos(psi)
-        now = (
+        state = (
             sense * length * np.cos(psi) + across * since,
             length * rising + (up - g / 2 * since) * since,
             np.full_like(since, across),
@@ -62,7 +62,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
             np.zeros_like(since),
             np.full_like(since, lost),
         )
-        motion = np.where(since >= 0, now, motion)
+        motion = np.where(since >= 0, state, motion)
         begin += 4 * up / g
         angle = sense * (np.pi / 2 - 3 * psi)
         rate = -sense * u / length * (np.sin(psi) * np.sin(3 * psi) + 3 * np.cos(psi) * np.cos(3 * psi))

@@ -16,7 +16,7 @@ _SERIES = [(-1) ** j / factorial(3 + 2 * j) for j in reversed(range(9))]
 
 
 def stumpff(z: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
-    """c_1, c_2 and c_3, each with the shape of z; infinite where they overflow (z below -5e5)."""
+    """Functions c_1, c_2 and c_3, each of the shape of z; infinite where they overflow (z below -5e5)."""
     z = np.asarray(z, dtype=float)
     c_1 = _c_1(z)
     near = np.abs(z) < 1
@@ -25,6 +25,7 @@ def stumpff(z: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def _c_1(z: NDArray) -> NDArray:
+    """Function c_1, sin θ/θ or sinh θ/θ."""
     theta = np.sqrt(np.abs(z))
     sine = np.where(z < 0, np.sinh(np.where(z < 0, theta, 0.0)), np.sin(theta))
     return np.divide(sine, theta, out=np.ones_like(theta), where=theta > 0)

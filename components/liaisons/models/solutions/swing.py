@@ -30,7 +30,7 @@ def lift(to: float, at: Values) -> float:
     root = np.sqrt((mean - swing) * (mean + swing))
 
     def primitive(psi: float) -> float:
-        """∫ dψ/I, not wrapped."""
+        """Primitive ∫ dψ/I, not wrapped."""
         half = psi / 2
         turns = np.round(half / np.pi)
         return 2 / root * (np.pi * turns + np.arctan((mean - swing) / root * np.tan(half - np.pi * turns)))
@@ -45,13 +45,14 @@ def leaning(t: NDArray, at: Values, *, amplitude: float, angular_frequency: floa
     m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
 
     def posture(t: float) -> tuple[float, float, float]:
-        """ψ, I, and J ψ'."""
+        """Lean ψ, moment of inertia I, and momentum J ψ'."""
         psi = at.lean + amplitude * np.sin(angular_frequency * t)
         J = m_2 * (b**2 + l * b * np.cos(psi))
         inertia = m_1 * l**2 + m_2 * (l**2 + b**2 + 2 * l * b * np.cos(psi))
         return psi, inertia, J * amplitude * angular_frequency * np.cos(angular_frequency * t)
 
     def rates(t: float, y: NDArray) -> list[float]:
+        """Rates of θ and p_θ."""
         psi, inertia, turning = posture(t)
         moment = (m_1 + m_2) * l * np.sin(y[0]) + m_2 * b * np.sin(y[0] + psi)
         return [(y[1] - turning) / inertia, -at.gravity * moment]
