@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
 from liaisons.language.shapes import Ball, Rod, Shapes, turned
 
-if TYPE_CHECKING:
-    from liaisons.models.planar_cat import PlanarCat
 
-
-def picture(self: PlanarCat) -> Shapes:
+def picture(self: Any) -> Shapes:
     """Shapes of the plane cat."""
     h, (_, _, x, z, *_) = self.hinge, next(self._bodies)
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 
 from liaisons.language.shapes import Ball, Rod, Shapes, turned
 
-if TYPE_CHECKING:
-    from liaisons.models.spatial_cat import SpatialCat
 
-
-def picture(self: SpatialCat) -> Shapes:
+def picture(self: Any) -> Shapes:
     """Shapes of the cat in space."""
     A = ca.SX([0, 0, 1])  # axis of half A in its own frame
     d, R, (axis, _) = self.joint_distance, self.attitude.matrix, self._half_B()

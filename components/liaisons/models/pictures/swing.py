@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 
 from liaisons.language.shapes import Ball, Box, Rod, Shapes, turned
 
-if TYPE_CHECKING:
-    from liaisons.models.swing import Swing
 
-
-def picture(self: Swing) -> Shapes:
+def picture(self: Any) -> Shapes:
     """Shapes of rope, board, legs and torso."""
     x, z, s, c = self.seat["x"], self.seat["z"], ca.sin(self.theta), ca.cos(self.theta)
     knee, foot = ({"x": x - 0.4 * c + l * s, "z": z - 0.4 * s - l * c} for l in (0, 0.4))  # noqa: E741
