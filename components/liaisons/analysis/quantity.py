@@ -69,8 +69,8 @@ class Quantity:
         result = np.asarray(function(table)).reshape(rows, -1, columns).swapaxes(1, 2)
         if not np.all(np.isfinite(result)):
             raise ComponentError(f"{equations.name}: not finite at these values; give others for its coordinates")
-        kept = () if (rows, columns) == (1, 1) else (rows,) if columns == 1 else (rows, columns)
-        return result.reshape((*kept, *shape))
+        axes = () if (rows, columns) == (1, 1) else (rows,) if columns == 1 else (rows, columns)
+        return result.reshape((*axes, *shape))
 
 
 def observable(source: Source, formula: Formula) -> Quantity:
@@ -96,8 +96,8 @@ def equations_of(source: Source) -> Equations:
     abstract = getattr(source, "__abstractmethods__", None)
     if isinstance(source, type) and issubclass(source, Component) and (abstract or not issubclass(source, Mechanism)):
         chain = "a chain; write its links as arrays of a Mechanism"
-        what = "abstract" if abstract else chain if issubclass(source, Chain) else "an operator"
-        raise ComponentError(f"{source.__name__}: analysis takes mechanisms, which have a Lagrangian, and it is {what}")
+        kind = "abstract" if abstract else chain if issubclass(source, Chain) else "an operator"
+        raise ComponentError(f"{source.__name__}: analysis takes mechanisms, which have a Lagrangian, and it is {kind}")
     if not (isinstance(source, type) and issubclass(source, Mechanism)):
         by_name = f", or derive({source!r})" if isinstance(source, str) and not source.endswith(".fmu") else ""
         raise ComponentError(f"{shown(source)} is no mechanism; give its class{by_name}")
@@ -137,10 +137,10 @@ def require_coordinates(equations: Equations, purpose: str, *, independent: bool
 def require_independent(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError for constraints; orientations are allowed."""
     m = equations.mechanism
-    if kept := [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)]:
+    if constraints := [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)]:
         raise ComponentError(
             f"{equations.name}: {purpose} needs independent coordinates; describe the mechanism without "
-            f"the constraint {', '.join(kept)}"
+            f"the constraint {', '.join(constraints)}"
         )
 
 
@@ -227,8 +227,8 @@ def _constrained_states(equations: Equations, values: tuple[tuple[str, float], .
         raise ComponentError(
             f"{equations.name}: no states on its constraints near the start; give values for coordinates"
         )
-    kept = {name: np.asarray(value)[on] if np.shape(value) == on.shape else value for name, value in states.items()}
-    return kept | dict(values)
+    selected = {name: np.asarray(value)[on] if np.shape(value) == on.shape else value for name, value in states.items()}
+    return selected | dict(values)
 
 
 def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, Any]) -> float:

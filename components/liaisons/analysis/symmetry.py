@@ -250,8 +250,8 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
 def _require_lengths(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
     """Raise a ComponentError unless T is of degree 2 in the lengths and their rates, and L = T - V."""
     m, T = equations.mechanism, equations.kinetic_energy
-    where = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))
-    excess = ca.jtimes(T, where, where) - 2 * T if names else T
+    lengths_and_rates = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))
+    excess = ca.jtimes(T, lengths_and_rates, lengths_and_rates) - 2 * T if names else T
     if largest(equations, excess, T, values) != 0:
         lengths = ", ".join(names) or "(none)"
         raise ComponentError(

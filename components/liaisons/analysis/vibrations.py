@@ -81,9 +81,9 @@ def _linearized(source: Source, values: dict[str, float]) -> tuple[dict[str, flo
     still = ca.vertcat(m.free.q_dot, m.active.s_dot, m.active.s_ddot)
     moving = [name for name in map(str, ca.vertsplit(still)) if values.get(name)]
     if moving or m.internal_states:
-        what = moving or [item.name for item in m.internal_states]
+        moving = moving or [item.name for item in m.internal_states]
         raise ComponentError(
-            f"{equations.name}: an equilibrium is at rest, which leaves out {', '.join(what)}; simulate the mechanism"
+            f"{equations.name}: an equilibrium is at rest, which leaves out {', '.join(moving)}; simulate the mechanism"
         )
     require_free(equations, "an equilibrium")
     at_rest = ca.substitute(

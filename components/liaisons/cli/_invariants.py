@@ -78,10 +78,10 @@ def _run_verdicts(fmu: Fmu) -> Iterator[Verdict]:
             tolerance=0,
         )
     yield verdict("all signals are finite", error=int(np.count_nonzero(~np.isfinite(fine.values))), tolerance=0)
-    difference, where = _relative_difference(coarse, fine)
+    difference, location = _relative_difference(coarse, fine)
     # Local errors of the solver add up over the run and are amplified; a factor of 1000 leaves room for both.
     yield verdict(
-        f"communication steps of {step_size:g} and {step_size / 2:g} s agree beside the largest of each unit{where}",
+        f"communication steps of {step_size:g} and {step_size / 2:g} s agree beside the largest of each unit{location}",
         error=difference,
         tolerance=1e3 * tolerance,
     )
@@ -111,13 +111,13 @@ def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
         if difference.name not in coarse.texts:
             scales[difference.unit] = max(scales.get(difference.unit, 0.0), difference.scale)
     least = _ROUNDING * max(scales.values(), default=0.0)
-    worst, where = 0.0, ""
+    worst, location = 0.0, ""
     for difference in differences:
         scale = 1.0 if difference.name in coarse.texts else max(scales[difference.unit], least) or 1.0
         if not difference.maximum / scale <= worst:
             worst = difference.maximum / scale
-            where = f", at worst {difference.name} at t = {difference.at:.6g} s"
-    return worst, where
+            location = f", at worst {difference.name} at t = {difference.at:.6g} s"
+    return worst, location
 
 
 def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
@@ -144,8 +144,8 @@ def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float
         perform(step, save)  # the history of solver and inputs has to come back, too
         for _ in range(2):
             perform(restore)
-            for place in (1, 2):
-                time.value = place * step_size
+            for number in (1, 2):
+                time.value = number * step_size
                 perform(step)
             perform(get)
             results.append(np.array(seen))

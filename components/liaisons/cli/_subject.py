@@ -119,10 +119,10 @@ def _refuse_ignored_starts(system: System, starts: Iterable[str], driven: Prescr
 def mismatches(fmu: Fmu) -> list[str]:
     """Local variables that measure contradictions of σ, σ̇ and σ̈ of inputs; none in FMUs of other tools."""
     inputs = {name for port in fmu.reals("input") for name in (port, split(port)[0])}
-    found: list[str] = []
+    names: list[str] = []
     for name in fmu.reals("local"):
         base, _ = split(name)
         value = f"{base.removesuffix(MISMATCH)}{name[len(base) :]}"
         if base.endswith(MISMATCH) and value in inputs and fmu.terminals.port(value):
-            found.append(name)
-    return found
+            names.append(name)
+    return names

@@ -104,20 +104,20 @@ def simulate(
     figure = None if plot is None else Path(plot or f"{asked.title}.png")
     _require_writable(csv, parquet, figure)
 
-    def write(result: Result, words: str = "") -> None:
+    def write(result: Result, extent: str = "") -> None:
         """Print the table of a result and write its files."""
         shown, contradictions = _without_mismatches(result, names or ())
         show(shown.summary())
         for line in contradictions:
             print(line)
-        for what, file, save in (
+        for title, file, save in (
             ("signals", csv, shown.to_csv),
             ("signals", parquet, shown.to_parquet),
             ("figure", figure, lambda path: shown.plot(path=path)),
         ):
             if file:
                 save(file)
-                print(f"{what}: {file}{words}")
+                print(f"{title}: {file}{extent}")
 
     try:
         result = performed(asked, progress=len(asked.times) > 1e4, verify=verify)

@@ -194,7 +194,7 @@ def sweep(
             print(f"{title}: {path}")
     if passing is not None and not result.unfinished:
         passing.unlink(missing_ok=True)
-    _print_failures(result, kept=journal is not None)
+    _print_failures(result, has_journal=journal is not None)
     return 1 if result.failures else 0
 
 
@@ -209,14 +209,14 @@ def _require_writable(csv: Path | None, plot: Path | None, journal: Path | None,
         raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
 
 
-def _print_failures(result: Result, *, kept: bool) -> None:
-    """Print which cases have failed and why; ``kept``: whether there is a journal."""
+def _print_failures(result: Result, *, has_journal: bool) -> None:
+    """Print which cases have failed, why, and how to go on."""
     for case, reason in list(result.failures.items())[:_SHOWN]:
         print(f"case {case} {'not finished' if case in result.unfinished else 'failed'}: {reason}")
     if len(result.failures) > _SHOWN:
         print(f"... {len(result.failures) - _SHOWN} more that failed")
     if result.unfinished:
-        cure = f"{'' if kept else 'give --journal, and '}the same command tries them again"
+        cure = f"{'' if has_journal else 'give --journal, and '}the same command tries them again"
         count = len(result.index["case"])
         print(f"{len(result.unfinished)} of {count} cases not finished; {cure}")
 

@@ -34,8 +34,8 @@ class FourierSeries(Operator):
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         harmonics = range(1, 5)
-        turn = 1j * at.angular_frequency * np.array(harmonics)
+        factors = 1j * at.angular_frequency * np.array(harmonics)
         amplitudes = at.array(*(f"cos_{k}" for k in harmonics)) - 1j * at.array(*(f"sin_{k}" for k in harmonics))
-        phasors = amplitudes * np.exp(np.multiply.outer(t, turn))
-        y, y_dot, y_ddot = (np.real(turn**n * phasors).sum(-1) for n in range(3))
+        phasors = amplitudes * np.exp(np.multiply.outer(t, factors))
+        y, y_dot, y_ddot = (np.real(factors**n * phasors).sum(-1) for n in range(3))
         return {"y": at.offset + y, "y_dot": y_dot, "y_ddot": y_ddot}

@@ -44,7 +44,7 @@ class FourBars(Mechanism, abstract=True):
     def picture(self) -> Shapes:
         tops = [self._top(i) for i in self._rods]
         standing = [Rod({"x": i * self.length}, top) for i, top in enumerate(tops)]
-        return [*standing, *(Rod(one, other) for one, other in pairwise(tops))]
+        return [*standing, *(Rod(left, right) for left, right in pairwise(tops))]
 
     def kinetic_energy(self) -> ca.SX:
         standing = ca.SX(sum(self.length**2 * self.dot(self.symbols[f"theta_{i}"]) ** 2 for i in self._rods))
@@ -54,7 +54,7 @@ class FourBars(Mechanism, abstract=True):
 
     def potential_energy(self) -> ca.SX:
         heights = [self._top(i)["z"] for i in self._rods]
-        lying = sum((one + other) / 2 for one, other in pairwise(heights))
+        lying = sum((left + right) / 2 for left, right in pairwise(heights))
         return self.mass * self.gravity * (ca.SX(sum(heights)) / 2 + lying)
 
     @property
@@ -69,8 +69,8 @@ class FourBars(Mechanism, abstract=True):
 
     def stretch(self, i: int) -> ca.SX:
         """Stretch σ_i of a lying rod [m]."""
-        one, other = self._top(i - 1), self._top(i)
-        return (sum((other[axis] - one[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
+        left, right = self._top(i - 1), self._top(i)
+        return (sum((right[axis] - left[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
 
     from liaisons.models.solutions.parallelograms import exact, pull
 

@@ -72,8 +72,8 @@ class Satellite(Mechanism):
     def kinetic_energy(self) -> ca.SX:
         omega = self.attitude.rate
         wheels = self.dot(ca.vertcat(self.wheel_1, self.wheel_2, self.wheel_3))
-        turn = ca.dot(omega, self._inertia @ omega) / 2
-        return turn + self.J_wheel * (ca.dot(omega, wheels) + ca.sumsqr(wheels) / 2)
+        body = ca.dot(omega, self._inertia @ omega) / 2
+        return body + self.J_wheel * (ca.dot(omega, wheels) + ca.sumsqr(wheels) / 2)
 
     @assertion("J must be positive definite", unchecked=_SIGNS)
     def inertia_is_positive(self) -> ca.SX:

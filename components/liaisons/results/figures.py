@@ -213,8 +213,8 @@ def _draw_curves(diagram: Axes, name: str, x: Floats, values: Floats, style: Map
     """Draw the curve of a signal, or those of the elements of an array, the first ones pale."""
     columns = values.reshape(len(values), -1).T
     along = np.broadcast_to(x.reshape(len(values), -1).T, columns.shape)
-    for one, column, alpha in zip(along, columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
-        diagram.plot(one, column, **style, alpha=alpha, linewidth=1.2)
+    for abscissa, column, alpha in zip(along, columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
+        diagram.plot(abscissa, column, **style, alpha=alpha, linewidth=1.2)
     if len(columns):
         size = "×".join(map(str, values.shape[1:]))
         diagram.lines[-1].set_label(f"{name} ({size})" if size else name)
@@ -265,8 +265,8 @@ def _rank(name: str, unit: str, names: Container[str]) -> int:
     ending = port_names("")
     if last.endswith(ending.rate):
         return 1 if has(f"p_{last.removesuffix(ending.rate)}") else 7
-    for other, rank in {ending.acceleration: 8, ending.force: 5, "_power": 6, ending.load: 7}.items():
-        if last.endswith(other):
+    for suffix, rank in {ending.acceleration: 8, ending.force: 5, "_power": 6, ending.load: 7}.items():
+        if last.endswith(suffix):
             return rank
     if has(f"p_{last}"):
         return 0

@@ -55,12 +55,12 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
     entry = fmu.variables.entry(variable)
-    like, (values, unit) = entry.like, quantity
-    if like.type == "Real":
-        values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(like.unit)) for v in values)
-    elif like.type == "Enumeration" and any(isinstance(v, str) for v in values):
-        values = tuple(_item(f"{owner}.{variable}", v, _items(fmu, like.name)) for v in values)
-    elif like.type in {"Integer", "Enumeration"}:
+    scalar, (values, unit) = entry.like, quantity
+    if scalar.type == "Real":
+        values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(scalar.unit)) for v in values)
+    elif scalar.type == "Enumeration" and any(isinstance(v, str) for v in values):
+        values = tuple(_item(f"{owner}.{variable}", v, _items(fmu, scalar.name)) for v in values)
+    elif scalar.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
     if isinstance(entry, Array) and len(values) == entry.size:
         return np.array(values, dtype=object).reshape(entry.shape)

@@ -84,10 +84,10 @@ def _with_lines(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -
 
 def _line(part: SystemComponent, name: str, value: Value) -> str:
     """Line of a variable in the file of start values."""
-    like = part.fmu.variables.entry(name).like
-    kind, form = ("r", ">d") if like.type == "Real" else ("i", ">q")
+    scalar = part.fmu.variables.entry(name).like
+    kind, form = ("r", ">d") if scalar.type == "Real" else ("i", ">q")
     numbers = value if isinstance(value, tuple) else (value,)
-    return f"{kind} {like.reference} {len(numbers)} {_hexadecimal(form, numbers)} {name}\n"
+    return f"{kind} {scalar.reference} {len(numbers)} {_hexadecimal(form, numbers)} {name}\n"
 
 
 def _hexadecimal(form: str, numbers: Iterable[object]) -> str:

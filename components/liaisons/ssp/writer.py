@@ -168,7 +168,7 @@ def _add_full(
 ) -> None:
     """Add connectors of the system, one parameter set with its mapping, components and connections."""
     shown = outer(parts, connections)
-    add_connectors(system, {"_".join(place): entry for place, entry in shown.items()}, units, "full")
+    add_connectors(system, {"_".join(reference): entry for reference, entry in shown.items()}, units, "full")
     listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in scalars(c)]
     if listed:
         values = _add_file(files, "parameters.ssv", parameter_set(listed, units, "full"))
@@ -218,8 +218,8 @@ def _add_connections(
 def _add_fmu(files: Files, part: SystemComponent) -> str:
     """Add the FMU file of a component once, and return its name in the archive."""
     path = part.fmu.path
-    known = next((name for name, content in files.items() if content == path), None)
-    return known or _add_file(files, path.name, path)
+    added = next((name for name, content in files.items() if content == path), None)
+    return added or _add_file(files, path.name, path)
 
 
 def _add_file(files: Files, name: str, content: bytes | Path) -> str:

@@ -56,8 +56,8 @@ class Orbit:
         # f(w)/((w - w_1)(w_2 - w)), from the nearer root, where f itself has no digits: c² exp(a w_i) = w_i
         root = np.sqrt((1 - near * a * exprel(a * (w - near))) / (far - w))
         rate = 2 * speed * root
-        turn = c * speed * np.exp(a * w / 2) / w
-        return cls(inner, outer, _cosine_coefficients(1 / rate), _cosine_coefficients(turn / rate))
+        phi_rate = c * speed * np.exp(a * w / 2) / w
+        return cls(inner, outer, _cosine_coefficients(1 / rate), _cosine_coefficients(phi_rate / rate))
 
     @property
     def half_period(self) -> float:

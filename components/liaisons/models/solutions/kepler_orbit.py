@@ -79,9 +79,9 @@ def _motion(
     s = np.sign(since) * _universal_anomaly(np.abs(since), nearest, e, beta, mu)
     c_1, c_2, _ = stumpff(beta * s**2)
     r = nearest + mu * e * s**2 * c_2
-    turn = r_0 / position(np.asarray(s_0))
-    turn /= abs(turn)  # from the frame of the pericentre; well defined on a circle, too
-    return turn * position(s), turn * (-mu * s * c_1 + 1j * L * (1 - beta * s**2 * c_2)) / r
+    rotation = r_0 / position(np.asarray(s_0))
+    rotation /= abs(rotation)  # from the frame of the pericentre; well defined on a circle, too
+    return rotation * position(s), rotation * (-mu * s * c_1 + 1j * L * (1 - beta * s**2 * c_2)) / r
 
 
 def _universal_anomaly(t: NDArray, nearest: float, e: float, beta: float, mu: float) -> NDArray:

@@ -23,8 +23,8 @@ def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0)
     chi = np.asarray(azimuth, dtype=float)
     psi = turn(at.bend, at) * (chi - azimuth_0) / (2 * np.pi)
     start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
-    back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
-    q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)
+    end = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
+    q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), end)
     return free_fall(t, at) | dict(zip(Orientation.quaternion, q.reshape(4, *chi.shape), strict=True))
 
 
