@@ -39,6 +39,7 @@ def final_state(
     function = ca.Function("velocity", [t, X], [ca.densify(rate)])
 
     def velocity(instant: float, state: NDArray) -> NDArray:
+        """Rate of the state, (n,)."""
         return np.asarray(function(instant, state))[:, 0]
 
     tolerances = {"rtol": tolerance, "atol": tolerance}

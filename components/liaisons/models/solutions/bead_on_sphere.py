@@ -19,7 +19,7 @@ def _start_angle(at: Values) -> float:
 
 @closed_form("angle from the top [rad] and instant [s] at which the bead leaves the sphere", gravity="> 0")
 def leaves(at: Values) -> tuple[float, float]:
-    """The force m g cos θ - m r θ'² = m g (3 cos θ - 2 cos θ_0) ends at cos θ = (2/3) cos θ_0."""
+    """It leaves at cos θ = (2/3) cos θ_0, where the force m g (3 cos θ - 2 cos θ_0) ends."""
     start, omega = _start_angle(at), np.sqrt(at.gravity / at.radius)
     at.require(abs(start) < np.pi / 2, f"x_0 = {at.x_0}: it starts below the equator, and falls")
     angle = np.copysign(np.arccos(2 / 3 * np.cos(start)), start)

@@ -20,7 +20,7 @@ def _impacts(end: float, at: Values) -> tuple[NDArray, NDArray]:
 
 @closed_form("the instant [s] at which the ball comes to rest on a table at rest", gravity="> 0", bounce="< 1")
 def rests_at(at: Values) -> float:
-    """√(2h/g) (1 + e)/(1 - e) for a drop from h: a geometric series, since each flight is e times the one before."""
+    """It is √(2h/g) (1 + e)/(1 - e) for a drop from h: the flights are a geometric series, each e times the one before."""
     instants, speeds = _impacts(-1.0, at)
     return float(instants[0] + 2 * speeds[0] * at.bounce / (at.gravity * (1 - at.bounce)))
 
@@ -60,7 +60,7 @@ def leaves_at(at: Values, *, amplitude: float, angular_frequency: float) -> floa
 
 @closed_form("the range of Γ in which bouncing once a period of the table is stable", gravity="> 0")
 def period_one_range(at: Values) -> tuple[float, float]:
-    """From an impact (t, v) to the next, with δt, δv the deviations from bouncing in step.
+    """Stability of the map from an impact (t, v) to the next, with the deviations δt, δv from bouncing in step.
 
     In step the flight of T = 2π/ω ends with the speed w = gT/2 it began with: w - ż = e (w + ż), ż = Aω cos φ, so
     that Γ cos φ = π (1 - e)/(1 + e), and w + ż = gT/(1 + e).  The next impact is where the table is met:

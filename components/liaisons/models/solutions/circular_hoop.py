@@ -40,7 +40,7 @@ def _circle(xi: ArrayLike, at: Values) -> tuple[NDArray, NDArray, NDArray, NDArr
 
 @closed_form("the three terms of the dynamic field, D_0, H(Y) and -X_K (M eq. 65-67), in ξ and p_ξ with Y = β_dot")
 def dynamic_field(xi: ArrayLike, p_xi: ArrayLike, beta_dot: ArrayLike, at: Values) -> dict[str, NDArray]:
-    """Each of shape (2, ...): rates of ξ [m/s] and of p_ξ [N]."""
+    """Rates of ξ [m/s] and of p_ξ [N] in each term, shape (2, ...)."""
     xi, p, Y = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in (xi, p_xi, beta_dot)))
     a, _, a_dash, b_dash = _circle(xi, at)
     fields = {
@@ -53,7 +53,7 @@ def dynamic_field(xi: ArrayLike, p_xi: ArrayLike, beta_dot: ArrayLike, at: Value
 
 @closed_form("the motion of bead and hoop on a shaft that turns freely: Hamilton's equations (M eq. 62), at 1e-13")
 def on_a_free_shaft(t: NDArray, at: Values, *, shaft_inertia: float = 0.0) -> dict[str, NDArray]:
-    """ξ, β and p_ξ, and the constants p_β [kg.m2/s] and energy [J]; ``shaft_inertia`` [kg.m2] is added to I."""
+    """Return ξ, β, p_ξ, and the constants p_β [kg.m2/s] and energy [J]; ``shaft_inertia`` [kg.m2] is added to I."""
     inertia = at.hoop_inertia + shaft_inertia
     a, b, _, _ = _circle(at.xi_0, at)
     p_0 = at.mass * (at.xi_dot_0 + a * at.beta_dot)

@@ -93,7 +93,7 @@ def turning_points(at: Values) -> tuple[NDArray, NDArray]:
     belt_dot="!= 0",
 )
 def stick_slip(at: Values) -> tuple[float, float]:
-    """2δ/v and (2/ω)(π - arctan(δω/v)), δ = (μ_s - μ_k) m g/k.
+    """The durations are 2δ/v and (2/ω)(π - arctan(δω/v)), δ = (μ_s - μ_k) m g/k.
 
     It slides from δ beyond the centre, at the belt's speed: x = δ cos ωt + (v/ω) sin ωt.  The rate is v again where
     tan(ωt/2) = -δω/v, there x = -δ, and the belt carries it over 2δ.
@@ -110,7 +110,7 @@ def stick_slip(at: Values) -> tuple[float, float]:
     stiffness="== 0",
 )
 def drift(at: Values, *, amplitude: float, angular_frequency: float) -> float:
-    """Aω sin(πF/2μmg): at the steady velocity V, sign(V - Aω cos ωt) is F/μmg in the mean, (2/π) arcsin(V/Aω)."""
+    """It is Aω sin(πF/2μmg): at the velocity V, sign(V - Aω cos ωt) is F/μmg in the mean, (2/π) arcsin(V/Aω)."""
     share = at.x_force / (at.mu_sliding * at.mass * at.gravity)
     at.require(abs(share) < 1, f"x_force = {at.x_force}: friction does not hold it")
     return float(amplitude * angular_frequency * np.sin(np.pi / 2 * share))

@@ -13,7 +13,7 @@ from liaisons.models.solutions.slow_turn import SLOW_TURN, SlowTurn
 
 @closed_form("by one quadrature, for a bead that goes round while the hoop turns at constant rate", t=">= 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """θ and ξ; r must be positive, and the bead must not turn back."""
+    """Return θ and ξ; r must be positive, and the bead must not turn back."""
     waves, k, Y = fourier_waves(at), np.arange(1, 5), at.beta_dot
 
     def radius_and_speed(theta: ArrayLike) -> tuple[NDArray, NDArray]:

@@ -91,7 +91,7 @@ class Orbit:
 
 @closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """Not for orbits that are almost circles; through the origin, or without a spring, uniform and straight."""
+    """Orbits close to a circle are refused; through the origin or without a spring the motion is uniform and straight."""
     position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
     speed, norm = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(velocity)
     at.require(
@@ -122,7 +122,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 
 @closed_form("smallest and largest r [m], time [s] and angle [rad] from one to the other", stiffness="> 0")
 def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> tuple[float, float, float, float]:
-    """From ``position`` [m], (3,), and ``velocity`` [m/s], (3,), at some instant."""
+    """The orbit passes ``position`` [m], (3,), with ``velocity`` [m/s], (3,)."""
     r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
     area_rate, a = float(np.linalg.norm(np.cross(r, v))), at.stiffness / (3 * at.thermal_energy)
     at.require(area_rate > 0, "straight through the origin r does not turn")

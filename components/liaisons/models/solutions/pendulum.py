@@ -19,7 +19,7 @@ def period(at: Values) -> float:
 
 @closed_form("the action ∮ p dθ/2π [J.s] of a swing or of a full turn at constant length", gravity="> 0")
 def action(theta: ArrayLike, theta_dot: ArrayLike, length: ArrayLike, at: Values) -> NDArray:
-    """(8/π) m l² Ω (E(k) - (1 - k²) K(k)), or (4/π) m l² Ω k E(1/k); states of any shape."""
+    """It is (8/π) m l² Ω (E(k) - (1 - k²) K(k)), or (4/π) m l² Ω k E(1/k); states have any shape."""
     omega = np.sqrt(at.gravity / np.asarray(length))
     m = np.sin(np.asarray(theta) / 2) ** 2 + (np.asarray(theta_dot) / (2 * omega)) ** 2  # k²
     inside, outside = np.minimum(m, 1.0), 1 / np.maximum(m, 1.0)

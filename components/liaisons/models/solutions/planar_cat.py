@@ -20,7 +20,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 
 @closed_form("the trunk's rate [rad/s] without angular momentum, φ' = -(J_1 ψ_1' + J_2 ψ_2')/I (M eq. 58)")
 def turn_rate(psi_1: ArrayLike, psi_2: ArrayLike, psi_1_dot: ArrayLike, psi_2_dot: ArrayLike, at: Values) -> NDArray:
-    """Of shapes [rad] and their rates, any shape; by reduced masses."""
+    """Rate for angles [rad] and rates [rad/s] of any shape, by reduced masses."""
     m_0, m_1, m_2 = at.array("mass_0", "mass_1", "mass_2")
     total, h, c_1, c_2 = m_0 + m_1 + m_2, at.hinge, at.arm_1, at.arm_2
     mu_1, mu_2, mu = m_1 * (total - m_1) / total, m_2 * (total - m_2) / total, m_1 * m_2 / total

@@ -27,7 +27,7 @@ def crouch_growth(*, length_low: float, length_high: float) -> float:
     length_high="> 0",
 )
 def crouch_schedule(half_swings: int, at: Values, *, length_low: float, length_high: float) -> tuple[NDArray, NDArray]:
-    """Instants [s] alternately at θ = 0 and at a turning point, (2 half_swings,); θ_max [rad], (half_swings + 1,)."""
+    """Return instants [s] alternately at θ = 0 and at a turning point, (2 half_swings,); θ_max [rad], (half_swings + 1,)."""
     growth = crouch_growth(length_low=length_low, length_high=length_high)
     versines = (1 - np.cos(at.theta_0)) * growth ** np.arange(half_swings + 1)
     at.require(versines[-1] < 2, f"it goes over the top; half_swings = {half_swings} is too many")
@@ -54,5 +54,5 @@ def pumped(t: NDArray, at: Values, *, amplitude: float, angular_frequency: float
     "the growth rate [1/s] of small swings under the length l (1 + depth · sin 2Ωt), ¾ Ω · depth", gravity="> 0"
 )
 def pumping_rate(depth: float, at: Values) -> float:
-    """To first order in the depth: the first of Mathieu's tongues, at its middle."""
+    """It is of first order in the depth: the first of Mathieu's tongues, at its middle."""
     return float(0.75 * depth * np.sqrt(at.gravity / at.length))

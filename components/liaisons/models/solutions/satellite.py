@@ -43,7 +43,7 @@ def slew(
     at: Values,
     start: ArrayLike = rotations.IDENTITY,
 ) -> dict[str, NDArray]:
-    """Δφ = (turn_1, turn_2, turn_3) [rad], any shape, in one direction at any pace, from the attitude ``start``."""
+    """The wheels turn by Δφ = (turn_1, turn_2, turn_3) [rad], any shape, in proportion, from the attitude ``start``."""
     turns = np.stack(np.broadcast_arrays(turn_1, turn_2, turn_3))
     vector = -at.J_wheel * np.tensordot(np.linalg.inv(_inertia(at)), turns, 1)
     q = rotations.turned(rotations.unit(start), vector)
@@ -54,7 +54,7 @@ def slew(
 def slew_torque(
     push_1: ArrayLike = 0, push_2: ArrayLike = 0, push_3: ArrayLike = 0, *, at: Values
 ) -> dict[str, NDArray]:
-    """φ'' = (push_1, push_2, push_3) [rad/s2], any shape, in the proportion of the wheels' angles."""
+    """The wheels are accelerated by φ'' = (push_1, push_2, push_3) [rad/s2], any shape, in proportion."""
     push = np.stack(np.broadcast_arrays(push_1, push_2, push_3)).astype(float)
     turning = np.tensordot(np.linalg.inv(_inertia(at)), at.J_wheel * push, 1)
     return {f"wheel_{k}_force": row for k, row in enumerate(at.J_wheel * (push - turning), 1)}
@@ -62,7 +62,7 @@ def slew_torque(
 
 @closed_form("without angular momentum, the wheels turned at any rates: ω = -J⁻¹ J_wheel φ', integrated at 1e-13")
 def steered(t: NDArray, at: Values, *, wheels: Callable[[float], ArrayLike]) -> dict[str, NDArray]:
-    """``wheels`` gives φ' [rad/s], (3,), at an instant; it must not change within a 400th of the time."""
+    """The function ``wheels`` returns φ' [rad/s], (3,), at an instant; it must not change within a 400th of the time."""
     follows = -at.J_wheel * np.linalg.inv(_inertia(at))
 
     def rates(t: float, q: NDArray) -> NDArray:

@@ -19,7 +19,7 @@ def turn(bend: float, at: Values) -> float:
 
 @closed_form("free fall, and without momentum and twist, at constant bend, a turn that χ alone determines")
 def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
-    """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
+    """The angle ``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
     chi = np.asarray(azimuth, dtype=float)
     psi = turn(at.bend, at) * (chi - azimuth_0) / (2 * np.pi)
     start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
@@ -30,7 +30,7 @@ def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0)
 
 @closed_form("the bend [rad] that turns the cat by Φ once round: (I - J) Φ c² + 2π J c = I Φ")
 def bend_for(turn: float, at: Values) -> float:
-    """For 0 < ``turn`` <= 2π and I >= J."""
+    """It exists for 0 < ``turn`` <= 2π and I >= J."""
     I, J = at.inertia_transverse, at.inertia_axial  # noqa: E741
     at.require(0 < turn <= 2 * np.pi and I >= J, f"turn = {turn} must be > 0, <= 2π, and I >= J")
     return float(2 * np.arccos(I * turn / (np.pi * J + np.sqrt((np.pi * J) ** 2 + (I - J) * I * turn**2))))
@@ -47,7 +47,7 @@ def bisector(bend: ArrayLike, azimuth: ArrayLike) -> NDArray:
 
 @closed_form("the turn [rad] about a + b when b goes once round a cone tilted against a: Kane and Scher's integral")
 def cone_turn(at: Values, *, tilt: float, half_angle: float) -> float:
-    """``half_angle`` of the cone [rad], more than the ``tilt`` of its axis."""
+    """The ``half_angle`` of the cone [rad] must be more than the ``tilt`` of its axis [rad]."""
     ratio = at.inertia_axial / at.inertia_transverse
     (s, c), (sb, cb) = ((np.sin(angle), np.cos(angle)) for angle in (tilt, half_angle))
 

@@ -13,7 +13,7 @@ from liaisons.models.solutions import elliptic
     "height above the pivot [m] at which the string goes slack, with the speed at the lowest point [m/s]", gravity="> 0"
 )
 def slack_height(speed: float, at: Values) -> float:
-    """(v_0² - 2gl)/3g for 2gl < v_0² < 5gl: m v²/l = m g h/l where the string carries nothing."""
+    """It is (v_0² - 2gl)/3g for 2gl < v_0² < 5gl: m v²/l = m g h/l where the string carries nothing."""
     ratio = speed**2 / (at.gravity * at.length)
     at.require(2 < ratio < 5, f"speed = {speed}: the string stays taut")
     return (ratio - 2) / 3 * at.length

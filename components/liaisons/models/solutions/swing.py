@@ -41,7 +41,7 @@ def lift(to: float, at: Values) -> float:
 
 @closed_form("the motion under the lean ψ + amplitude · sin(angular_frequency t): M eq. 54-56 at 1e-13")
 def leaning(t: NDArray, at: Values, *, amplitude: float, angular_frequency: float) -> dict[str, NDArray]:
-    """θ and p_θ; ``lean`` is the mean, the rope keeps its length."""
+    """Return θ and p_θ; ``lean`` is the mean lean, the rope keeps its length."""
     m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
 
     def posture(t: float) -> tuple[float, float, float]:
