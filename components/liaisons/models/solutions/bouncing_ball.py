@@ -20,7 +20,7 @@ def _impacts(end: float, at: Values) -> tuple[NDArray, NDArray]:
 
 @closed_form("the instant [s] at which the ball comes to rest on a table at rest", gravity="> 0", bounce="< 1")
 def rests_at(at: Values) -> float:
-    """It is √(2h/g) (1 + e)/(1 - e) for a drop from h: the flights are a geometric series, each e times the one before."""
+    """It is √(2h/g) (1 + e)/(1 - e) for a drop from h: a geometric series of flights, each e times the one before."""
     instants, speeds = _impacts(-1.0, at)
     return float(instants[0] + 2 * speeds[0] * at.bounce / (at.gravity * (1 - at.bounce)))
 

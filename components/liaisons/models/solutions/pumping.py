@@ -27,7 +27,7 @@ def crouch_growth(*, length_low: float, length_high: float) -> float:
     length_high="> 0",
 )
 def crouch_schedule(half_swings: int, at: Values, *, length_low: float, length_high: float) -> tuple[NDArray, NDArray]:
-    """Return instants [s] alternately at θ = 0 and at a turning point, (2 half_swings,); θ_max [rad], (half_swings + 1,)."""
+    """Instants [s] alternate between θ = 0 and a turning point, (2 half_swings,); θ_max [rad] is (half_swings + 1,)."""
     growth = crouch_growth(length_low=length_low, length_high=length_high)
     versines = (1 - np.cos(at.theta_0)) * growth ** np.arange(half_swings + 1)
     at.require(versines[-1] < 2, f"it goes over the top; half_swings = {half_swings} is too many")

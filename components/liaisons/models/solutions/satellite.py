@@ -62,7 +62,7 @@ def slew_torque(
 
 @closed_form("without angular momentum, the wheels turned at any rates: ω = -J⁻¹ J_wheel φ', integrated at 1e-13")
 def steered(t: NDArray, at: Values, *, wheels: Callable[[float], ArrayLike]) -> dict[str, NDArray]:
-    """The function ``wheels`` returns φ' [rad/s], (3,), at an instant; it must not change within a 400th of the time."""
+    """Rates φ' [rad/s], (3,), at an instant come from ``wheels``; they must not jump within a 400th of the time."""
     follows = -at.J_wheel * np.linalg.inv(_inertia(at))
 
     def rates(t: float, q: NDArray) -> NDArray:
