@@ -27,6 +27,7 @@ ORDER = (
     "peers",
     "work_precision",
     "energy_drift",
+    "stiff",
     "chains",
     "composition_cost",
     "isolated",

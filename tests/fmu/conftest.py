@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))  # handmade.py and driver.py are no tests, but theirs
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))  # stiff_problems.py
 
 from driver import Library
 from handmade import fall, kick, pendulum, ring

@@ -162,7 +162,7 @@ class Library:
         """The same in initialization mode."""
         instance = self.instantiate(kind, **(options or {}))
         instance.initialize(tolerance)
-        for name in ("input_reconstruction", "symplectic_steps"):
+        for name in ("input_reconstruction", "symplectic_steps", "stiff_solver"):
             if name in values:
                 instance.set_integer(name, int(np.asarray(values.pop(name))))
         instance.set(values)

@@ -92,7 +92,13 @@ def test_dependencies_of_fmi2_are_those_of_elements() -> None:
 
 def test_elements_of_fmi2(ring2) -> None:
     names = [v.name for v in ring2.description.modelVariables]
-    assert names == ["n", *(v.name for v in ring(3).flat().variables), "input_reconstruction", "symplectic_steps"]
+    assert names == [
+        "n",
+        *(v.name for v in ring(3).flat().variables),
+        "input_reconstruction",
+        "symplectic_steps",
+        "stiff_solver",
+    ]
     size = ring2.description.modelVariables[0]
     assert (size.type, size.variability, size.start) == ("Integer", "constant", "3")
     assert ring2.start().get_integer("n") == 3

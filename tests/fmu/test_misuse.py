@@ -93,7 +93,11 @@ STEPS = "set 0 (the error is controlled) to 100000 in a communication step"
 
 @pytest.mark.parametrize(
     ("name", "values", "domain"),
-    [("input_reconstruction", (-1, 3), WAYS), ("symplectic_steps", (-1, 100001), STEPS)],
+    [
+        ("input_reconstruction", (-1, 3), WAYS),
+        ("symplectic_steps", (-1, 100001), STEPS),
+        ("stiff_solver", (-1, 2), "set 0 (explicit) or 1 (implicit)"),
+    ],
 )
 def test_settings_have_their_domain_and_stay_while_it_runs(every_pendulum, name, values, domain) -> None:
     if name not in every_pendulum.references:
@@ -102,8 +106,8 @@ def test_settings_have_their_domain_and_stay_while_it_runs(every_pendulum, name,
     instance = every_pendulum.initializing()
     for value in values:
         instance.set_integer(name, value, expected, f"{name} = {value}: {domain}")
-    message = f"{name} = 2: it is a fixed parameter; set it before initialization ends"
-    every_pendulum.start().set_integer(name, 2, expected, message)
+    message = f"{name} = 1: it is a fixed parameter; set it before initialization ends"
+    every_pendulum.start().set_integer(name, 1, expected, message)
 
 
 def test_the_time_cannot_be_set(pendulum3) -> None:

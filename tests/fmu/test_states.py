@@ -173,14 +173,14 @@ def test_foreign_and_damaged_states_are_refused(pendulum_library, fall_library) 
 # ---- forged states: the checksum can be computed anew ----------------------------------------------------------------
 
 _MASK = 2**64 - 1
-# Where the scalars of instance.h are: header of 72 bytes, then four reals and eight integers.
+# Where the scalars of instance.h are: header of 72 bytes, then four reals and ten integers.
 _REALS = {name: 72 + 8 * i for i, name in enumerate(("time", "tolerance", "step", "limit"))}
 _INTEGERS = (
     *("phase", "use", "reconstruction", "unstarted"),
-    *("jumped", "expanded", "symplectic_steps", "known"),
+    *("jumped", "expanded", "symplectic_steps", "known", "stiff_solver", "stiffness_reported"),
 )
 _PLACES = _REALS | {name: 104 + 4 * i for i, name in enumerate(_INTEGERS)}
-_VECTORS = 136  # where the first of them begins
+_VECTORS = 144  # where the first of them begins
 
 
 def _sealed(content: bytes) -> bytes:
@@ -221,6 +221,7 @@ def test_the_checksum_of_the_tests_is_that_of_the_fmu(pendulum_library) -> None:
     assert _sealed(content) == content
 
 
+_FLAGS = ("unstarted", "jumped", "expanded", "known", "stiff_solver", "stiffness_reported")
 _IMPOSSIBLE = [
     *[("time", value) for value in (np.nan, np.inf, -np.inf)],
     *[("tolerance", value) for value in (0.0, -1e-8, 1.0, 1e-300, np.nan, np.inf)],
@@ -231,7 +232,7 @@ _IMPOSSIBLE = [
     *[("use", value) for value in (-1, 3, 2**30)],
     *[("reconstruction", value) for value in (-1, 3, 2**31 - 1)],
     *[("symplectic_steps", value) for value in (-1, 100001, 2**31 - 1)],
-    *[(flag, value) for flag in ("unstarted", "jumped", "expanded", "known") for value in (-1, 2, 2**31 - 1)],
+    *[(flag, value) for flag in _FLAGS for value in (-1, 2, 2**31 - 1)],
     ("unstarted", 1),  # after initialization
 ]
 

@@ -20,7 +20,7 @@ from liaisons.base.version import __version__
 from liaisons.fmu.dependencies import between_numbers, decided_at_events, initial, shown_states, states_that_jump
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
-    SYMPLECTIC_STEPS,
+    RECONSTRUCTION,
     Fmi,
     Setting,
     first_reference,
@@ -39,7 +39,8 @@ Backend = Literal["native", "python"]
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
     *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
-    *("symplectic.c", "events.c", "unilateral.c", "exchange.c", "states.c", "starts.c", "messages.c", "fmi_common.c"),
+    *("symplectic.c", "stiff.c", "events.c", "unilateral.c", "exchange.c", "states.c", "starts.c", "messages.c"),
+    "fmi_common.c",
 )
 
 # Capabilities of the back ends; others are false or 0.
@@ -236,7 +237,7 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
                 real["derivative"] = str(references_of[variable.derivative_of][i])
             yield from _scalar(general_attributes(scalar, reference), variable.type, real)
     for reference, setting in settings(model, "2").items():
-        if backend == "native" or setting is not SYMPLECTIC_STEPS:
+        if backend == "native" or setting is RECONSTRUCTION:
             yield from _scalar(general_attributes(setting.variable, reference), "Integer", integer_attributes(setting))
 
 

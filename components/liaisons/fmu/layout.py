@@ -58,6 +58,18 @@ SYMPLECTIC_STEPS = Setting(
     most=100000,
     start=0,
 )
+STIFF_SOLVER = Setting(
+    Variable(
+        "stiff_solver",
+        units.ANY,
+        "co-simulation of stiff motions: 1 an implicit solver of order 5 (Radau IIA), which controls its error by the "
+        "tolerance; 0 an explicit one of order 8",
+        "parameter",
+        "fixed",
+    ),
+    most=1,
+    start=0,
+)
 
 
 def scalar_count(variables: Iterable[Variable]) -> int:
@@ -97,4 +109,5 @@ def first_reference(model: Model) -> int:
 def settings(model: Model, fmi: Fmi) -> dict[int, Setting]:
     """The settings of a model's native FMU, by value reference."""
     first = first_reference(model) + (scalar_count(model.variables) if fmi == "2" else len(model.variables) + 1)
-    return dict(enumerate([RECONSTRUCTION] * bool(model.inputs) + [SYMPLECTIC_STEPS] * bool(model.states), first))
+    solvers = [SYMPLECTIC_STEPS, STIFF_SOLVER] * bool(model.states)
+    return dict(enumerate([RECONSTRUCTION] * bool(model.inputs) + solvers, first))

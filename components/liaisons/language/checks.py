@@ -227,7 +227,7 @@ def reject_clashes(cls: type, variables: Iterable[tuple[str, str]]) -> None:
 
     :param variables: names and descriptions.
     """
-    reserved = ("input_reconstruction", "symplectic_steps", "time", "picture", NEXT_EVENT_TIME)
+    reserved = ("input_reconstruction", "symplectic_steps", "stiff_solver", "time", "picture", NEXT_EVENT_TIME)
     seen: dict[str, str] = dict.fromkeys(reserved, "which every FMU has")
     for name, description in variables:
         if name in seen:

@@ -7,7 +7,7 @@
 
 #define FOR_EACH(i) for (size_t i = 0; i < n; i++)
 
-enum { EXTRA = 3, DENSE = 7, MOST_INDICATORS = 16, DEEPEST = 12, MOST_TRIALS = 60, MOST_CORRECTIONS = 4 };
+enum { EXTRA = 3, MOST_INDICATORS = 16, DEEPEST = 12, MOST_TRIALS = 60, MOST_CORRECTIONS = 4 };
 
 /* Where an event is an indicator has this value: a gap of 0; what is below is an event, and not by rounding. */
 static const double MARGIN = 1e-13;
@@ -48,7 +48,7 @@ static double *column(const Problem *p, double *work, size_t i) { return work + 
 
 /* The polynomials of a step of which the stages are there; STOP if the rates say so. */
 static Signal polynomials(const Problem *p, double t, double h, const double *y, double *work) {
-    enum { K13 = 14, FIRST = K13 + 1 + EXTRA };
+    enum { K13 = 14 };
     const size_t n = p->n;
     const double *k[16], *sum = work + 13 * n;
     double *x = column(p, work, EVENT_COLUMNS - 1);
@@ -64,7 +64,7 @@ static Signal polynomials(const Problem *p, double t, double h, const double *y,
         if (p->rates(p->context, t + EXTRA_TIMES[stage] * h, x, column(p, work, K13 + 1 + stage)) == STOP) return STOP;
     }
     FOR_EACH(i) {
-        double *f = column(p, work, FIRST) + i;
+        double *f = events_columns(p, work) + i;
         f[0] = h * sum[i];
         f[n] = h * k[0][i] - f[0];
         f[2 * n] = 2 * f[0] - h * (k[12][i] + k[0][i]);
@@ -82,7 +82,7 @@ static int look(const Step *s, double part, double values[]) {
     const size_t n = s->p->n;
     FOR_EACH(i) {
         double sum = 0;
-        for (size_t shape = DENSE; shape-- > 0;)
+        for (size_t shape = EVENT_DEGREE; shape-- > 0;)
             sum = (sum + s->columns[shape * n + i]) * (shape % 2 == 0 ? part : 1 - part);
         s->at[i] = s->y[i] + sum;
     }
@@ -145,18 +145,14 @@ static double first_event(const Step *s) {
     return 2;
 }
 
-/* Shorten an accepted step to the first event in it: *h; whether there is one.  The stages are those of the shorter step,
- * whose end is moved to where an indicator is 0 for the step itself, not only for its polynomials. */
-Signal events_shorten(const Problem *p, double t, double *h, const double y[], double work[], int *crossed) {
+Signal events_locate(const Problem *p, double t, double *h, const double y[], double work[], Repeat *repeat, void *method,
+                     int *crossed) {
     const double whole = *h;
-    const Step step = {p, t, whole, y, column(p, work, 18), column(p, work, EVENT_COLUMNS - 1)};
-    const double *sum = work + 13 * p->n;
-    double error, low[MOST_INDICATORS], high[MOST_INDICATORS], values[MOST_INDICATORS];
-    *crossed = 0;
-    if (polynomials(p, t, whole, y, work) == STOP) return STOP;
+    const Step step = {p, t, whole, y, events_columns(p, work), column(p, work, EVENT_COLUMNS - 1)};
+    double low[MOST_INDICATORS], high[MOST_INDICATORS], values[MOST_INDICATORS];
     double part = first_event(&step);
-    if (part > 1) return GO_ON;
-    *crossed = 1;
+    *crossed = part <= 1;
+    if (!*crossed) return GO_ON;
     const double away = fmin(1e-3, part / 2);
     if (!look(&step, part - away, high) || !look(&step, part, low)) return STOP;
     size_t which = 0; /* the one that is at 0 first */
@@ -167,13 +163,11 @@ Signal events_shorten(const Problem *p, double t, double *h, const double y[], d
         soonest = fmin(soonest, until);
     }
     const double slope = (low[which] - high[which]) / away;
-    const size_t n = p->n;
     double nearest = part, least = INFINITY;
     for (int i = 0, back = 0; !back; i++) {
         back = part == nearest && i > 0; /* the last correction led away: the clock resolves no more */
         *h = fmax(part * whole, fmin(p->events->least, whole));
-        if (solver_stages(p, t, *h, y, work, &error) == STOP) return STOP;
-        FOR_EACH(j) step.at[j] = y[j] + *h * sum[j];
+        if (repeat(method, *h, step.at) == STOP) return STOP;
         if (!p->events->watch(p->context, t + *h, step.at, values)) return STOP;
         const double off = MARGIN - values[which], change = off / slope;
         if (!(fabs(off) < least)) {
@@ -188,4 +182,27 @@ Signal events_shorten(const Problem *p, double t, double *h, const double y[], d
         part += change;
     }
     return GO_ON;
+}
+
+typedef struct { /* a step of the explicit method */
+    const Problem *p;
+    double t;
+    const double *y;
+    double *work;
+} Explicit;
+
+static Signal repeat_explicit(void *method, double h, double end[]) {
+    const Explicit *step = method;
+    const size_t n = step->p->n;
+    const double *sum = step->work + 13 * n;
+    double error;
+    if (solver_stages(step->p, step->t, h, step->y, step->work, &error) == STOP) return STOP;
+    FOR_EACH(i) end[i] = step->y[i] + h * sum[i];
+    return GO_ON;
+}
+
+Signal events_shorten(const Problem *p, double t, double *h, const double y[], double work[], int *crossed) {
+    Explicit step = {p, t, y, work};
+    if (polynomials(p, t, *h, y, work) == STOP) return STOP;
+    return events_locate(p, t, h, y, work, repeat_explicit, &step, crossed);
 }

@@ -15,7 +15,7 @@
 /* Index among the arguments, behind all others, where functions find the table that was taken: rows, columns; or NULL. */
 enum { TABLE = 11 };
 
-enum { TEXT = 512, NAME = 256, MOST_SYMPLECTIC_STEPS = 100000 };
+enum { TEXT = 512, NAME = 256, MOST_SYMPLECTIC_STEPS = 100000, MOST_STIFF_STATES = 1000 };
 enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
 
 typedef struct { /* an input that moves inside a step */
@@ -57,6 +57,8 @@ typedef struct {
     int32_t expanded;  /* derivatives of inputs are given for the next step */
     int32_t symplectic_steps; /* in a communication step; 0: the error-controlled solver makes its own */
     int32_t known;            /* history holds something */
+    int32_t stiff_solver;       /* 1: the implicit solver makes its own */
+    int32_t stiffness_reported; /* of the explicit one */
 } Scalars;
 
 typedef struct { /* what references stand for, and how much memory a state takes */
@@ -153,6 +155,7 @@ struct Instance {
     double *table;   /* that was taken: how many rows, then its columns; or NULL */
     double *starts;  /* of the inputs, which prescribed coordinates keep where 0 is set before the first step; or NULL */
     Scratch scratch;
+    struct Stiff *stiff; /* memory of the implicit solver; NULL until it is used */
     Call call;
     Words words;
     Contacts contacts;
@@ -226,6 +229,9 @@ void core_warn(Instance *);         /* of what has been found before the present
 void core_leap(Instance *);         /* move the states along with jumps */
 
 /* ---- generated functions ---- */
+
+/* The derivatives of the rates of coupled states by these, row after row; z is then another. */
+void core_jacobian(Instance *, double time, const double y[], double J[]);
 
 void core_start(Instance *);    /* y and m at initialization, if they do not yet follow from u and k */
 void core_measure(Instance *);  /* sizes of y */

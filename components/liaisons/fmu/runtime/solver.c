@@ -53,6 +53,10 @@ static const double
 
 /* Step sizes change by these factors at most; SAFETY keeps most steps from being rejected. */
 static const double SHRINK = 0.2, GROW = 6.0, SAFETY = 0.85;
+/* A step h is at the limit of stability if h times the Lipschitz constant is greater than LIMIT; it is looked at behind
+ * MANY steps, and said behind so many IN_SUCCESSION (Hairer, Norsett, Wanner, II.10: DOP853, its test for stiffness). */
+static const double LIMIT = 6.1;
+enum { MANY = 200, IN_SUCCESSION = 15 };
 /* A step below this fraction of the interval gets nowhere. */
 static const double SMALLEST = 1e-13;
 
@@ -141,6 +145,17 @@ static double first_step(const Problem *p, double t, double span, const double *
     return isfinite(step) && step > 0 ? fmin(fmin(100 * trial, step), span) : trial;
 }
 
+/* Whether a step that led to y, where the rates are in the first column of work, was at the limit of stability. */
+static int is_at_limit(const Problem *p, double h, const double *y, const double *work) {
+    const double *rates = work, *last = work + 11 * p->n, *x = work + 12 * p->n;
+    double change = 0, distance = 0;
+    for (size_t i = 0; i < p->coupled; i++) {
+        change += (rates[i] - last[i]) * (rates[i] - last[i]) / (p->size[i] * p->size[i]);
+        distance += (y[i] - x[i]) * (y[i] - x[i]) / (p->size[i] * p->size[i]);
+    }
+    return h * h * change > LIMIT * LIMIT * distance;
+}
+
 int solver_is_exhausted(Pace *pace, double t, double end) {
     const long steps = pace->steps++, since = steps - pace->last;
     if (steps == MOST_STEPS) return 1;
@@ -156,12 +171,17 @@ Outcome solver_advance(const Problem *p, double *t, double end, double y[], doub
     const size_t n = p->n;
     const double smallest = SMALLEST * (end - *t);
     const double *sum = work + (SOLVER_COLUMNS - 1) * n;
-    double error, largest_growth = GROW;
+    double error, largest_growth = GROW, before = 0;
+    int limited = 0;
     Pace pace = {0, 0, *t};
 
     while (*t < end) {
         int crossed = 0;
         if (p->rates(p->context, *t, y, work) == STOP) return STOPPED;
+        if (pace.steps > MANY && p->report_stiffness != NULL) {
+            limited = is_at_limit(p, before, y, work) ? limited + 1 : 0;
+            if (limited == IN_SUCCESSION) p->report_stiffness(p->context, *t);
+        }
         if (*step <= 0) *step = first_step(p, *t, end - *t, y, work);
         for (;;) { /* until a step is accepted */
             if (solver_is_exhausted(&pace, *t, end)) return EXHAUSTED;
@@ -175,6 +195,7 @@ Outcome solver_advance(const Problem *p, double *t, double end, double y[], doub
                 if (!crossed) /* a cut step tells little */
                     *step = h < *step && factor == GROW ? fmax(*step, GROW * h) : factor * h;
                 *t = last && !crossed ? end : *t + h;
+                before = h;
                 FOR_EACH(i) { /* y + low += h * sum; what y cannot hold goes to low (Moller, Knuth) */
                     const double add = h * sum[i] + low[i], next = y[i] + add, part = next - y[i];
                     low[i] = (y[i] - (next - part)) + (add - part);

@@ -17,6 +17,7 @@ typedef struct {
     Signal (*accept)(void *context, double t, double y[]); /* called after each step; may correct y */
     void *context;
     const Events *events; /* at the first of which a step ends; or NULL */
+    void (*report_stiffness)(void *context, double t); /* called where the steps are as long as stability allows; or NULL */
 } Problem;
 
 struct Events {

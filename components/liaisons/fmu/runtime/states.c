@@ -92,7 +92,11 @@ static const char *wrong_scalar(const Instance *self, const Scalars *s) {
     if (s->reconstruction < HOLD || s->reconstruction > INTERPOLATE) return "input_reconstruction";
     const int most = self->model->indicators > 0 ? 0 : MOST_SYMPLECTIC_STEPS;
     if (s->symplectic_steps < 0 || s->symplectic_steps > most) return "symplectic_steps";
-    if (!flag(s->unstarted) || !flag(s->jumped) || !flag(s->expanded) || !flag(s->known)) return "a flag";
+    if (!flag(s->stiff_solver) || (s->stiff_solver && (s->symplectic_steps > 0 || model->coupled > MOST_STIFF_STATES)))
+        return "stiff_solver";
+    if (!flag(s->unstarted) || !flag(s->jumped) || !flag(s->expanded) || !flag(s->known)
+        || !flag(s->stiffness_reported))
+        return "a flag";
     if (s->unstarted && s->phase >= EVENT) return "a flag";
     return NULL;
 }

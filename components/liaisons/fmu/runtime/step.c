@@ -4,6 +4,7 @@
 
 #include "events.h"
 #include "inputs.h"
+#include "stiff.h"
 #include "symplectic.h"
 #include "unilateral.h"
 
@@ -142,8 +143,26 @@ static void leap_to_inputs(Instance *self) {
     core_jump(self);
 }
 
+static Signal jacobian(void *context, double t, const double y[], double J[]) {
+    Instance *self = context;
+    if (!move_inputs(self, t)) return STOP;
+    core_jacobian(self, self->step.start + t, y, J);
+    return GO_ON;
+}
+
+static void report_stiffness(void *context, double t) {
+    Instance *self = context;
+    if (self->s->stiffness_reported) return;
+    self->s->stiffness_reported = 1;
+    core_report(self, WARNING, "the motion is stiff at t = %.9g: with stiff_solver = 1 it may take far fewer steps",
+                self->step.start + t);
+}
+
 /* From t to the end, in a communication step of a size. */
 static Outcome solve(Instance *self, const Problem *problem, double *t, double end, double size) {
+    if (self->s->stiff_solver)
+        return stiff_advance(problem, jacobian, self->stiff, t, end, self->v.y, self->v.low, &self->s->step,
+                             self->scratch.work);
     if (self->s->symplectic_steps == 0)
         return solver_advance(problem, t, end, self->v.y, self->v.low, &self->s->step, self->scratch.work);
     Rough *rough = self->s->reconstruction == INTERPOLATE && self->movers.count > 0 ? moves_roughly : NULL;
@@ -189,9 +208,13 @@ static int move_states(Instance *self) {
     const Events events = {events_shorten, indicators, watch, indicators > 0 ? clock_resolution(&self->step) : 0};
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
-                             indicators > 0 ? &events : NULL};
+                             indicators > 0 ? &events : NULL, report_stiffness};
     double t = 0, event = start, end = 0;
     Pace pace = {0, 0, 0};
+    if (self->s->stiff_solver && self->stiff == NULL) {
+        self->stiff = stiff_new(self->model->states, self->model->coupled);
+        if (self->stiff == NULL) return core_because(self, "out of memory for the stiff solver");
+    }
     while (t < self->step.reach) {
         if (solver_is_exhausted(&pace, t, self->step.reach)) return explain_exhausted(self, t, "events");
         if (t == end) event = core_next_instant(self, self->v.k, event);

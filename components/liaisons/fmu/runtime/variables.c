@@ -284,7 +284,7 @@ Status core_set(Instance *self, const unsigned references[], size_t n, const dou
     return SUCCESS;
 }
 
-enum { RECONSTRUCTION, SYMPLECTIC_STEPS, SETTINGS };
+enum { RECONSTRUCTION, SYMPLECTIC_STEPS, STIFF_SOLVER, SETTINGS };
 
 static const struct {
     const char *name, *values;
@@ -292,19 +292,22 @@ static const struct {
 } SETTING[SETTINGS] = {
     {"input_reconstruction", "0 (hold), 1 (extrapolate) or 2 (interpolate)", INTERPOLATE},
     {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", MOST_SYMPLECTIC_STEPS},
+    {"stiff_solver", "0 (explicit) or 1 (implicit)", 1},
 };
 
 /* Which setting a reference stands for; SETTINGS, and a report, if there is none. */
 static size_t setting(const Instance *self, unsigned reference) {
     size_t next = self->layout.first + self->layout.references;
     if (self->model->inputs > 0 && reference == next++) return RECONSTRUCTION;
-    if (self->model->states > 0 && reference == next) return SYMPLECTIC_STEPS;
+    if (self->model->states > 0 && reference == next++) return SYMPLECTIC_STEPS;
+    if (self->model->states > 0 && reference == next) return STIFF_SOLVER;
     core_report(self, ERROR, "value reference %u belongs to no integer variable", reference);
     return SETTINGS;
 }
 
 static int32_t *value_of(const Instance *self, size_t which) {
-    return which == RECONSTRUCTION ? &self->s->reconstruction : &self->s->symplectic_steps;
+    int32_t *const values[SETTINGS] = {&self->s->reconstruction, &self->s->symplectic_steps, &self->s->stiff_solver};
+    return values[which];
 }
 
 Status core_get_setting(const Instance *self, unsigned reference, int *value) {
@@ -325,6 +328,9 @@ Status core_set_settings(Instance *self, const unsigned references[], size_t n, 
         if (which == SYMPLECTIC_STEPS && values[i] > 0 && self->model->indicators > 0)
             return core_report(self, ERROR, "symplectic_steps = %d: steps of fixed size do not end at events of %s; set 0",
                                values[i], self->model->gaps > 0 ? self->model->gap->name : self->model->friction->name);
+        if (which == STIFF_SOLVER && values[i] > 0 && self->model->coupled > MOST_STIFF_STATES)
+            return core_report(self, ERROR, "stiff_solver = 1: %s has %lu states, the stiff solver takes %d; set 0",
+                               self->model->name, (unsigned long)self->model->coupled, MOST_STIFF_STATES);
         if (self->s->phase >= EVENT)
             return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
     }
