@@ -64,10 +64,10 @@ def hamiltonian_field(equations: Equations, h: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
-    """Poisson bracket {u, v} = Σ (∂u/∂p ∂v/∂q - ∂v/∂p ∂u/∂q) (K eq. 87), with da/dt = ∂a/∂t + {H, a} (eq. 88).
+    """Poisson bracket {u, v} = Σ (∂u/∂p ∂v/∂q - ∂v/∂p ∂u/∂q) (K eq. 87), so that {p, q} = +1.
 
     This is K's sign, and Landau's; many texts have the opposite one.  For the angular momentum of an orientation
-    {H_x, H_y} = -H_z, as for that of a particle.
+    {H_x, H_y} = -H_z, as for that of a particle.  da/dt = ∂a/∂t + {H, a} (eq. 88) is :meth:`Quantity.time_derivative`.
 
     :param u: scalars on the phase space of one mechanism, from :func:`observable` or :func:`hamiltonian`.
     :raises ComponentError: for quantities of two mechanisms, or constraints.

@@ -72,6 +72,21 @@ class Quantity:
         axes = () if (rows, columns) == (1, 1) else (rows,) if columns == 1 else (rows, columns)
         return result.reshape((*axes, *shape))
 
+    def time_derivative(self) -> Quantity:
+        """da/dt = ∂a/∂t + Σ (q̇ ∂a/∂q + ṗ ∂a/∂p) along the motion (K eq. 86), with friction, drives and loads.
+
+        Time enters by the active coordinates: ∂a/∂t = ṡ ∂a/∂s + s̈ ∂a/∂ṡ.
+
+        :raises ComponentError: for contacts.
+        """
+        equations, m = self.equations, self.equations.mechanism
+        require_smooth(equations, "a rate")
+        a = equations.in_phase_space(self.expression)
+        column = ca.vertcat(m.free.q, m.free.p, m.internal, m.active.s, m.active.s_dot)
+        q_dot = m.free.kinematics @ m.free.q_dot
+        rates = ca.vertcat(q_dot, equations.momentum_rates, equations.internal_rates, m.active.s_dot, m.active.s_ddot)
+        return Quantity(equations, ca.jtimes(a, column, equations.in_phase_space(rates)))
+
 
 def observable(source: Source, formula: Formula) -> Quantity:
     """Quantity on phase space of a formula in coordinates and rates: q̇ is expressed by q and p (K 3.3).
