@@ -42,39 +42,46 @@ def test_pendulum_of_kneller_is_the_one_with_fixed_pivot_and_length() -> None:
 # ---- Kneller 5.1: the oscillator ---------------------------------------------------------------------------------
 
 
-def complex_amplitude(omega: NDArray, omega_0: float, gamma: float) -> NDArray:
-    """K eq. 120 for |F_0|/m = 1."""
-    return 1 / (omega_0**2 - omega**2 + 1j * gamma * omega)
+MASS, OMEGA_0 = 0.7, 1.3
 
 
-@pytest.mark.parametrize("gamma", [0.1, 0.5, 1.0, 1.4])
-def test_ka2_amplitude_is_largest_at_the_corrected_resonance_not_at_the_printed_one(gamma: float) -> None:
-    grid = np.linspace(0, 2, 2_000_001)
-    top = grid[np.argmax(np.abs(complex_amplitude(grid, 1.0, gamma)))]
-    printed = np.sqrt(1 - gamma**2 / 4)
-    assert abs(Oscillator.resonance(damping=gamma) - top) <= 1e-6  # spacing of the grid
+def oscillator(ratio: float) -> dict[str, float]:
+    """Damped with γ = ratio · ω_0."""
+    return {"mass": MASS, "stiffness": MASS * OMEGA_0**2, "damping": ratio * OMEGA_0}
+
+
+def complex_amplitude(omega: NDArray, ratio: float) -> NDArray:
+    """K eq. 120 for |F_0| = 1 N."""
+    return 1 / (MASS * (OMEGA_0**2 - omega**2 + 1j * ratio * OMEGA_0 * omega))
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 1.0, 1.4])
+def test_ka2_amplitude_is_largest_at_the_corrected_resonance_not_at_the_printed_one(ratio: float) -> None:
+    grid = OMEGA_0 * np.linspace(0, 2, 2_000_001)
+    top = grid[np.argmax(np.abs(complex_amplitude(grid, ratio)))]
+    printed = OMEGA_0 * np.sqrt(1 - ratio**2 / 4)
+    assert abs(Oscillator.resonance(**oscillator(ratio)) - top) <= 1.3e-6  # spacing of the grid
     assert abs(printed - top) > 1e-3
-    height, _ = Oscillator.response(Oscillator.resonance(damping=gamma), damping=gamma)
-    assert height == algebra(1 / (gamma * np.sqrt(1 - gamma**2 / 4)))
+    height, _ = Oscillator.response(Oscillator.resonance(**oscillator(ratio)), **oscillator(ratio))
+    assert height == algebra(1 / (MASS * ratio * OMEGA_0**2 * np.sqrt(1 - ratio**2 / 4)))
 
 
-@pytest.mark.parametrize("gamma", [1.42, 1.7, 1.99])
-def test_ka3_no_resonance_from_root_two_on_though_printed_up_to_two(gamma: float) -> None:
-    amplitude, _ = Oscillator.response(np.linspace(0.01, 3, 500), damping=gamma)
+@pytest.mark.parametrize("ratio", [1.42, 1.7, 1.99])
+def test_ka3_no_resonance_from_root_two_on_though_printed_up_to_two(ratio: float) -> None:
+    amplitude, _ = Oscillator.response(OMEGA_0 * np.linspace(0.01, 3, 500), **oscillator(ratio))
     assert np.all(np.diff(amplitude) < 0)
     with pytest.raises(ValidityError, match="damping"):
-        Oscillator.resonance(damping=gamma)
+        Oscillator.resonance(**oscillator(ratio))
 
 
-@pytest.mark.parametrize("gamma", [0.5, 1.0, 2.0, 4.0])  # those of K Fig. 7
-def test_ka4_phase_is_continuous_through_resonance_where_the_printed_one_jumps(gamma: float) -> None:
-    omega = np.concatenate([np.linspace(0.05, 0.95, 10), np.linspace(1.05, 3, 10)])
-    amplitude, phase = Oscillator.response(omega, damping=gamma)
-    expected = complex_amplitude(omega, 1.0, gamma)
-    np.testing.assert_allclose(amplitude * np.exp(1j * phase), expected, rtol=1e-14)  # a few roundings
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0, 4.0])  # those of K Fig. 7
+def test_ka4_phase_is_continuous_through_resonance_where_the_printed_one_jumps(ratio: float) -> None:
+    omega = OMEGA_0 * np.concatenate([np.linspace(0.05, 0.95, 10), np.linspace(1.05, 3, 10)])
+    amplitude, phase = Oscillator.response(omega, **oscillator(ratio))
+    np.testing.assert_allclose(amplitude * np.exp(1j * phase), complex_amplitude(omega, ratio), rtol=1e-14)  # roundings
     assert np.all((phase < 0) & (phase > -np.pi))
     assert np.all(np.diff(phase) < 0)
-    printed = np.arctan(gamma * omega / (omega**2 - 1))
+    printed = np.arctan(ratio * OMEGA_0 * omega / (omega**2 - OMEGA_0**2))
     np.testing.assert_allclose(printed[:10], phase[:10], rtol=1e-13)  # right below ω_0, a few roundings
     np.testing.assert_allclose(printed[10:], phase[10:] + np.pi, rtol=1e-13)  # too large by π above
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from hand_derivations import displacements, molecule_matrices
 from numpy.typing import NDArray
-from on_paper import State, algebra, curl, equations_of, random_states, vector
+from on_paper import State, algebra, equations_of, random_states, unloaded, vector
 from scipy.spatial.transform import Rotation
 
 from liaisons import analysis
 from liaisons.analysis.quantity import Quantity
 from liaisons.check import slope
 from liaisons.errors import ComponentError
-from liaisons.language import Friction, Mechanism
+from liaisons.language import ActiveCoordinate, Coordinate, Friction, Mechanism, Parameter, unchecked
 from liaisons.mechanics import derive
 from liaisons.models import (
     CircularHoop,
@@ -31,12 +31,6 @@ from liaisons.models import (
     SpatialCat,
     Swing,
 )
-
-
-def values(expressions: list[ca.SX], symbols: ca.SX, numbers: NDArray) -> list[NDArray]:
-    function = ca.Function("values", [symbols], [ca.densify(e) for e in expressions])
-    return [np.asarray(part) for part in function.call([ca.DM(numbers)])]
-
 
 # ---- K 2.1, 2.2: points, generalised coordinates -----------------------------------------------------------------
 
@@ -106,21 +100,35 @@ def test_generalised_friction_is_minus_eta_times_the_slope_of_the_kinetic_energy
 # ---- K 2.3: fields that are neither uniform nor static -----------------------------------------------------------
 
 
+class ChargeInFields(Mechanism):
+    """L = ½ m r'² - Q (φ - r'·A) with fields of place and time; the operator is a clock, t' = 1."""
+
+    mass = Parameter(0.7, "kg", "mass", above=0)
+    charge = Parameter(-1.3, "C", "charge")
+    x, y, z = (Coordinate("m", "position") for _ in range(3))
+    t = ActiveCoordinate("s", "time")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
+
+    @unchecked("fields made of bare numbers")
+    def potential_energy(self) -> ca.SX:
+        return self.charge * (self.x**2 * self.y - ca.sin(self.z) * self.t**2)
+
+    @unchecked("fields made of bare numbers")
+    def lagrangian(self) -> ca.SX:
+        A = ca.vertcat(self.y * self.z * self.t, ca.cos(self.x) + self.t**3, self.x * self.y**2 - self.t)
+        return super().lagrangian() + self.charge * ca.dot(self.free.q_dot, A)
+
+
 def test_lagrangian_of_a_charge_gives_lorentz_force_in_any_field() -> None:
-    """K eq. 21-25: m r'' = Q (E + r' ∧ B), E = -∇φ - ∂A/∂t, B = ∇ ∧ A, from L = ½ m r'² - Q (φ - r'·A)."""
-    t, r, v, a = ca.SX.sym("t"), ca.SX.sym("r", 3), ca.SX.sym("v", 3), ca.SX.sym("a", 3)
-    m, Q = 0.7, -1.3
-    phi = r[0] ** 2 * r[1] - ca.sin(r[2]) * t**2
-    A = ca.vertcat(r[1] * r[2] * t, ca.cos(r[0]) + t**3, r[0] * r[1] ** 2 - t)
-    L = m / 2 * ca.dot(v, v) - Q * (phi - ca.dot(v, A))
-    p = ca.gradient(L, v)
-    rate = ca.jtimes(p, ca.vertcat(t, r, v), ca.vertcat(1, v, a))  # d/dt ∂L/∂r'
-    B = curl(A, r)
-    E = -ca.gradient(phi, r) - ca.jacobian(A, t)
-    residual, lorentz = rate - ca.gradient(L, r), m * a - Q * (E + ca.cross(v, B))
-    for seed in range(5):
-        numbers = np.random.default_rng(seed).normal(size=10)
-        assert np.subtract(*values([residual, lorentz], ca.vertcat(t, r, v, a), numbers)) == algebra(np.zeros((3, 1)))
+    """K eq. 21-25: m r'' = Q (E + r' ∧ B), E = -∇φ - ∂A/∂t, B = ∇ ∧ A, by hand."""
+    for n in random_states(ChargeInFields, **unloaded(ChargeInFields), t_dot=1.0):
+        x, y, z, t = n.x, n.y, n.z, n.t
+        slope_of_phi, rate_of_A = [2 * x * y, x**2, -np.cos(z) * t**2], [y * z, 3 * t**2, -1]
+        B = [2 * x * y, y * t - y**2, -np.sin(x) - z * t]
+        force = -np.add(slope_of_phi, rate_of_A) + np.cross(vector(n, "{}_dot"), B)
+        assert n("accelerations") == algebra(n.charge / n.mass * force)
 
 
 def test_weight_keeps_the_angular_momentum_about_the_vertical_alone() -> None:
