@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
 import casadi as ca
@@ -63,11 +64,11 @@ class ThreeBodies(Mechanism):
         return ca.SX(sum(self.mass(i) / 2 * ca.sumsqr(self.dot(self.position(i))) for i in BODIES))
 
     def potential_energy(self) -> ca.SX:
-        pairs = ((i, j) for i in BODIES for j in BODIES if i < j)
+        pairs = combinations(BODIES, 2)
         attraction = sum(
             self.G * self.mass(i) * self.mass(j) / ca.norm_2(self.position(i) - self.position(j)) for i, j in pairs
         )
-        return sum(self.mass(i) * self.weight * self.symbols[f"z_{i}"] for i in BODIES) - attraction
+        return ca.SX(sum(self.mass(i) * self.weight * self.symbols[f"z_{i}"] for i in BODIES)) - attraction
 
 
 def turn(n: NDArray) -> Any:
@@ -136,16 +137,16 @@ def test_rate_of_a_quantity_that_depends_on_time_is_more_than_its_bracket() -> N
     """K eq. 86, 88: d(lθ)/dt = l'θ + lθ'; {H, lθ} = lθ' = 0.5 lacks ∂(lθ)/∂t = l'θ = 0.15."""
     a = analysis.observable(Pendulum, lambda m: m.length * m.theta)
     state = {"theta": 0.3, "theta_dot": 0.25, "length": 2.0, "length_dot": 0.5, "mass": 1.7}
-    bracket = analysis.poisson_bracket(analysis.hamiltonian(a.equations), a)
-    assert bracket.evaluate(**state) == algebra(0.5)
+    H = analysis.hamiltonian(a.equations)
+    assert analysis.poisson_bracket(H, a).evaluate(**state) == algebra(0.5)
     assert a.time_derivative().evaluate(**state) == algebra(0.65)
     # Of the rate that a moving pivot gives, by its acceleration; of p_θ, the torques of weight and friction.
     shaken = analysis.observable(Pendulum, lambda m: m.dot(m.pivot_x) * m.theta)
     moved = state | {"pivot_x_dot": -0.7, "pivot_x_ddot": 1.1}
     assert shaken.time_derivative().evaluate(**moved) == algebra(1.1 * 0.3 - 0.7 * 0.25)
-    p = analysis.observable(Pendulum, lambda m: m.momentum(m.theta))
-    torque = -1.7 * 9.81 * 2 * np.sin(0.3) - 0.2 * 1.7 * 4 * 0.25
-    assert p.time_derivative().evaluate(**state, friction=0.2) == algebra(torque)
+    p, torque = analysis.observable(Pendulum, lambda m: m.momentum(m.theta)), -1.7 * 9.81 * 2 * np.sin(0.3)
+    assert analysis.poisson_bracket(H, p).evaluate(**state) == algebra(torque)
+    assert p.time_derivative().evaluate(**state, friction=0.2) == algebra(torque - 0.2 * 1.7 * 4 * 0.25)
 
 
 # ---- K 3.4: maps of phase space ----------------------------------------------------------------------------------
@@ -281,15 +282,6 @@ def test_stationary_motion_solves_the_equation_of_the_driven_oscillator(omega: f
     drive = {"amplitude": F, "angular_frequency": omega, "phase": alpha + np.pi / 2}  # a cosine
     motion = Oscillator.exact(t, driven="x_force", **start, **drive, **BODY)
     np.testing.assert_allclose(motion["x"], u.real, rtol=0, atol=1e-13)  # roundings of a phase of 26
-
-
-def test_resonance_is_where_the_slope_of_the_amplitude_vanishes() -> None:
-    """K eq. 121, 122 corrected: ω² = K/m - γ²/2, where |u_0| = 1/(m γ √(K/m - γ²/4))."""
-    peak = Oscillator.resonance(**BODY)
-    assert peak == algebra(np.sqrt(K / M - GAMMA**2 / 2))
-    heights, _ = Oscillator.response(peak + np.array([-1e-4, 0, 1e-4]), **BODY)
-    assert heights[1] == algebra(1 / (M * GAMMA * np.sqrt(K / M - GAMMA**2 / 4)))
-    assert heights[2] - heights[0] == pytest.approx(0, abs=1e-10)  # u''' (1e-4)³; off by 1e-3 it would be 1e-6
 
 
 @pytest.mark.parametrize("ratio", [20.0, 50.0])

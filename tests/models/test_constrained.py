@@ -56,6 +56,7 @@ def test_bob_moves_by_newtons_law_on_a_rod_that_moves(seed: int) -> None:
     in_plane = (applied(n, *"xyz") - [0, 0, n.mass * n.gravity]) * [1, 0, 1]
     rod_force = n.mass * (n.rod_ddot - n.rod * turn**2) - in_plane @ along
     assert n("accelerations") == algebra((in_plane + rod_force * along) / n.mass, CONDITION)
+    assert n("momentum_rates") == algebra(in_plane + rod_force * along, CONDITION)
     assert n("operator_forces") == algebra(rod_force, CONDITION)
 
 

@@ -16,13 +16,11 @@ from scipy.spatial.transform import Rotation
 from liaisons import analysis
 from liaisons.analysis.quantity import Quantity
 from liaisons.check import slope
-from liaisons.errors import ComponentError
 from liaisons.language import ActiveCoordinate, Coordinate, Friction, Mechanism, Parameter, unchecked
 from liaisons.mechanics import derive
 from liaisons.models import (
     CircularHoop,
     DoublePendulum,
-    FreeParticle,
     LinearMolecule,
     Oscillator,
     OscillatorChain,
@@ -129,15 +127,6 @@ def test_lagrangian_of_a_charge_gives_lorentz_force_in_any_field() -> None:
         B = [2 * x * y, y * t - y**2, -np.sin(x) - z * t]
         force = -np.add(slope_of_phi, rate_of_A) + np.cross(vector(n, "{}_dot"), B)
         assert n("accelerations") == algebra(n.charge / n.mass * force)
-
-
-def test_weight_keeps_the_angular_momentum_about_the_vertical_alone() -> None:
-    """K eq. 48-52: a turn about n is a symmetry of L only for n along the weight, and keeps n·(r × m r')."""
-    state = {"x": 0.3, "y": -0.8, "z": 1.1, "x_dot": 0.4, "y_dot": 0.9, "z_dot": -0.2, "mass": 1.7}
-    about_z = analysis.noether(FreeParticle, lambda m: {"x": -m.y, "y": m.x})
-    assert about_z.evaluate(**state) == algebra(1.7 * (0.3 * 0.9 + 0.8 * 0.4))
-    with pytest.raises(ComponentError, match="is no symmetry"):
-        analysis.noether(FreeParticle, lambda m: {"y": -m.z, "z": m.y})
 
 
 # ---- K 3.2, M 4: Legendre's transformation -----------------------------------------------------------------------
