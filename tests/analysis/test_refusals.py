@@ -11,6 +11,7 @@ from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import Mechanism
 from liaisons.models import (
+    BouncingBall,
     ChargedParticle,
     CircularHoop,
     FreeParticle,
@@ -41,6 +42,10 @@ def joined(periods: float) -> Any:
     ("call", "words"),
     [
         (lambda: analysis.equilibrium(NAME), r"^'Pendulum' is no mechanism; give its class, or derive\('Pendulum'\)$"),
+        (
+            lambda: analysis.observable(BouncingBall, lambda m: m.height).time_derivative(),
+            "a rate takes no unilateral l",
+        ),
         (lambda: analysis.curvature(CircularHoop), "CircularHoop: a curvature needs two active coordinates; it has 1"),
         (
             lambda: analysis.holonomy(PlanarCat, lambda a: {"psi_1": a}),
