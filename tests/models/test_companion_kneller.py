@@ -196,6 +196,10 @@ def test_with_place_and_velocity_held_a_displacement_varies_by_half_dt_squared_t
     state = place | dict(zip(("x_dot", "y_dot", "z_dot"), rate * across, strict=True)) | {"mass": M}
     free, pushed = (equations_of(CartesianPendulum).evaluate("accelerations", x_force=f, **state) for f in (0.0, F))
     assert (pushed - free) @ along == algebra(0, 1e-11)  # compatible with the rod
+    found = dict(zip(("x_ddot", "y_ddot", "z_ddot"), free, strict=True))
+    tension = M * (rate**2 + 9.81 * np.cos(theta))
+    # K eq. 108, 109: Gauss's function is Z²/2m on the motion.
+    assert analysis.gauss_function(CartesianPendulum).evaluate(**state, **found) == algebra(tension**2 / (2 * M), 1e-11)
 
     def reached(dt: float, push: float) -> NDArray:
         end = analysis.flow(Pendulum, dt, theta=theta, theta_dot=rate, mass=M, bob_x_load=-push).state["theta"]
@@ -290,11 +294,11 @@ def test_an_over_damped_transient_dies_in_the_time_gamma_over_the_squared_freque
     omega_0 = np.sqrt(K / M)
     gamma = ratio * omega_0
     time = gamma / omega_0**2
-    after = Oscillator.exact(time * np.array([1.0, 2.0]), x_0=1.0, mass=M, stiffness=K, damping=gamma)["x"]
+    times = np.array([10 / gamma, time, 2 * time])
+    early, *after = Oscillator.exact(times, x_0=1.0, mass=M, stiffness=K, damping=gamma)["x"]
     relaxation = time / np.log(after[0] / after[1])
     assert relaxation == pytest.approx(
         1 / (gamma / 2 - np.sqrt(gamma**2 / 4 - omega_0**2)), rel=1e-11
     )  # cancels: ratio²
     assert relaxation == pytest.approx(time, rel=1.1 / ratio**2)
-    early = Oscillator.exact(np.array([10 / gamma]), x_0=1.0, mass=M, stiffness=K, damping=gamma)["x"]
     assert early > np.exp(-10 / ratio**2)  # nearly all of it is left after the printed time, tenfold
