@@ -192,14 +192,16 @@ def test_with_place_and_velocity_held_a_displacement_varies_by_half_dt_squared_t
     """K eq. 106: δr(t + dt) = ½ dt² δr'' + O(dt³), by a push F: r by the flow in θ, δr'' by multipliers in x, y, z."""
     theta, rate, F = 0.6, 1.5, 2.0
     along, across = np.array([np.sin(theta), 0, -np.cos(theta)]), np.array([np.cos(theta), 0, np.sin(theta)])
-    place = dict(zip("xyz", [*along[:2], along[2] + 1], strict=True))
-    state = place | dict(zip(("x_dot", "y_dot", "z_dot"), rate * across, strict=True)) | {"mass": M}
+    position = dict(zip("xyz", [*along[:2], along[2] + 1], strict=True))
+    state = position | dict(zip(("x_dot", "y_dot", "z_dot"), rate * across, strict=True)) | {"mass": M}
     free, pushed = (equations_of(CartesianPendulum).evaluate("accelerations", x_force=f, **state) for f in (0.0, F))
     assert (pushed - free) @ along == algebra(0, 1e-11)  # compatible with the rod
-    found = dict(zip(("x_ddot", "y_ddot", "z_ddot"), free, strict=True))
+    motion = dict(zip(("x_ddot", "y_ddot", "z_ddot"), free, strict=True))
     tension = M * (rate**2 + 9.81 * np.cos(theta))
     # K eq. 108, 109: Gauss's function is Z²/2m on the motion.
-    assert analysis.gauss_function(CartesianPendulum).evaluate(**state, **found) == algebra(tension**2 / (2 * M), 1e-11)
+    assert analysis.gauss_function(CartesianPendulum).evaluate(**state, **motion) == algebra(
+        tension**2 / (2 * M), 1e-11
+    )
 
     def reached(dt: float, push: float) -> NDArray:
         end = analysis.flow(Pendulum, dt, theta=theta, theta_dot=rate, mass=M, bob_x_load=-push).state["theta"]
@@ -239,15 +241,15 @@ def test_a_force_on_a_centre_without_mass_moves_the_masses_that_hold_it() -> Non
     (m_1, m_2), F, spin = (0.7, 1.9), np.array([1.3, -0.8]), 0.9
     r_1, d = np.array([0.1, -0.2]), np.array([0.8, 0.6])
     left = np.array([-d[1], d[0]])  # d, turned from x towards z
-    at = dict(zip(("x_1", "z_1", "x_2", "z_2"), [*r_1, *(r_1 + d)], strict=True))
+    positions = dict(zip(("x_1", "z_1", "x_2", "z_2"), [*r_1, *(r_1 + d)], strict=True))
     ends = np.array([-m_2, m_1]) / (m_1 + m_2)  # the masses, seen from R in units of d
     rates = dict(zip(("x_1_dot", "z_1_dot", "x_2_dot", "z_2_dot"), np.outer(ends, spin * left).ravel(), strict=True))
     arm = 0.3 * d - 0.4 * left + ends[0] * d
     turning = np.linalg.det([arm, F]) / (m_1 * m_2 / (m_1 + m_2))
     expected = F / (m_1 + m_2) + np.outer(ends, turning * left - spin**2 * d)
     load = {"centre_x_load": -F[0], "centre_z_load": -F[1]}
-    found = equations_of(Dumbbell).evaluate("accelerations", **at, **rates, **load)
-    assert found == algebra(expected.ravel(), 1e-11)  # a linear system of condition 10
+    accelerations = equations_of(Dumbbell).evaluate("accelerations", **positions, **rates, **load)
+    assert accelerations == algebra(expected.ravel(), 1e-11)  # a linear system of condition 10
 
 
 def test_a_coordinate_of_a_centre_without_mass_is_refused_by_name() -> None:

@@ -36,8 +36,8 @@ def test_rod_and_plane_are_a_submersion_whose_rates_any_momentum_keeps() -> None
         momenta = dict(zip(("p_x", "p_y", "p_z"), p, strict=True))
         v = np.array(p) / M
         v += (sigma_dot - v @ along) * along - v @ e_y * e_y
-        found = equations.evaluate("velocities", x=x, z=z, rod=rod, rod_dot=sigma_dot, mass=M, **momenta)
-        assert found == algebra(v, 1e-11)  # a linear system of two equations
+        velocities = equations.evaluate("velocities", x=x, z=z, rod=rod, rod_dot=sigma_dot, mass=M, **momenta)
+        assert velocities == algebra(v, 1e-11)  # a linear system of two equations
 
 
 def test_any_section_has_the_same_action_on_space_time_and_on_configurations() -> None:
@@ -168,12 +168,13 @@ def test_three_terms_are_the_same_vectors_in_any_chart_but_not_the_local_decompo
     states = [{"x": x, "s": s, "p_x": p, "s_dot": Y} for x in (w, w - s**2 / 2)]
     change = np.array([[1, -s, 0], [0, 1, 0], [0, 0, 1]])
     for term in ("frozen", "energy", "lift"):
-        direct, skew = (getattr(field, term).evaluate(**at) for field, at in zip(fields, states, strict=True))
+        direct, skew = (getattr(field, term).evaluate(**state) for field, state in zip(fields, states, strict=True))
         assert skew == algebra(change @ direct)
         assert np.abs(direct).max() > 0.1
     # The local one is Y ∂/∂s and a Hamiltonian field along the leaf, where the change is the identity.
     direct, skew = (
-        analysis.hamilton_equations(chart).evaluate(**at) for chart, at in zip((Direct, Skew), states, strict=True)
+        analysis.hamilton_equations(chart).evaluate(**state)
+        for chart, state in zip((Direct, Skew), states, strict=True)
     )
     assert skew - direct == algebra([-s * Y, 0])
 
@@ -191,16 +192,16 @@ def test_two_properties_leave_one_dynamic_connection() -> None:
     Y = {"pivot_x_dot": 0.8, "pivot_z_dot": -0.5}
     theta, p = np.array([0.6, -0.9]), np.array([1.1, -0.7])
 
-    def at(theta: NDArray, p: NDArray) -> NDArray:
+    def lifted(theta: NDArray, p: NDArray) -> NDArray:
         state = dict(zip(("theta_1", "theta_2", "p_theta_1", "p_theta_2"), [*theta, *p], strict=True))
         return lift.evaluate(**state, **Y, **body)
 
-    v, w = at(theta, p)[:2], at(theta, p)[-2:]
-    assert at(theta, p)[2:4] == algebra([0.8, -0.5])
+    v, w = lifted(theta, p)[:2], lifted(theta, p)[-2:]
+    assert lifted(theta, p)[2:4] == algebra([0.8, -0.5])
     angles = {f"theta_{i}{end}": value[i - 1] for end, value in (("", theta), ("_dot", v)) for i in (1, 2)}
     assert equations.evaluate("momenta", **angles, **Y, **body) == algebra([0, 0])
     h = 1e-5  # central differences: h² and roundings over h
-    slopes = [(at(theta + h * e, p)[:2] - at(theta - h * e, p)[:2]) / (2 * h) for e in np.eye(2)]
+    slopes = [(lifted(theta + h * e, p)[:2] - lifted(theta - h * e, p)[:2]) / (2 * h) for e in np.eye(2)]
     np.testing.assert_allclose(w, -np.array(slopes) @ p, rtol=0, atol=1e-9)
-    assert at(theta, 0 * p)[-2:] == algebra([0, 0])
+    assert lifted(theta, 0 * p)[-2:] == algebra([0, 0])
     assert np.abs(w).min() > 0.1

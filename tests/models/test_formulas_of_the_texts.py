@@ -60,10 +60,10 @@ def test_ka2_amplitude_is_largest_at_the_corrected_resonance_not_at_the_printed_
     grid = OMEGA_0 * np.linspace(0, 2, 2_000_001)
     top = grid[np.argmax(np.abs(complex_amplitude(grid, ratio)))]
     printed = OMEGA_0 * np.sqrt(1 - ratio**2 / 4)
-    found = Oscillator.resonance(**oscillator(ratio))
-    assert abs(found - top) <= 1.3e-6  # spacing of the grid
+    peak = Oscillator.resonance(**oscillator(ratio))
+    assert abs(peak - top) <= 1.3e-6  # spacing of the grid
     assert abs(printed - top) > 1e-3
-    height, _ = Oscillator.response(found, **oscillator(ratio))
+    height, _ = Oscillator.response(peak, **oscillator(ratio))
     assert height == algebra(1 / (MASS * ratio * OMEGA_0**2 * np.sqrt(1 - ratio**2 / 4)))
 
 
