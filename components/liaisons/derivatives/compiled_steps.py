@@ -15,7 +15,7 @@ import numpy as np
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.kernel import columns, combine_code, function, head, move_code, projection, step_code
 from liaisons.ensembles.right_hand_sides import RightHandSide
-from liaisons.ensembles.steps import call, library
+from liaisons.ensembles.steps import call, library, packs, unpacked
 from liaisons.errors import SimulationError
 from liaisons.expressions.algebra import stack
 
@@ -175,13 +175,14 @@ class CompiledSteps:
         :returns: counts are empty where no step is small enough.
         """
         intervals = len(segment.rows)
-        most, counts, kept = 4 * intervals + 1000, np.empty(intervals, dtype=np.int_), _room(1, y)
+        most, counts, stages = 4 * intervals + 1000, np.empty(intervals, dtype=np.int_), _stage_room(1, y)
         while True:
-            at, first, ends = y.copy(), size.copy(), np.empty(most)
-            where = [intervals, segment.cuts, segment.rows, segment.limits, k, segment.table]
-            done = self._call("run", "choose", *where, float(tolerance), sizes, first, at, kept, most, ends, counts)
+            state, first, ends = y.copy(), size.copy(), np.empty(most)
+            motion = [intervals, segment.instants, segment.rows, segment.limits, k, segment.table]
+            control = [float(tolerance), sizes, first, state, stages, most, ends, counts]
+            done = self._call("run", "choose", *motion, *control)
             if done <= most:
-                y[:], size[:] = at, first
+                y[:], size[:] = state, first
                 return ends[: done if done >= 0 else -1 - done], counts if done >= 0 else counts[:0]
             if most > _STEPS:
                 raise SimulationError(
@@ -190,67 +191,45 @@ class CompiledSteps:
             most *= 4
 
     def advance(self, steps: Steps, k: Floats, y: Floats, *, keep: bool = False) -> tuple[Floats, Floats]:
-        """States at the ends of steps, (steps, states), and, to be kept, those of their stages."""
-        states, kept = np.empty((len(steps.t), len(y))), _room(len(steps.t) if keep else 1, y)
-        self._call("run", "advance", *steps.arguments(k), y.copy(), states, kept, kept[0].size if keep else 0)
-        return states, kept
+        """States at the ends of steps, (steps, states), and, if they are kept, those of their stages."""
+        states, stages = np.empty((len(steps.t), len(y))), _stage_room(len(steps.t) if keep else 1, y)
+        stride = stages[0].size if keep else 0
+        self._call("run", "advance", *steps.arguments(k), y.copy(), states, stages, stride)
+        return states, stages
 
-    def tangents(self, steps: Steps, k: Floats, kept: Floats, of_k: Floats, of_y: Floats) -> tuple[Floats, Floats]:
+    def tangents(self, steps: Steps, k: Floats, stages: Floats, of_k: Floats, of_y: Floats) -> tuple[Floats, Floats]:
         """Derivatives along directions at recorded ends, (records, states, directions), and at the last end.
 
         :param of_k: derivatives of the values, (values, directions); of_y: of the first state.
         """
         states, count = of_y.shape
-        blocks = -(-count // DIRECTIONS)
-        dk, dy = _blocks(of_k, blocks), _blocks(of_y, blocks)
-        dt, dh = (np.ascontiguousarray(_blocks(rows, blocks).swapaxes(0, 1)) for rows in (steps.of_t, steps.of_h))
-        records = np.empty((steps.records, blocks, states, DIRECTIONS))
+        dk, dy = packs(of_k, DIRECTIONS), packs(of_y, DIRECTIONS)
+        dt, dh = (np.ascontiguousarray(packs(rows, DIRECTIONS).swapaxes(0, 1)) for rows in (steps.of_t, steps.of_h))
+        blocks, is_recorded = len(dy), steps.records >= 0
+        record = np.where(is_recorded, np.cumsum(is_recorded) - 1, -1)
+        records = np.empty((int(is_recorded.sum()), blocks, states, DIRECTIONS))
         work = np.empty((blocks, METHOD.stages, states, DIRECTIONS))
-        moving = blocks if len(dt) == len(steps.t) else 0
-        self._call(
-            "tangents",
-            "tangents",
-            *steps.arguments(k),
-            kept,
-            blocks,
-            dk,
-            dt,
-            dh,
-            moving,
-            dy,
-            steps.record,
-            records,
-            work,
-        )
-        return _unblocked(records, count), _unblocked(dy, count)
+        seeds = [blocks, dk, dt, dh, blocks if len(dt) == len(steps.t) else 0, dy]
+        self._call("tangents", "tangents", *steps.arguments(k), stages, *seeds, record, records, work)
+        return unpacked(records, count), unpacked(dy, count)
 
     def adjoint(
-        self, steps: Steps, k: Floats, kept: Floats, weights: Floats, of_y: Floats
+        self, steps: Steps, k: Floats, stages: Floats, weights: Floats, of_y: Floats
     ) -> tuple[Floats, Floats, Floats]:
         """Derivatives of a sum by the values, by starts and by sizes of steps.
 
-        :param weights: derivatives by the states at recorded ends, (records, states).
+        :param weights: derivatives by the states at all recorded times, (times, states).
         :param of_y: derivatives by the last state; then by the first one.
         """
         of_k, of_t, of_h = np.zeros(len(k)), np.empty(len(steps.t)), np.empty(len(steps.t))
-        self._call("adjoint", "adjoint", *steps.arguments(k), kept, steps.record, weights, of_y, of_k, of_t, of_h)
+        sums = [weights, of_y, of_k, of_t, of_h]
+        self._call("adjoint", "adjoint", *steps.arguments(k), stages, steps.records, *sums)
         return of_k, of_t, of_h
 
 
-def _room(steps: int, y: Floats) -> Floats:
+def _stage_room(steps: int, y: Floats) -> Floats:
+    """Memory for the states of the stages of steps, and before the projection at their ends."""
     return np.empty((steps, METHOD.stages + 1, len(y)))
-
-
-def _blocks(rows: Floats, blocks: int) -> Floats:
-    """(rows, directions) as (blocks, rows, DIRECTIONS)."""
-    padded = np.pad(rows, ((0, 0), (0, blocks * DIRECTIONS - rows.shape[1])))
-    return np.ascontiguousarray(padded.reshape(len(rows), blocks, DIRECTIONS).swapaxes(0, 1))
-
-
-def _unblocked(blocks: Floats, count: int) -> Floats:
-    """(..., blocks, rows, DIRECTIONS) as (..., rows, directions)."""
-    rows = blocks.swapaxes(-3, -2)
-    return rows.reshape(*rows.shape[:-2], blocks.shape[-3] * DIRECTIONS)[..., :count]
 
 
 def source(equations: RightHandSide, purpose: Purpose) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -14,33 +14,43 @@ METHOD = METHODS["rk8"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int_]
+Event: TypeAlias = tuple[float, Floats]
+"""Instant of an event [s], and its derivatives by the values, (values,)."""
+StepEnds: TypeAlias = tuple[Floats, Integers]
+"""Ends of steps as fractions of their intervals, one after another, and the number of steps in each interval."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Intervals between two events.
+    """The motion between two events, divided at all instants at which a step has to end.
 
-    :param cuts: their ends, ascending.
+    :param instants: ends of the intervals [s], ascending, (intervals + 1,).
+    :param slopes: derivatives of the instants by the values, (intervals + 1, values).
+    :param records: number of the recorded time at each instant; -1: none.
     :param rows: index of the row of shared values, one an interval.
     :param limits: first and last instant at which the equations of this segment hold.
     :param table: shared values, (rows, values).
+    :param event: with which the segment begins; None at the start of the motion.
     """
 
-    cuts: Floats
+    instants: Floats
+    slopes: Floats
+    records: Integers
     rows: Integers
     limits: Floats
     table: Floats
+    event: Event | None
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Steps between two events: starts, sizes, and, as of :class:`Segment`, rows, limits and table.
+    """Steps of a segment: starts and sizes [s]; and, as of :class:`Segment`, rows, limits and table.
 
     :param of_t: derivatives of starts by the values, (steps, values); (1, values) if all are 0; of_h: of sizes.
-    :param record: number of the record that is written at the end of a step; -1: none.
-    :param records: count.
+    :param records: number of the recorded time at the end of each step; -1: none.
+    :param event: just before the first step; None: no event.
     """
 
     t: Floats
@@ -50,65 +60,48 @@ class Steps:
     table: Floats
     of_t: Floats
     of_h: Floats
-    record: Integers
-    records: int
+    records: Integers
+    event: Event | None
+
+    @property
+    def recorded(self) -> Integers:
+        """Numbers of the recorded times, ascending."""
+        return self.records[self.records >= 0]
 
     def arguments(self, k: Floats) -> list[Any]:
-        """What C functions take."""
+        """The first arguments of the C functions that take these steps."""
         return [len(self.t), self.t, self.h, self.rows, self.limits, k, self.table]
 
-
-@final
-@dataclass(frozen=True, eq=False)
-class Cuts:
-    """Instants at which steps end.
-
-    :param slopes: their derivatives by the values, (instants, values).
-    :param events: which of them are events.
-    :param records: number of the recorded time; -1: none.
-    """
-
-    times: Floats
-    slopes: Floats
-    events: NDArray[np.bool_]
-    records: Integers
-
-    def order(self) -> tuple[bytes, bytes]:
-        """Which kinds of instants follow each other."""
-        return self.events.tobytes(), self.records.tobytes()
+    def part(self, begin: int, end: int) -> Steps:
+        """The steps from one number up to another."""
+        part = slice(begin, end)
+        of_t, of_h = (rows[part] if len(rows) == len(self.t) else rows for rows in (self.of_t, self.of_h))
+        t, h, rows, records = self.t[part], self.h[part], self.rows[part], self.records[part]
+        event = None if begin else self.event
+        return replace(self, t=t, h=h, rows=rows, of_t=of_t, of_h=of_h, records=records, event=event)
 
 
-Parts: TypeAlias = tuple[Floats, Integers]
-"""Ends of steps as parts of their intervals, one after another, and how many there are in each interval."""
-NOT_FIXED: tuple[tuple[bytes, bytes], list[Parts]] = (b"", b""), []
-
-
-def steps_between(cuts: Cuts, inside: slice, parts: Parts, segment: Segment) -> tuple[Steps, Integers]:
-    """Steps of a segment, and the numbers of the recorded times."""
-    ends, counts = parts
-    slopes, records = cuts.slopes[inside], cuts.records[inside][1:]
-    which, last = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - 1
+def steps_of(segment: Segment, step_ends: StepEnds) -> Steps:
+    """The steps of a segment that end at fractions of its intervals."""
+    ends, counts = step_ends
+    slopes, records = segment.slopes, np.full(len(ends), -1)
+    interval, last = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - 1
     begins = np.concatenate([[0.0], ends[:-1]])
     begins[last[:-1] + 1] = 0.0
-    sizes, spans = ends - begins, np.diff(segment.cuts)[which]
+    sizes, spans = ends - begins, np.diff(segment.instants)[interval]
+    of_t = of_h = slopes[:1]
     if slopes.any():
-        changes = np.diff(slopes, axis=0)[which]
-        of_t, of_h = slopes[which] + begins[:, None] * changes, sizes[:, None] * changes
-    else:
-        of_t = of_h = slopes[:1]
-    recorded, record = records[records >= 0], np.full(len(which), -1)
-    record[last[records >= 0]] = np.arange(len(recorded))
-    t, h = segment.cuts[which] + begins * spans, sizes * spans
-    rows, limits, table = segment.rows[which], segment.limits, segment.table
-    return Steps(t, h, rows, limits, table, of_t, of_h, record, len(recorded)), recorded
-
-
-def part_of(steps: Steps, recorded: Integers, begin: int, end: int) -> tuple[Steps, Integers]:
-    """Steps from one number to another, and the numbers of the recorded times."""
-    part = slice(begin, end)
-    record = steps.record[part]
-    inside = record[record >= 0]
-    local = np.where(record >= 0, record - (inside[0] if inside.size else 0), -1)
-    of_t, of_h = (rows[part] if len(rows) == len(steps.t) else rows for rows in (steps.of_t, steps.of_h))
-    t, h, rows = steps.t[part], steps.h[part], steps.rows[part]
-    return Steps(t, h, rows, steps.limits, steps.table, of_t, of_h, local, len(inside)), recorded[inside]
+        changes = np.diff(slopes, axis=0)[interval]
+        of_t, of_h = slopes[interval] + begins[:, None] * changes, sizes[:, None] * changes
+    records[last] = segment.records[1:]
+    return Steps(
+        segment.instants[interval] + begins * spans,
+        sizes * spans,
+        segment.rows[interval],
+        segment.limits,
+        segment.table,
+        of_t,
+        of_h,
+        records,
+        segment.event,
+    )

@@ -14,7 +14,7 @@ from liaisons.base.array_names import split
 from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import functions_of
-from liaisons.derivatives.motion import EQUAL, DifferentiableMotion, recorded_times
+from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, recorded_times
 from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, flat_model, operator_model, settable
 from liaisons.errors import ComponentError, SimulationError, suggestion
@@ -113,7 +113,7 @@ def motion_of(
     columns += [breaks, *(_coefficients(polynomial, breaks) for polynomial in driven.values())]
     table = np.ascontiguousarray(np.column_stack(columns))
     sides = [_coefficients(p, np.nextafter(breaks, s))[:, :2] for p in driven.values() for s in (-np.inf, np.inf)]
-    jumped = [np.abs(b - a) > EQUAL * (1 + np.abs(a)) for a, b in zip(sides[::2], sides[1::2], strict=True)]
+    jumped = [np.abs(b - a) > ROUNDING_OF_INPUTS * (1 + np.abs(a)) for a, b in zip(sides[::2], sides[1::2], strict=True)]
     jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
     own = {name: variables[name] for name in names}
     described = own | {name: outputs[name] for name in signals}

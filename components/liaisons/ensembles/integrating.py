@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import chosen, listed, named, numbers, time_span, whole
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
-from liaisons.ensembles.steps import LANES, Advance, Floats, compiled
+from liaisons.ensembles.steps import Advance, Floats, compiled, packs, unpacked
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
 from liaisons.language import Variable
@@ -149,7 +149,7 @@ def ensemble(
 
 def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, steps: int, threads: int) -> Floats:
     """States, (states, times, cases): cases in blocks of lanes, several blocks at once."""
-    lanes, first = _blocks(each), _blocks(start)
+    lanes, first = packs(each, fill="edge"), packs(start, fill="edge")
     records = np.empty((len(time), *first.shape))
     records[0] = first
 
@@ -165,7 +165,7 @@ def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, step
     chunks = range(0, len(lanes), size)
     with ThreadPoolExecutor(min(threads, len(chunks))) as pool:
         list(pool.map(advance_chunk, chunks))
-    return records.transpose(2, 0, 1, 3).reshape(len(start), len(time), -1)[..., : start.shape[1]]
+    return unpacked(records, start.shape[1]).swapaxes(0, 1)
 
 
 Run = Sequence[Floats]
@@ -190,13 +190,6 @@ def _estimate(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
             return np.where(apart > _LARGEST_DIFFERENCE, np.inf, np.maximum(near, far / 2))
         diverges = (apart > 0) & ((ratio <= _CONVERGES) | (apart > _LARGEST_DIFFERENCE))
     return np.where(diverges, np.inf, near / (2**shown - 1))
-
-
-def _blocks(rows: Floats) -> Floats:
-    """(rows, cases) as (blocks, rows, LANES); the last block is filled up with the last case."""
-    blocks = -(-rows.shape[1] // LANES)
-    padded = np.pad(rows, ((0, 0), (0, blocks * LANES - rows.shape[1])), mode="edge")
-    return np.ascontiguousarray(padded.reshape(len(rows), blocks, LANES).swapaxes(0, 1))
 
 
 def _array(label: str, value: ArrayLike) -> Floats:

@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,19 @@ def compiled(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Adva
         call(code, "integrate", len(states), steps, start, size, shared, lanes, states)
 
     return advance
+
+
+def packs(rows: Floats, width: int = LANES, fill: Literal["constant", "edge"] = "constant") -> Floats:
+    """(rows, columns) as (blocks, rows, width); the last block is filled up with zeros, or with the last column."""
+    blocks = -(-rows.shape[1] // width)
+    padded = np.pad(rows, ((0, 0), (0, blocks * width - rows.shape[1])), mode=fill)
+    return np.ascontiguousarray(padded.reshape(len(rows), blocks, width).swapaxes(0, 1))
+
+
+def unpacked(blocks: Floats, count: int) -> Floats:
+    """(..., blocks, rows, width) as (..., rows, columns), of which there are ``count``."""
+    rows = blocks.swapaxes(-3, -2)
+    return rows.reshape(*rows.shape[:-2], blocks.shape[-3] * blocks.shape[-1])[..., :count]
 
 
 def source(equations: RightHandSide, tableau: Tableau) -> str:
