@@ -28,7 +28,7 @@ from _measure import Row, command, interleaved
 from liaisons.base.compiler import compile_library, host
 from liaisons.ensembles import ensemble
 from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat_model, operator_model, right_hand_side
+from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat_model, operator_models, right_hand_side
 from liaisons.ensembles.steps import LANES, compiled
 from liaisons.language import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
@@ -57,7 +57,7 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
 def _measured(title: str, rounds: int, steps: int) -> list[Row]:
     component, operators, values = CASES[title]
     model = flat_model(component)
-    moving = {name: operator_model(model, name, operator) for name, operator in operators.items()}
+    moving = operator_models(model, operators)
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
     found = right_hand_side(model, moving, lanes=values, shared=[], record=moved)
     count = steps * MEMBERS

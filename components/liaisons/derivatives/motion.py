@@ -246,9 +246,9 @@ class DifferentiableMotion:
         numbers, records = np.arange(len(times)), np.full(len(times), -1)
         is_event = (numbers > 0) & (numbers < len(instants))
         records[len(instants) + np.searchsorted(regular, later)] = np.flatnonzero(self.times > start)
-        columns = times, np.concatenate([slopes, np.zeros((len(regular), len(k)))]), is_event, records
         order = np.lexsort((~is_event, times))
-        times, slopes, is_event, records = (column[order] for column in columns)
+        slopes = np.concatenate([slopes, np.zeros((len(regular), len(k)))])[order]
+        times, is_event, records = times[order], is_event[order], records[order]
         segments = list[Segment]()
         for first, last in pairwise([0, *np.flatnonzero(is_event).tolist(), len(times) - 1]):
             if last > first:

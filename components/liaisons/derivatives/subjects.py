@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,19 +16,17 @@ from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import functions_of
 from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, recorded_times
 from liaisons.derivatives.steps import Floats
-from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, flat_model, operator_model, settable
+from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, operator_models, settable, smooth_model
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
 from liaisons.library import Target, component, flattening, fmu_file
-from liaisons.mechanics.model import Model, contact_names, refuse_contacts, refuse_samples
+from liaisons.mechanics.model import Model, contact_names
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Subject: TypeAlias = "Target | Model | System"
 Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
-
-_WITHOUT_EVENTS = "a motion with exact derivatives", "give its class or .fmu file, whose runs are differentiated"
 
 
 def motion_of(
@@ -63,22 +61,19 @@ def motion_of(
     try:
         model, own_values = _model(subject)
     except (SimulationError, ComponentError):
-        foreign = _run_instead(subject)
+        foreign = _subject_of_runs(subject)
         if foreign is None:
             raise
         if operators:
             raise SimulationError("operators: add an operator that moves an FMU to a System with it") from None
         options = {"start_time": start_time, "record": record, "inputs": inputs, "start_values": start_values}
         return fmu_motion(foreign, by, recorded_times(times, start_time), tolerance=tolerance, **options)
-    moving = {
-        name: operator_model(model, name, component(operator))
-        for name, operator in named("operators", operators or {}).items()
-    }
+    moving = operator_models(model, operators)
     driven = named("inputs", inputs or {})
     finite("start_time", start_time)
     positive("tolerance", tolerance)
     variables = settable(model, moving)
-    _check_driven(model, driven, moving)
+    _refuse_inputs(model, driven, moving)
     hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
     values: dict[str, float] = {}
@@ -98,8 +93,9 @@ def motion_of(
     shared = [name for name in values if name not in names]
 
     outputs = {variable.name: variable for variable in model.outputs}
-    states = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
-    signals = states if record is None else [x for name in listed("record", record) for x in _group(name, outputs)]
+    signals = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
+    if record is not None:
+        signals = [element for name in listed("record", record) for element in _element_names(name, outputs)]
     functions = functions_of(
         model,
         moving=tuple(moving.items()),
@@ -112,8 +108,8 @@ def motion_of(
     columns = [np.full(len(breaks), number) for number in (*(values[name] for name in shared), start_time)]
     columns += [breaks, *(_coefficients(polynomial, breaks) for polynomial in driven.values())]
     table = np.ascontiguousarray(np.column_stack(columns))
-    sides = [_coefficients(p, np.nextafter(breaks, s))[:, :2] for p in driven.values() for s in (-np.inf, np.inf)]
-    jumped = [np.abs(b - a) > ROUNDING_OF_INPUTS * (1 + np.abs(a)) for a, b in zip(sides[::2], sides[1::2], strict=True)]
+    sides = ([_coefficients(p, np.nextafter(breaks, end))[:, :2] for end in (-np.inf, np.inf)] for p in driven.values())
+    jumped = [np.abs(after - before) > ROUNDING_OF_INPUTS * (1 + np.abs(before)) for before, after in sides]
     jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
     own = {name: variables[name] for name in names}
     described = own | {name: outputs[name] for name in signals}
@@ -133,51 +129,57 @@ def motion_of(
     )
 
 
-def _run_instead(subject: Subject) -> System | Path | None:
+def _subject_of_runs(subject: Subject) -> System | Path | None:
     """The system or FMU whose runs are differentiated, where equations are not at hand, have contacts, or sample."""
-    if isinstance(subject, System):
-        return subject
+    if isinstance(subject, (System, Model)):
+        return subject if isinstance(subject, System) else None
     if _is_file(subject):
-        return Path(cast("str", subject))
-    if isinstance(subject, Model):
-        return None
-    of = component(subject)
-    return fmu_file(subject) if contact_names(of) or of.is_sampled() else None
+        return Path(subject)
+    declared = component(cast("Target", subject))
+    return fmu_file(subject) if contact_names(declared) or declared.is_sampled() else None
 
 
-def _is_file(subject: object) -> bool:
+def _is_file(subject: object) -> TypeGuard[str | Path]:
+    """Whether a subject is the path of an FMU."""
     return isinstance(subject, (str, Path)) and Path(subject).suffix == ".fmu"
 
 
 def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
     """The model, and start values of a file that differ from the declared ones."""
+    starts: Mapping[str, float] = {}
     if isinstance(subject, System):
-        model = flattening.composed(subject)
-        refuse_contacts(model, *_WITHOUT_EVENTS)
-        return model.flat(), {}
-    if not _is_file(subject):
-        of = subject if isinstance(subject, Model) else component(cast("Target", subject))
-        refuse_contacts(of, *_WITHOUT_EVENTS)
-        refuse_samples(of, *_WITHOUT_EVENTS)
-        return of.flat() if isinstance(of, Model) else flat_model(of), {}
-    model, starts = flattening.model_of(cast("str", subject))
-    refuse_contacts(model, *_WITHOUT_EVENTS)
-    return model, {v.name: starts[v.name] for v in settable(model, {}).values() if starts[v.name] != v.start}
+        declared: Any = flattening.composed(subject)
+    elif _is_file(subject):
+        declared, starts = flattening.model_of(subject)
+    else:
+        declared = subject if isinstance(subject, Model) else component(cast("Target", subject))
+    remedy = "give its class or .fmu file, whose runs are differentiated"
+    model = smooth_model(declared, "a motion with exact derivatives", remedy)
+    settings = settable(model, {}).values() if starts else ()
+    return model, {v.name: starts[v.name] for v in settings if starts[v.name] != v.start}
 
 
-def _group(name: str, known: Iterable[str]) -> list[str]:
-    """Elements of an array, or the name itself."""
-    return [other for other in known if other != name and split(other)[0] == name] or [name]
+def _element_names(name: str, names: Iterable[str]) -> list[str]:
+    """Names of the elements of an array; the name itself if it is none."""
+    return [element for element in names if element != name and split(element)[0] == name] or [name]
 
 
 def _elements(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
-    elements = _group(name, variables)
+    """Names of the variables that a name stands for: itself, or the elements of an array.
+
+    :raises ComponentError: if there are none.
+    """
+    elements = _element_names(name, variables)
     if elements[0] not in variables:
         raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
     return elements
 
 
-def _check_driven(model: Model, driven: Mapping[str, Any], moving: Mapping[str, Model]) -> None:
+def _refuse_inputs(model: Model, driven: Mapping[str, Any], moving: Mapping[str, Model]) -> None:
+    """Raise an error for an unknown input, one that an operator moves, or one that is no polynomial.
+
+    :raises ComponentError: and :class:`SimulationError` for the last one.
+    """
     known = [v.name for v in model.inputs]
     for name, polynomial in driven.items():
         if name not in known:
@@ -190,7 +192,7 @@ def _check_driven(model: Model, driven: Mapping[str, Any], moving: Mapping[str, 
 
 
 def _coefficients(polynomial: PPoly, breaks: Floats) -> Floats:
-    """Coefficients from each break on, (breaks, DEGREE + 1), the constant ones first."""
+    """Coefficients of the polynomial in the time since each break, (breaks, DEGREE + 1), the constant ones first."""
     factors = np.cumprod([1.0, *range(1, DEGREE + 1)])
     rows = [polynomial(breaks, order) if order < len(polynomial.c) else 0 * breaks for order in range(DEGREE + 1)]
     return np.transpose(rows) / factors

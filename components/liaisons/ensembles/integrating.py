@@ -14,14 +14,13 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import chosen, listed, named, numbers, time_span, whole
 from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
+from liaisons.ensembles.right_hand_sides import INTEGRALS, operator_models, right_hand_side, settable, smooth_model
 from liaisons.ensembles.steps import Advance, Floats, compiled, packs, unpacked
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
 from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.library import component as found_component
-from liaisons.mechanics.model import refuse_contacts, refuse_samples
 from liaisons.results import Result
 
 _CHUNK = 16
@@ -80,12 +79,8 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    of = found_component(component)
-    for refuse in (refuse_contacts, refuse_samples):
-        refuse(of, "an ensemble", "take sweep(), which runs its FMU")
-    model = flat_model(of)
-    moving = named("operators", {} if operators is None else operators)
-    moving = {name: operator_model(model, name, found_component(operator)) for name, operator in moving.items()}
+    model = smooth_model(found_component(component), "an ensemble", "take sweep(), which runs its FMU")
+    moving = operator_models(model, operators)
     variables = settable(model, moving)
     for name in named("start_values", start_values):
         if name not in variables:

@@ -15,11 +15,13 @@ from typing import Any, final
 import casadi as ca
 import numpy as np
 
-from liaisons.errors import ComponentError, suggestion
+from liaisons.base.arguments import named
+from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
 from liaisons.expressions.algebra import stack
 from liaisons.language import Component, Operator, Variable
+from liaisons.library import Target, component
 from liaisons.mechanics import assemble
-from liaisons.mechanics.model import Model
+from liaisons.mechanics.model import Model, refuse_contacts, refuse_samples
 
 DEGREE = 5
 """Of polynomials that drive inputs."""
@@ -61,26 +63,45 @@ class RightHandSide:
 
 
 @lru_cache(maxsize=32)
-def flat_model(component: type[Component]) -> Model:
+def flat_model(declared: type[Component]) -> Model:
     """The model of a component, its arrays element by element."""
-    return assemble(component).flat()
+    return assemble(declared).flat()
 
 
-def operator_model(model: Model, name: str, operator: type[Component]) -> Model:
-    """The model of an operator that moves an active coordinate.
+def smooth_model(
+    subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
+) -> Model:
+    """The model of a component without contacts and samples, its arrays element by element.
 
-    :raises ComponentError: if it is no function of time, or what it is put onto is not active.
+    :param task: what needs it, for the error; ``remedy``: what the user may do instead.
+    :raises LiaisonsError: if there are contacts or samples.
     """
-    active = [a.value for a in model.active]
-    if name not in active:
-        raise ComponentError(f"operators: {model.name} has no active coordinate {name!r}{suggestion(name, active)}")
-    if not (isinstance(operator, type) and issubclass(operator, Operator)):
-        raise ComponentError(f"operators: {name} = {operator!r} is no Operator; give the class, e.g. Sinusoid")
-    moving = flat_model(operator)
-    if moving.states or moving.inputs:
-        raise ComponentError(
-            f"operators: {operator.__name__} on {name} closes a loop; in an ensemble an operator is a function of time"
-        )
+    for refuse in (refuse_contacts, refuse_samples):
+        refuse(subject, task, remedy, error)
+    return subject.flat() if isinstance(subject, Model) else flat_model(subject)
+
+
+def operator_models(
+    model: Model, operators: Mapping[str, Target] | None, error: type[LiaisonsError] = InvalidValueError
+) -> dict[str, Model]:
+    """Models of the operators that move active coordinates, by the names of these.
+
+    :param operators: active coordinate -> operator by its name, file or class; None: none.
+    :raises ComponentError: if one is no function of time, or what it is put onto is not active.
+    """
+    active, moving = [a.value for a in model.active], dict[str, Model]()
+    for name, target in named("operators", {} if operators is None else operators, error).items():
+        operator = component(target)
+        if name not in active:
+            raise ComponentError(f"operators: {model.name} has no active coordinate {name!r}{suggestion(name, active)}")
+        if not (isinstance(operator, type) and issubclass(operator, Operator)):
+            raise ComponentError(f"operators: {name} = {operator!r} is no Operator; give the class, e.g. Sinusoid")
+        moving[name] = flat_model(operator)
+        if moving[name].states or moving[name].inputs:
+            raise ComponentError(
+                f"operators: {operator.__name__} on {name} closes a loop; "
+                "in an ensemble an operator is a function of time"
+            )
     return moving
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from liaisons.base.arguments import chosen, finite, listed, merged, named, positive, shown, whole
 from liaisons.base.array_names import split
 from liaisons.cosim import System
-from liaisons.ensembles.right_hand_sides import flat_model, operator_model, settable
+from liaisons.ensembles.right_hand_sides import operator_models, settable, smooth_model
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
@@ -21,7 +21,6 @@ from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target, component, flattening
 from liaisons.mechanics import Model
-from liaisons.mechanics.model import refuse_contacts, refuse_samples
 
 Range = tuple[float | None, float | None]
 Data = Any
@@ -104,8 +103,7 @@ def identify(
             raise IdentificationError(
                 f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"
             )
-    moving = dict(named("operators", {} if operators is None else operators, IdentificationError))
-    variables = settable(model, {name: operator_model(model, name, component(one)) for name, one in moving.items()})
+    variables = settable(model, operator_models(model, operators, IdentificationError))
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, listed("each", each, IdentificationError))
     starts = unknowns.by_element("start_values", values)
@@ -133,7 +131,7 @@ def identify(
         starts=started,
         start_time=start_time,
         start_values={name: value for name, value in starts.items() if name not in unknowns.names},
-        operators=moving,
+        operators=operators or {},
         tolerance=tolerance,
         deadline=deadline,
     )
@@ -235,13 +233,10 @@ class _Unknowns:
 
 
 def _model(subject: Target | Model | System) -> Model:
-    """Return the equations of the subject, arrays element by element."""
-    if isinstance(subject, System):
-        subject = flattening.composed(subject)
-    of = subject if isinstance(subject, Model) else component(subject)
-    for refuse in (refuse_contacts, refuse_samples):
-        refuse(of, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
-    return of.flat() if isinstance(of, Model) else flat_model(of)
+    """The equations of the subject, arrays element by element."""
+    equations = flattening.composed(subject) if isinstance(subject, System) else subject
+    declared = equations if isinstance(equations, Model) else component(equations)
+    return smooth_model(declared, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
 
 
 def _started_output(name: str) -> str:
