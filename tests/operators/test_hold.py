@@ -14,7 +14,7 @@ from liaisons import Plan, hold, plan
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
 from liaisons.holding.controllers import ReferenceTrajectory
-from liaisons.holding.feedback import periodic_riccati, reachable_subspace, riccati, riccati_recursion, steady_targets
+from liaisons.holding.feedback import periodic_riccati, reachable_subspace, rest_targets, riccati, riccati_recursion
 from liaisons.holding.holding import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
@@ -85,7 +85,7 @@ def test_the_staircase_ends_where_control_does() -> None:
 
 def test_what_cannot_be_moved_is_made_up_for() -> None:
     V, U = np.eye(2)[:, :1], np.eye(2)[:, 1:]
-    target, missed = steady_targets(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
+    target, missed = rest_targets(np.eye(2), np.array([[1.0, 2.0]]), V, U)  # x_1 + 2 x_2 = 0 where x_2 stays 1
     assert (target.item(), missed.item()) == pytest.approx((-2, 0))
 
 

@@ -18,11 +18,17 @@ import pytest
 from liaisons import Plan, System, plan
 from liaisons.errors import PlanError
 from liaisons.planning import transcription
-from liaisons.planning.plans import _even
+from liaisons.planning.plans import _even_step
 from liaisons.planning.problems import problem_of
-from liaisons.planning.searching import _follows_equations
+from liaisons.planning.searching import _satisfies_equations
 from liaisons.planning.transcription import Clock, curvature, relative
-from liaisons.planning.verifying import _curved, _finer, _meshes, _replayed, hamiltonian_scale
+from liaisons.planning.verifying import (
+    _cost_verdicts,
+    _on_finer_mesh,
+    _replay_verdicts,
+    _second_order_verdict,
+    hamiltonian_scale,
+)
 
 from .conftest import verified
 
@@ -137,7 +143,9 @@ def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     replay = motion.replay()
     values = replay.values.copy()
     values[replay.names.index("psi_1"), -1] += 1e-6
-    refused = [v.claim for v in _replayed(motion.problem.relative, replace(replay, values=values)) if not v.passed]
+    refused = [
+        v.claim for v in _replay_verdicts(motion.problem.relative, replace(replay, values=values)) if not v.passed
+    ]
     assert refused == ["what has to close is closed"]
 
 
@@ -219,7 +227,7 @@ def test_the_slope_of_the_cost_is_told_on_both_sides_or_on_one(
         return replace(solution, cost=cost, status="failed" if parts in failing else solution.status)
 
     monkeypatch.setattr("liaisons.planning.verifying.solve", solved)
-    *_, claim = _meshes(problem, solution, lambda: solution, Clock(60))
+    *_, claim = _cost_verdicts(problem, solution, lambda: solution, Clock(60))
     assert claim.passed == (kinks is not None)
     assert ("kink" in claim.claim) == bool(kinks) or kinks is None
 
@@ -318,7 +326,7 @@ def test_a_time_limit_is_named_where_nothing_was_found() -> None:
 
 
 def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    run = transcription._run
+    run = transcription._run_ipopt
 
     def stopped(*arguments: Any, **options: Any) -> str:
         run(*arguments, **options)
@@ -378,7 +386,7 @@ def half_swing(start: dict[str, float], bounds: dict[str, Any], intervals: int) 
 def test_the_best_half_swing_stands_up_at_the_lowest_point() -> None:
     """Order 0, jumps: 1 - cos θ grows by (l_max/l_min)³ in a half swing."""
     motion = half_swing({}, {}, 10)
-    assert motion.problem.order == 0
+    assert motion.problem.control_order == 0
     assert motion.switches.size == 1
     assert -motion.cost / (1 - np.cos(0.5)) + 1 == pytest.approx(1.1**3, rel=1e-9)
     before, after = motion.sigma([motion.switches[0] - 1e-9, motion.switches[0]])["length"]
@@ -525,7 +533,7 @@ def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
 def test_a_mesh_that_is_too_coarse_costs_otherwise_than_a_finer_one(intervals: int, passed: bool) -> None:
     motion = crane(intervals=intervals, accuracy=None, tries=1)
     subject = motion.problem.relative, relative(motion.problem, motion.solution)
-    finer = next(_meshes(*subject, lambda: _finer(*subject, Clock()), Clock()))
+    finer = next(_cost_verdicts(*subject, lambda: _on_finer_mesh(*subject, Clock()), Clock()))
     assert finer.claim == f"a mesh of {4 if intervals == 2 else 15} intervals costs the same as one of {intervals}"
     assert finer.passed == passed
 
@@ -534,8 +542,8 @@ def test_a_motion_that_the_equations_leave_is_not_believed() -> None:
     motion = crane(tries=1)
     problem, solution = motion.problem.relative, relative(motion.problem, motion.solution)
     knots = solution.trajectory.knots + 1e-4 * np.eye(*solution.trajectory.knots.shape)
-    assert _follows_equations(problem, solution)
-    assert not _follows_equations(problem, replace(solution, trajectory=replace(solution.trajectory, knots=knots)))
+    assert _satisfies_equations(problem, solution)
+    assert not _satisfies_equations(problem, replace(solution, trajectory=replace(solution.trajectory, knots=knots)))
 
 
 def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:
@@ -549,7 +557,7 @@ def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:
     assert eigenvalues is not None
     assert eigenvalues[0] < 0
     problem, solution, clock = arguments
-    assert not _curved(problem, [lambda: solution, lambda: _finer(*arguments)], clock).passed
+    assert not _second_order_verdict(problem, [lambda: solution, lambda: _on_finer_mesh(*arguments)], clock).passed
 
 
 def test_a_time_limit_is_kept_by_verdicts_too() -> None:
@@ -660,4 +668,4 @@ def test_names_and_times_of_a_system_suit_other_tools(saved: Path) -> None:
 def test_steps_that_fill_a_duration_are_whole_nanoseconds_where_there_are_such(
     end: float, longest: float, step: float
 ) -> None:
-    assert _even(end, longest) == step
+    assert _even_step(end, longest) == step

@@ -13,7 +13,15 @@ import casadi as ca
 import numpy as np
 
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
-from liaisons.ensembles.kernel import columns, combine_code, function, head, move_code, projection, step_code
+from liaisons.ensembles.kernel import (
+    argument_columns,
+    c_function,
+    combine_code,
+    head_code,
+    move_code,
+    projection,
+    step_code,
+)
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.ensembles.steps import call, library, packs, unpacked
 from liaisons.errors import SimulationError
@@ -153,14 +161,15 @@ void adjoint(long steps, const double *t, const double *h, const long *rows, con
 
 @final
 class CompiledSteps:
-    """Steps in machine code."""
+    """C functions that take the steps of a motion, each compiled before its first call."""
 
     def __init__(self, equations: RightHandSide) -> None:
+        """Take the equations of the motion."""
         self._equations = equations
         self._libraries: dict[Purpose, ctypes.CDLL] = {}
 
     def _call(self, purpose: Purpose, name: str, *arguments: Any) -> int:
-        """Call a function, which is compiled before the first time."""
+        """Call a C function, whose library is compiled before the first call."""
         if purpose not in self._libraries:
             self._libraries[purpose] = library(source(self._equations, purpose), *_OPTIONS[purpose])
         return call(self._libraries[purpose], name, *arguments)
@@ -168,7 +177,7 @@ class CompiledSteps:
     def choose(
         self, segment: Segment, k: Floats, y: Floats, size: Floats, *, tolerance: float, sizes: Floats
     ) -> tuple[Floats, Integers]:
-        """Ends of steps that keep to a tolerance, and how many there are up to the end of each interval.
+        """Ends of steps that keep to a tolerance, and their number up to the end of each interval.
 
         :param y: at the start; then where they end.
         :param size: of the first step; then of the next one.
@@ -233,11 +242,11 @@ def _stage_room(steps: int, y: Floats) -> Floats:
 
 
 def source(equations: RightHandSide, purpose: Purpose) -> str:
-    """C99 of a motion, or of its derivatives."""
+    """C99 code of steps, or of their derivatives."""
     if purpose == "run":
         return step_code(equations, METHOD, 1, keeps=True) + _RUN
     t, k, s, y = equations.symbols
-    point, variables = columns(equations, star=""), ca.vertcat(t, k, y)
+    point, variables = argument_columns(equations, star=""), ca.vertcat(t, k, y)
     lines, numbers = list[str](), 1
     for name, value in (("rates", equations.rates), ("project", projection(equations))):
         if purpose == "tangents":
@@ -245,15 +254,15 @@ def source(equations: RightHandSide, purpose: Purpose) -> str:
             late = ca.densify(ca.jtimes(value, variables, ca.vertcat(*(column for column, _ in seeds))))
             late, symbols, early = ca.extract_parametric(late, ca.vertcat(t, k, s, y))
             numbers = max(numbers, len(early))
-            lines += function(f"{name}_early", point, [(value, "f"), (stack(early), "w")])
-            lines += function(f"{name}_late", [*point, (stack(symbols), "w"), *seeds], [(late, "*df")])
+            lines += c_function(f"{name}_early", point, [(value, "f"), (stack(early), "w")])
+            lines += c_function(f"{name}_late", [*point, (stack(symbols), "w"), *seeds], [(late, "*df")])
         else:
             a, ends = ca.SX.sym("a", y.numel()), np.cumsum([0, 1, k.numel(), y.numel()]).tolist()
             of_t, of_k, of_y = ca.vertsplit(ca.densify(ca.jtimes(value, variables, a, True)), ends)
             backwards = [(value, "f"), (of_y, "of_y"), (of_k, "of_k"), (of_t, "of_t")]
-            lines += function(f"{name}_adjoint", [*point, (a, "a")], backwards)
+            lines += c_function(f"{name}_adjoint", [*point, (a, "a")], backwards)
     if purpose == "tangents":
         lines += [*move_code(METHOD), *combine_code(METHOD.rows), f"enum {{ W = {numbers} }};"]
-        return head(equations, METHOD, DIRECTIONS) + "\n".join(lines) + _TANGENTS
+        return head_code(equations, METHOD, DIRECTIONS) + "\n".join(lines) + _TANGENTS
     lines += combine_code(METHOD.adjoint_rows)
-    return head(equations, METHOD, 1) + "\n".join(lines) + _ADJOINT
+    return head_code(equations, METHOD, 1) + "\n".join(lines) + _ADJOINT

@@ -51,15 +51,15 @@ class Sensitivities:
         return self.signals.time
 
     def __getitem__(self, name: str) -> Floats:
-        """A signal, (times,), or an array of them."""
+        """A signal, (times,), or an array of signals."""
         return self.signals[name]
 
     def derivative(self, signal: str, value: str) -> Floats:
-        """Derivative of a signal by a value, (times,); of an array or by one, with an axis more for each.
+        """Derivative of a signal by a value, (times,), with a further axis for an array of either.
 
         :raises UnknownSignalError: with the nearest name.
         """
-        rows, columns = (_numbers(name, names) for name, names in ((signal, self.signals.names), (value, self.names)))
+        rows, columns = (_indices(name, names) for name, names in ((signal, self.signals.names), (value, self.names)))
         array = self.derivatives[rows][:, :, columns].swapaxes(0, 1)
         lone = [
             axis for axis, name, names in ((1, signal, self.signals.names), (2, value, self.names)) if name in names
@@ -68,7 +68,7 @@ class Sensitivities:
 
     def unit(self, signal: str, value: str) -> str:
         """Unit of a derivative; empty where one of the two has none."""
-        first = self.names[_numbers(value, self.names)[0]]
+        first = self.names[_indices(value, self.names)[0]]
         return quotient(self.signals.units[signal], self.units[first])
 
     def to_result(self) -> Result:
@@ -88,7 +88,7 @@ class Sensitivities:
 @final
 @dataclass(frozen=True, eq=False)
 class Gradient:
-    """A number that is made of signals, and its derivatives.
+    """A number that is a function of signals, and its derivatives.
 
     :param value: the number.
     :param derivatives: value of the motion -> derivative of the number; not-a-number, with a warning that is logged,
@@ -101,6 +101,7 @@ class Gradient:
     method: str
 
     def __getitem__(self, name: str) -> float:
+        """Derivative by a value."""
         if name not in self.derivatives:
             raise UnknownSignalError(f"there is no derivative by {name!r}{suggestion(name, self.derivatives)}")
         return self.derivatives[name]
@@ -198,10 +199,10 @@ def gradient(
         tolerance=tolerance,
     )
     columns = ca.MX.sym("signals", len(motion.times), len(motion.signals))
-    named = _Signals({"time": ca.DM(motion.times)})
+    signals_by_name = _Signals({"time": ca.DM(motion.times)})
     for name in dict.fromkeys((*motion.signals, *(split(name)[0] for name in motion.signals))):
-        named[name] = columns[:, _numbers(name, motion.signals)]
-    value = cost(named)
+        signals_by_name[name] = columns[:, _indices(name, motion.signals)]
+    value = cost(signals_by_name)
     try:
         number = ca.MX(value)
     except NotImplementedError:
@@ -212,6 +213,7 @@ def gradient(
     values: list[float] = []
 
     def weights(signals: Floats) -> Floats:
+        """Derivatives of the number by the signals, (signals, times)."""
         value, slopes = evaluate(signals.T)
         values.append(float(value))
         return np.array(slopes.full()).T
@@ -221,12 +223,15 @@ def gradient(
 
 
 class _Signals(dict[str, Any]):
+    """Symbols of the recorded signals by name."""
+
     def __missing__(self, name: str) -> Any:
+        """Raise an error that names the nearest signal."""
         raise UnknownSignalError(f"gradient: {name!r} is not recorded{suggestion(name, self)}; name it in record=[...]")
 
 
-def _numbers(name: str, names: tuple[str, ...]) -> list[int]:
-    """Where a name, or the elements of an array, are among names."""
+def _indices(name: str, names: tuple[str, ...]) -> list[int]:
+    """Indices of a name, or of the elements of an array, among names."""
     found = [number for number, other in enumerate(names) if name in (other, split(other)[0])]
     if not found:
         raise UnknownSignalError(f"there is no {name!r}{suggestion(name, names)}")
@@ -234,6 +239,7 @@ def _numbers(name: str, names: tuple[str, ...]) -> list[int]:
 
 
 def _times(start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None) -> ArrayLike:
+    """Times to be recorded, from the settings of a run [s]."""
     if times is not None:
         if stop_time is not None or step_size is not None:
             raise InvalidValueError("times are the recorded times; leave out stop_time and step_size")

@@ -30,15 +30,15 @@ Floats: TypeAlias = NDArray[np.float64]
 Method = Literal["directional derivatives", "differences"]
 """How derivatives are calculated: by the FMU, or from values at points near each other."""
 
-SMALL, _COMPARED = (1e-3, 5e-4), 1e-4
+DIFFERENCES, _COMPARED = (1e-3, 5e-4), 1e-4
 """Sizes of differences that are extrapolated, and of one to compare with, relative to that of the variable."""
-_AGREES, _NOISE = 1e-3, 1e-6
+_AGREEMENT, _NOISE = 1e-3, 1e-6
 """Relative error of these differences, and of the values themselves."""
 
 
 @final
 class FmuEquations:
-    """An FMU that is initialized for Model Exchange; a context manager that releases it.
+    """Equations of an FMU that is initialized for Model Exchange; a context manager that releases it.
 
     :param values: start values of variables, arrays and states; of a state ``x`` that of ``x_0`` where there is one.
     :param inputs: names of the inputs; None: all continuous ones.
@@ -81,7 +81,7 @@ class FmuEquations:
             )
         )
         self.fmu, self.unknowns, self.knowns = fmu, [*rates, *self.outputs], [*self.states, *self.inputs]
-        starts, states = self._sorted(values)
+        starts, states = self._starts_and_states(values)
         part = SystemComponent(name, fmu, start_values(name, fmu, starts))
         with ExitStack() as stack:
             folder = extracted([fmu], stack.enter_context(passing_folder()))[fmu.path]
@@ -89,9 +89,9 @@ class FmuEquations:
             self._instance = cast(ModelExchange, stack.enter_context(make(name, fmu, folder)))
             self._instance.initialize(part.starts, None, time, time + 1.0)
             self._instance.exit_initialization()
-            self._put, self._in = self._transfer("setter", self.inputs)
-            self._get, self._out = self._transfer("getter", self.unknowns)
-            read_inputs, inputs_now = self._transfer("getter", self.inputs)
+            self._put, self._in = self._prepared_calls("setter", self.inputs)
+            self._get, self._out = self._prepared_calls("getter", self.unknowns)
+            read_inputs, inputs_now = self._prepared_calls("getter", self.inputs)
             self._perform(read_inputs)
             self.x, nominals = self._instance.continuous_states
             if not len(rates) == len(self.states) == len(self.x):
@@ -110,8 +110,8 @@ class FmuEquations:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def _sorted(self, values: Mapping[str, object]) -> tuple[dict[str, object], dict[str, Any]]:
-        """Start values, and states to be set after initialization."""
+    def _starts_and_states(self, values: Mapping[str, object]) -> tuple[dict[str, object], dict[str, Any]]:
+        """Start values, and values of states that are set after initialization."""
         fmu, names = self.fmu, {state.name for state in self.states}
         present = {*fmu.arrays, *fmu.variables}
         starts, states = dict(values), {}
@@ -125,11 +125,13 @@ class FmuEquations:
                 states[name] = starts.pop(name)
         return starts, states
 
-    def _transfer(self, action: str, variables: Sequence[Scalar]) -> tuple[list[Call], Floats]:
+    def _prepared_calls(self, action: str, variables: Sequence[Scalar]) -> tuple[list[Call], Floats]:
+        """Prepared calls that set or get variables, and the array that they read or write."""
         buffer = (c_double * len(variables))()
         return [getattr(self._instance, action)(variables, buffer)] * bool(variables), np.ctypeslib.as_array(buffer)
 
     def _perform(self, calls: Iterable[Call]) -> None:
+        """Perform prepared calls."""
         for call in calls:
             if (status := call()) and status != WARNING:
                 assert call.failure is not None
@@ -147,7 +149,7 @@ class FmuEquations:
         return self._out.copy()
 
     def directional(self, directions: Floats) -> Floats:
-        """Directional derivatives by states and inputs where the FMU is now, shape (unknowns, directions).
+        """Directional derivatives by states and inputs at the present point, shape (unknowns, directions).
 
         :param directions: shape (knowns, directions).
         """
@@ -166,12 +168,12 @@ class FmuEquations:
         return result
 
     def differences(self) -> Floats:
-        """The same by each state and input, from extrapolated differences."""
-        columns = [extrapolated(partial(self._moved, k), SMALL, size)[0] for k, size in enumerate(self.sizes)]
+        """Extrapolated differences by each state and input, shape (unknowns, knowns)."""
+        columns = [extrapolated(partial(self._displaced, k), DIFFERENCES, size)[0] for k, size in enumerate(self.sizes)]
         return np.array(columns).reshape(len(self.knowns), len(self.unknowns)).T
 
     def jacobian(self) -> Floats:
-        """Directional derivatives by each state and input, which lie between differences to both sides.
+        """Directional derivatives by each state and input, compared with differences, shape (unknowns, knowns).
 
         :raises SimulationError: if one does not; it names both variables.
         """
@@ -179,9 +181,9 @@ class FmuEquations:
         jacobian = self.directional(np.eye(len(self.knowns)))
         for k, (known, size, column) in enumerate(zip(self.knowns, self.sizes, jacobian.T, strict=True)):
             with suppress(RefusedError):  # at the edge of its domain
-                sides = [(self._moved(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
+                sides = [(self._displaced(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
                 (low, high), largest = np.sort(sides, axis=0), np.abs(sides).max(axis=0)
-                allowed = high - low + _AGREES * largest + _NOISE * (np.abs(values) / size + np.abs(column).max())
+                allowed = high - low + _AGREEMENT * largest + _NOISE * (np.abs(values) / size + np.abs(column).max())
                 right = (low - allowed <= column) & (column <= high + allowed)
                 if not right.all():
                     i = int(np.argmin(right))
@@ -191,7 +193,7 @@ class FmuEquations:
                     )
         return jacobian
 
-    def _moved(self, k: int, by: float) -> Floats:
+    def _displaced(self, k: int, by: float) -> Floats:
         """Rates and outputs with one state or input changed by so many times its size."""
         moved = np.concatenate([self.x, self.u])
         moved[k] += by * self.sizes[k]
@@ -199,7 +201,7 @@ class FmuEquations:
 
 
 def extrapolated(function: Callable[[float], Floats], sizes: Sequence[float], unit: float) -> tuple[Floats, Floats]:
-    """Richardson's extrapolation of central differences, each half as large, and an estimate of its error."""
+    """Derivative by Richardson's extrapolation of central differences, and an estimate of its error."""
     try:
         row, ratio = [(function(h) - function(-h)) / (2 * h * unit) for h in sizes], 4.0
     except LiaisonsError:  # the edge of a domain: differences to one side

@@ -28,15 +28,15 @@ from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values as valid
 from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
-from liaisons.derivatives.fmu_equations import SMALL, Floats, FmuEquations, Method, extrapolated
+from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, Method, extrapolated
 from liaisons.errors import RefusedError, SimulationError
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-_OF_RUNS = (4e-3, 2e-3, 1e-3)
+_RUN_SIZES = (4e-3, 2e-3, 1e-3)
 """Sizes of differences of runs, relative to those of the values."""
-_SMOOTH, _SAME, _NOISE = 1e-3, 1e-5, 1e-6
+_SMOOTH_ERROR, _SWITCHED_ERROR, _NOISE = 1e-3, 1e-5, 1e-6
 """Largest relative contradiction of differences: in general, and where discrete variables of the runs differ; and of
 the signals over the change of a value, what the tolerances of two runs add."""
 _MOST_CALLS = 200_000
@@ -44,16 +44,16 @@ _MOST_CALLS = 200_000
 _ROUNDING = 1e-12
 """Relative distance of two roundings of one instant."""
 _MODES = frozenset({"Integer", "Boolean", "Enumeration"})
-_NEAR = 40
+_EVENT_POINTS = 40
 """Instants to each side of a time at which an event is sought, each a fifth nearer."""
-_FINER = 8
+_RATE_POINTS = 8
 """Points in an interval for the time derivatives of signals."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class FmuMotion:
-    """A motion as a function of some values, with the interface of a ``DifferentiableMotion``.
+    """A motion of FMUs as a function of some values, with the interface of a ``DifferentiableMotion``.
 
     :param single: whether it is of one FMU, whose variables have no prefix.
     :param starts: start values that differ from those of the system.
@@ -79,7 +79,7 @@ class FmuMotion:
 
     @property
     def name(self) -> str:
-        """That of the system."""
+        """Name of the system."""
         return self.system.name
 
     def __call__(self, values: ArrayLike) -> Floats:
@@ -91,7 +91,7 @@ class FmuMotion:
         return self._evaluated(values)[:2]
 
     def errors(self, values: ArrayLike) -> Floats:
-        """Estimates of the largest errors of derivatives by differences of runs, (signals, values); others are 0."""
+        """Estimated errors of derivatives by differences of runs, (signals, values); 0 for directional derivatives."""
         return self._evaluated(values)[2]
 
     def adjoint(self, values: ArrayLike, weights: ArrayLike | Callable[[Floats], ArrayLike]) -> tuple[Floats, Floats]:
@@ -101,44 +101,45 @@ class FmuMotion:
         return signals, np.tensordot(factors, np.where(factors[..., None] == 0, 0.0, derivatives))
 
     def rates(self, values: ArrayLike) -> Floats:
-        """Time derivatives of the signals, (signals, times), of a quintic spline through more points."""
+        """Time derivatives of the signals, (signals, times), by a quintic spline through further points."""
         from scipy.interpolate import make_interp_spline
 
         ends = np.unique([self.start_time, *self.times])
-        points = np.unique([np.linspace(*pair, _FINER + 1) for pair in pairwise(ends)])
+        points = np.unique([np.linspace(*pair, _RATE_POINTS + 1) for pair in pairwise(ends)])
         return make_interp_spline(points, self.at(points)(values), k=5, axis=1).derivative()(self.times)
 
     def at(self, times: ArrayLike) -> Self:
-        """The same with other times."""
+        """The same motion, recorded at other times."""
         return replace(self, times=numbers("times", times))
 
     def frozen(self, values: ArrayLike) -> Self:  # noqa: ARG002
-        """The same: FMUs choose their steps in each run."""
+        """The same motion: FMUs choose their steps in each run."""
         return self
 
     def result(self, values: Mapping[str, Any], record: Sequence[str]) -> Result:
-        """A run with further start values."""
+        """A run of the FMUs with further start values."""
         parts, title = self.system.filled(), self.name
         starts = {owner: dict(part.starts) for owner, part in parts.items()}
         for name, value in {**self.starts, **values}.items():
             owner, variable = owned(title, parts, "value", name, single=self.single)
             starts[owner][variable] = value
         functions = input_functions(title, parts, self.inputs, single=self.single)
-        settings = SimulationSettings(times=self._points(), tolerance=self.tolerance, record=record, inputs=functions)
+        settings = SimulationSettings(times=self._instants(), tolerance=self.tolerance, record=record, inputs=functions)
         parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
         return performed(checked(title, parts, self.system.connections, settings, single=self.single))
 
     def equations(self, values: Floats) -> FmuEquations:
-        """Those of a single FMU."""
+        """Equations of the single FMU."""
         (part,) = self.system.parts.values()
-        starts = {**self.starts, **self._named(values)}
+        starts = {**self.starts, **self._values_by_name(values)}
         return FmuEquations(part.fmu.path, starts, inputs=self.inputs, outputs=self.signals, time=self.start_time)
 
-    def _named(self, values: Floats) -> dict[str, float]:
+    def _values_by_name(self, values: Floats) -> dict[str, float]:
+        """Values by name."""
         return dict(zip(self.names, values.tolist(), strict=True))
 
-    def _points(self) -> Floats:
-        """Start, recorded times, and ends of polynomials between them."""
+    def _instants(self) -> Floats:
+        """Start, recorded times, and ends of polynomials between them [s]."""
         ends = [x for polynomial in self.inputs.values() for x in polynomial.x]
         asked = np.array([self.start_time, *self.times])
         apart = [t for t in ends if np.abs(asked - t).min() > _ROUNDING * abs(t)]
@@ -146,16 +147,18 @@ class FmuMotion:
         return points[(self.start_time <= points) & (points <= self.times[-1])]
 
     def _evaluated(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats, Floats]:
+        """Signals, their derivatives by the values, and the errors of these."""
         numbers = np.asarray(values, dtype=float)
         changes = np.diag(np.where(numbers == 0, 1.0, np.abs(numbers)))[: len(numbers) * derive]
-        return (self._differenced if self.method == "differences" else self._integrated)(numbers, changes)
+        return (self._by_runs if self.method == "differences" else self._by_equations)(numbers, changes)
 
-    def _differenced(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
-        """Differences of runs; not-a-number, with a warning, where an event lies between these."""
-        discrete = self._discrete()
+    def _by_runs(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
+        """Signals, differences of runs, and their errors; not-a-number where an event lies between the runs."""
+        discrete = self._discrete_variables()
 
         def run(values: Floats) -> Floats:
-            result = self.result(self._named(values), [*self.signals, *discrete])
+            """Signals and discrete variables at the recorded times."""
+            result = self.result(self._values_by_name(values), [*self.signals, *discrete])
             if result.time[-1] < self.times[-1]:
                 raise SimulationError(f"{self.name} ends at t = {result.time[-1]:g} s; choose earlier times")
             return result.values[:, np.searchsorted(result.time, self.times)]
@@ -166,32 +169,33 @@ class FmuMotion:
         for change in changes:
             runs: dict[float, Floats] = {0.0: middle}
 
-            def moved(h: float, change: Floats = change, runs: dict[float, Floats] = runs) -> Floats:
+            def displaced(h: float, change: Floats = change, runs: dict[float, Floats] = runs) -> Floats:
+                """Signals of the run that is displaced by a multiple of the change."""
                 if h not in runs:
                     runs[h] = run(values + h * change)
                 return runs[h][:count]
 
             unit = change.sum()
-            column, error = extrapolated(moved, _OF_RUNS, unit)
+            column, error = extrapolated(displaced, _RUN_SIZES, unit)
             error = np.abs(error)
-            if all({h, -h} <= runs.keys() for h in _OF_RUNS):  # half of what those to both sides differ by, at h = 0
-                sides = [(moved(h) - 2 * signals + moved(-h)) / (2 * h * unit) for h in _OF_RUNS]
+            if all({h, -h} <= runs.keys() for h in _RUN_SIZES):  # half of what those to both sides differ by, at h = 0
+                sides = [(displaced(h) - 2 * signals + displaced(-h)) / (2 * h * unit) for h in _RUN_SIZES]
                 coarse, fine = (2 * small - large for large, small in pairwise(sides))
                 error = np.fmax(error, np.abs(8 * fine - coarse) / 7)
             switched = np.any([(other[count:] != middle[count:]).any(axis=0) for other in runs.values()], axis=0)
             size = np.abs(column) + np.median(np.abs(column), axis=1, keepdims=True)
             noise = _NOISE * np.abs(signals).max(axis=1, keepdims=True) / unit
-            wrong = error > np.where(switched, _SAME, _SMOOTH) * size + noise
+            wrong = error > np.where(switched, _SWITCHED_ERROR, _SMOOTH_ERROR) * size + noise
             beside |= wrong.any(axis=0)
             columns.append(np.where(wrong, np.nan, column))
             errors.append(np.where(wrong, 0.0, error).max(axis=1))
         if beside.any():
-            self._warn(values, discrete, self.times[beside])
+            self._warn_of_events(values, discrete, self.times[beside])
         shape = len(columns), *signals.shape
         return signals, np.moveaxis(np.reshape(columns, shape), 0, 2), np.reshape(errors, shape[:2]).T
 
-    def _discrete(self) -> list[str]:
-        """Names of the integers and booleans that tell in which mode an FMU is, and after how many events."""
+    def _discrete_variables(self) -> list[str]:
+        """Names of integers and Booleans, which tell the mode of an FMU and the number of events."""
         return [
             name if self.single else f"{part.name}.{name}"
             for part in self.system.parts.values()
@@ -200,15 +204,15 @@ class FmuMotion:
             for name in entry.names()
         ]
 
-    def _warn(self, values: Floats, discrete: Sequence[str], times: Floats) -> None:
-        """Log where derivatives are not-a-number, and the event beside the first of these."""
+    def _warn_of_events(self, values: Floats, discrete: Sequence[str], times: Floats) -> None:
+        """Log the times without derivatives, and the event beside the first of these."""
         text = "two branches of the motion meet there"
         if discrete:
             at = int(np.searchsorted(self.times, times[0]))
             low, high = self.times[at - 1] if at else self.start_time, self.times[min(at + 1, len(self.times) - 1)]
-            near = 0.8 ** np.arange(_NEAR)
+            near = 0.8 ** np.arange(_EVENT_POINTS)
             points = np.unique([times[0], *times[0] - near * (times[0] - low), *times[0] + near * (high - times[0])])
-            result = self.at(points).result(self._named(values), discrete)
+            result = self.at(points).result(self._values_by_name(values), discrete)
             steps = np.diff(result.values, axis=1) != 0
             if steps.any():
                 changed = np.flatnonzero(steps.any(axis=0))
@@ -220,24 +224,25 @@ class FmuMotion:
         listed_times = ", ".join(f"{time:g}" for time in times[:3]) + more
         logger.warning("%s: derivatives are not-a-number at t = %s s: %s", self.name, listed_times, text)
 
-    def _integrated(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
-        """Variational equations."""
+    def _by_equations(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
+        """Signals, their derivatives from the variational equations, and errors of 0."""
         with ExitStack() as stack:
             equations = stack.enter_context(self.equations(values))
             neighbours = [
-                {h: stack.enter_context(self.equations(values + h * change)) for s in SMALL for h in (s, -s)}
+                {h: stack.enter_context(self.equations(values + h * change)) for s in DIFFERENCES for h in (s, -s)}
                 for change in changes
             ]
             states, calls = len(equations.x), count()
 
             def by_values(function: Callable[[FmuEquations], Floats]) -> list[Floats]:
+                """Derivatives of a function of the equations by each value."""
                 return [
-                    extrapolated(lambda h, fmus=fmus: function(fmus[h]), SMALL, change.sum())[0]
+                    extrapolated(lambda h, fmus=fmus: function(fmus[h]), DIFFERENCES, change.sum())[0]
                     for fmus, change in zip(neighbours, changes, strict=True)
                 ]
 
             def calculate(t: float, z: Floats, end: float) -> Floats:
-                """Rates and outputs, and in further columns their derivatives by the values."""
+                """Rates and outputs and, in further columns, their derivatives by the values."""
                 u = np.array([polynomial(min(t, np.nextafter(end, -np.inf))) for polynomial in self.inputs.values()])
                 columns = [equations(t, z[:, 0], u)]
                 if len(changes):
@@ -246,6 +251,7 @@ class FmuMotion:
                 return np.transpose(columns)
 
             def rates(t: float, z: Floats, end: float) -> Floats:
+                """Rates of states and derivatives; not-a-number where the FMU refuses them."""
                 if next(calls) > _MOST_CALLS:
                     raise SimulationError(f"{self.name}: {_MOST_CALLS} evaluations are too few; it may be stiff")
                 try:
@@ -255,7 +261,7 @@ class FmuMotion:
 
             z, recorded = np.transpose([equations.x, *by_values(lambda fmu: fmu.x)]), {}
             tolerances = {"rtol": self.tolerance, "atol": self.tolerance * equations.sizes.min()}
-            for begin, end in pairwise([self.start_time, *self._points().tolist()]):
+            for begin, end in pairwise([self.start_time, *self._instants().tolist()]):
                 if begin < end:
                     moving, span = partial(rates, end=end), (begin, end)
                     states_on_way = integrate(self.name, moving, z.ravel(), span, **tolerances, error=SimulationError)
@@ -311,7 +317,7 @@ def fmu_motion(
 def input_functions(
     title: str, parts: Mapping[str, SystemComponent], polynomials: Mapping[str, PPoly], *, single: bool
 ) -> dict[str, Callable[[float], Any]]:
-    """Functions of time of inputs; those of an active coordinate return its value, rate and acceleration.
+    """Functions of time for inputs; those of an active coordinate return value, rate and acceleration.
 
     :param single: whether names have no prefix, there being one part.
     :raises SimulationError: for an unknown name.
@@ -325,4 +331,5 @@ def input_functions(
 
 
 def _triple(polynomial: PPoly, t: float) -> tuple[Any, ...]:
+    """Value, rate and acceleration of a polynomial."""
     return tuple(polynomial(t, order) for order in range(3))

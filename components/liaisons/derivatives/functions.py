@@ -19,9 +19,10 @@ from liaisons.mechanics.model import Model
 
 @final
 class MotionFunctions:
-    """Steps of a motion, and what happens at their ends; made when they are needed."""
+    """Functions of one motion: its steps, its start, its events and its signals, each made when it is needed."""
 
     def __init__(self, model: Model, equations: RightHandSide) -> None:
+        """Take the model and the equations of the motion."""
         self._model, self._equations = model, equations
         self._t, self._k, self._s, self._y = equations.symbols
         self.steps = CompiledSteps(equations)
@@ -30,7 +31,7 @@ class MotionFunctions:
 
     @cached_property
     def carrying(self) -> set[str]:
-        """Active coordinates whose jumps carry states along."""
+        """Names of the active coordinates whose jumps change states."""
         effects, active = jump_effects(self._model), [a.value for a in self._model.active]
         moving = np.isin(active, self.prescribed_names)
         carries = effects.moves | effects.mixes[:, moving].any(axis=1)
@@ -38,34 +39,28 @@ class MotionFunctions:
 
     @cached_property
     def start(self) -> ca.Function:
-        """(k, s) -> first state, and nominal values."""
+        """Function (k, s) -> first state, and nominal values."""
         return _function([self._k, self._s], self._equations.start, self._equations.sizes)
 
     @cached_property
     def start_tangents(self) -> ca.Function:
-        """(k, s) -> derivatives of the first state."""
+        """Function (k, s) -> derivatives of the first state by k."""
         return _function([self._k, self._s], ca.jacobian(self._equations.start, self._k))
 
     @cached_property
-    def start_adjoint(self) -> ca.Function:
-        """(k, s, factors) -> derivatives of their sum with the first state."""
-        factors = ca.SX.sym("factors", self.states)
-        return _function([self._k, self._s, factors], ca.jtimes(self._equations.start, self._k, factors, True))
-
-    @cached_property
     def events(self) -> ca.Function:
-        """(t, k, s) -> instants, and their derivatives."""
+        """Function (t, k, s) -> next instants of events, and their derivatives by k."""
         instants = self._equations.events
         return _function([self._t, self._k, self._s], instants, ca.jacobian(instants, self._k))
 
     @cached_property
     def prescribed(self) -> ca.Function:
-        """(t, k, s) -> active coordinates that move."""
+        """Function (t, k, s) -> values of the prescribed active coordinates."""
         return _function([self._t, self._k, self._s], stack(self._equations.prescribed.values()))
 
     @cached_property
     def landed(self) -> ca.Function | None:
-        """(t, k, s, y, t before, s before) -> state after an event, and its derivatives by k, y and its instant."""
+        """Function (t, k, s, y, t before, s before) -> state after an event, and derivatives by k, y and instant."""
         landed, (t, s) = self._equations.landed, self._equations.before
         if landed is None:
             return None
@@ -75,34 +70,35 @@ class MotionFunctions:
 
     @cached_property
     def outputs(self) -> Program:
-        """Signals."""
+        """Program of the signals."""
         return program(self._equations.symbols, [self._equations.outputs])
 
     @cached_property
     def conditions(self) -> Program:
-        """What must stay > 0."""
+        """Program of the numbers that must stay > 0."""
         return program(self._equations.symbols, [self._equations.conditions])
 
     @cached_property
     def output_rates(self) -> Program:
-        """Time derivatives of the signals."""
+        """Program of the time derivatives of the signals."""
         along = ca.jtimes(self._equations.outputs, ca.vertcat(self._t, self._y), ca.vertcat(1, self._equations.rates))
         return program(self._equations.symbols, [along])
 
     @cached_property
     def output_slopes(self) -> tuple[list[tuple[int, int]], Program]:
-        """Derivatives of signals by values, then states: (signal, which of these) and their program."""
+        """Pairs (signal, number of a value or, behind these, a state), and the program of the derivatives."""
         slopes = ca.jacobian(self._equations.outputs, ca.vertcat(self._k, self._y))
         where = list(zip(*slopes.sparsity().get_triplet(), strict=True))
         return where, program(self._equations.symbols, [slopes.nz[:]])
 
 
 def _function(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
+    """CasADi function with common subexpressions shared."""
     return ca.Function("function", list(inputs), ca.cse([ca.densify(output) for output in outputs]))
 
 
 @lru_cache(maxsize=32)
-def functions_of(
+def motion_functions(
     model: Model,
     *,
     moving: tuple[tuple[str, Model], ...],
@@ -111,7 +107,7 @@ def functions_of(
     record: tuple[str, ...],
     driven: tuple[str, ...],
 ) -> MotionFunctions:
-    """What a motion needs; the last ones are kept."""
+    """Functions of a motion; those of the last 32 motions are cached."""
     return MotionFunctions(
         model, right_hand_side(model, dict(moving), lanes=names, shared=shared, record=record, driven=driven)
     )

@@ -52,7 +52,7 @@ class Linearization:
         return np.sort_complex(np.linalg.eigvals(self.A))
 
     def to_control(self) -> Any:
-        """The ``StateSpace`` of python-control; its names have ``_`` for dots.
+        """The linear system as ``StateSpace`` of python-control; its names have ``_`` for dots.
 
         :raises SimulationError: if python-control is missing (``pip install 'liaisons[control]'``).
         """

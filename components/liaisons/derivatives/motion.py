@@ -159,7 +159,7 @@ class DifferentiableMotion:
                 of_y = of_y @ by_y
         if self.times[0] == self.start_time:
             of_y = of_y + by_state[0]
-        return signals, total + f.start_adjoint(run.k, self.table[0], of_y).full().ravel()
+        return signals, total + of_y @ f.start_tangents(run.k, self.table[0]).full()
 
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""

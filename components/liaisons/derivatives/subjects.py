@@ -13,7 +13,7 @@ from liaisons.base.arguments import finite, listed, named, numbers, positive
 from liaisons.base.array_names import split
 from liaisons.cosim import OperatorFmu, System
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
-from liaisons.derivatives.functions import functions_of
+from liaisons.derivatives.functions import motion_functions
 from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, recorded_times
 from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, operator_models, settable, smooth_model
@@ -96,7 +96,7 @@ def motion_of(
     signals = [state.name for state in model.states if state.name.rpartition(".")[2] not in INTEGRALS]
     if record is not None:
         signals = [element for name in listed("record", record) for element in _element_names(name, outputs)]
-    functions = functions_of(
+    functions = motion_functions(
         model,
         moving=tuple(moving.items()),
         names=tuple(names),

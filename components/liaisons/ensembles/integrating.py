@@ -28,11 +28,11 @@ _CHUNK = 16
 _TASKS = 4
 """Least number of tasks for each thread, so that none waits long for the last one."""
 _MOST_STEPS, _MOST_NUMBERS = 10**12, 10**10
-_CONVERGES = 2.0
+_LEAST_RATIO = 2.0
 """Least ratio of the differences before and after halving the steps: that of a method of first order."""
 _LARGEST_DIFFERENCE = 0.1
 """Largest relative difference of two runs from which an error is estimated."""
-_ROUNDINGS = 1e-12
+_ROUNDING = 1e-12
 """Largest relative difference that is rounding, which does not shrink with the step."""
 
 
@@ -94,10 +94,10 @@ def ensemble(
         raise SimulationError(
             f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
         )
-    arrays = {name: _array(f"{model.name}: {name}", value) for name, value in start_values.items()}
+    arrays = {name: _checked_values(f"{model.name}: {name}", value) for name, value in start_values.items()}
     lanes = {name: array for name, array in arrays.items() if array.ndim}
     shared = {name: array for name, array in arrays.items() if not array.ndim}
-    count = _count(model.name, lanes)
+    count = _case_count(model.name, lanes)
     if samples * count > _MOST_NUMBERS:
         raise SimulationError(f"samples = {samples} of {count} cases are more numbers than memory holds; record less")
 
@@ -114,7 +114,7 @@ def ensemble(
 
     def run(steps: int) -> list[Floats]:
         """Outputs, conditions and states, (rows, times, cases) each, with so many steps from one time to the next."""
-        states = _states(advance, each, start, time, steps=steps, threads=threads or os.cpu_count() or 1)
+        states = _integrate(advance, each, start, time, steps=steps, threads=threads or os.cpu_count() or 1)
         return [*seen.evaluate([time[None, :, None], each[:, None], once[:, None, None], states]), states]
 
     parts = 4 if estimate else 1  # with estimate, steps four times as long have to fit
@@ -124,9 +124,9 @@ def ensemble(
     if estimate:
         runs = (run(part)[::2] for part in (steps // 2, steps // 4))
         smooth = not any(part.events.numel_out(0) for part in (model, *moving.values()))
-        errors = _estimate((fine, states), *runs, order=METHODS[method].order if smooth else 1)
-    failures = _lost(fine, conditions, equations.condition_texts, time)
-    failures |= {case: (0, text) for case, text in _outside(variables, arrays, count).items()}
+        errors = _errors((fine, states), *runs, order=METHODS[method].order if smooth else 1)
+    failures = _run_failures(fine, conditions, equations.condition_texts, time)
+    failures |= {case: (0, text) for case, text in _domain_failures(variables, arrays, count).items()}
     for case, (first, _) in failures.items():
         fine[:, first:, case] = np.nan
     units = {variable.name: variable.unit for variable in model.outputs}
@@ -142,8 +142,8 @@ def ensemble(
     )
 
 
-def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, steps: int, threads: int) -> Floats:
-    """States, (states, times, cases): cases in blocks of lanes, several blocks at once."""
+def _integrate(advance: Advance, each: Floats, start: Floats, time: Floats, *, steps: int, threads: int) -> Floats:
+    """Integrate all cases, in blocks of lanes and several blocks at once: states, (states, times, cases)."""
     lanes, first = packs(each, fill="edge"), packs(start, fill="edge")
     records = np.empty((len(time), *first.shape))
     records[0] = first
@@ -152,9 +152,9 @@ def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, step
 
     def advance_chunk(begin: int) -> None:
         chunk = slice(begin, begin + size)
-        for k, (now, then) in enumerate(pairwise(time)):
+        for k, (begin_time, end_time) in enumerate(pairwise(time)):
             states = records[k, chunk].copy()
-            advance(now, (then - now) / steps, steps, lanes[chunk], states)
+            advance(begin_time, (end_time - begin_time) / steps, steps, lanes[chunk], states)
             records[k + 1, chunk] = states
 
     chunks = range(0, len(lanes), size)
@@ -167,35 +167,37 @@ Run = Sequence[Floats]
 """Outputs and states, (rows, times, cases)."""
 
 
-def _estimate(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
+def _errors(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
     """Errors of the finest of three runs, largest over the times, (signals, cases); infinite without convergence.
 
     Whether a case converges its states say: a single signal may agree by chance.
 
     :param half: with steps twice as long; ``quarter``: four times.
     """
-    near, far = (np.max(np.abs(a[0] - b[0]), axis=1) for a, b in ((fine, half), (half, quarter)))
+    (near, far), changes = (
+        [np.max(np.abs(a[row] - b[row]), axis=1) for a, b in ((fine, half), (half, quarter))] for row in (0, 1)
+    )
     size = np.max(np.abs(fine[1]), axis=1)
-    finer, coarser = (np.max(np.abs(a[1] - b[1]), axis=1) for a, b in ((fine, half), (half, quarter)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart, before = (np.max(np.where(of <= _ROUNDINGS * size, 0, of / size), axis=0) for of in (finer, coarser))
-        ratio = before / apart
-        shown = np.where(apart > 0, np.clip(np.ceil(np.log2(ratio)), 1, order), 1)
+        last, previous = (np.max(np.where(x <= _ROUNDING * size, 0, x / size), axis=0) for x in changes)
+        ratio = previous / last
+        shown = np.where(last > 0, np.clip(np.ceil(np.log2(ratio)), 1, order), 1)
         if order == 1:  # rates jump inside steps, in each run elsewhere: what halving the steps changes is not regular
-            return np.where(apart > _LARGEST_DIFFERENCE, np.inf, np.maximum(near, far / 2))
-        diverges = (apart > 0) & ((ratio <= _CONVERGES) | (apart > _LARGEST_DIFFERENCE))
+            return np.where(last > _LARGEST_DIFFERENCE, np.inf, np.maximum(near, far / 2))
+        diverges = (last > 0) & ((ratio <= _LEAST_RATIO) | (last > _LARGEST_DIFFERENCE))
     return np.where(diverges, np.inf, near / (2**shown - 1))
 
 
-def _array(label: str, value: ArrayLike) -> Floats:
+def _checked_values(label: str, value: ArrayLike) -> Floats:
+    """The value as a number, or as an array of one number a case."""
     array = numbers(label, value)
     if array.ndim > 1:
         raise SimulationError(f"{label} has shape {array.shape}; give one number a case")
     return array
 
 
-def _count(owner: str, lanes: Mapping[str, Floats]) -> int:
-    """How many cases there are."""
+def _case_count(owner: str, lanes: Mapping[str, Floats]) -> int:
+    """Number of the cases."""
     counts = {name: len(array) for name, array in lanes.items()}
     if len(set(counts.values())) > 1:
         lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -206,7 +208,7 @@ def _count(owner: str, lanes: Mapping[str, Floats]) -> int:
     return next(iter(counts.values()))
 
 
-def _outside(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
+def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
     """Cases with a value outside its domain, and the reason."""
     texts: dict[int, str] = {}
     for name, array in arrays.items():
@@ -220,7 +222,9 @@ def _outside(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], co
     return texts
 
 
-def _lost(outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats) -> dict[int, tuple[int, str]]:
+def _run_failures(
+    outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats
+) -> dict[int, tuple[int, str]]:
     """Case -> index of the first recorded time at which it is invalid, and the reason."""
     checks = {f"{text} (t = {{:g}} s)": row > 0 for text, row in zip(texts, conditions, strict=True)}
     checks["no longer finite at t = {:g} s; take smaller steps"] = np.isfinite(outputs).all(axis=0)

@@ -52,14 +52,14 @@ _SIMD = "#pragma omp simd\n"
 _LOOP = "    for (int i = 0; i < {}; ++i)\n        {};"
 
 
-def head(equations: RightHandSide, tableau: Tableau, width: int) -> str:
-    """What all texts begin with.
+def head_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
+    """Declarations at the head of all C code: sizes, nodes and ``clipped``.
 
     :param width: D.
     """
     _, k, s, y = equations.symbols
     return _HEAD.format(
-        declarations="\n".join(_declarations()),
+        declarations="\n".join(_libmvec_declarations()),
         states=y.numel(),
         lanes=k.numel(),
         shared=s.numel(),
@@ -71,77 +71,80 @@ def head(equations: RightHandSide, tableau: Tableau, width: int) -> str:
 
 
 def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: bool = False) -> str:
-    """The head and the function ``step``, which moves D motions.
+    """The head, and the function ``step``, which advances D motions by one step.
 
     :param keeps: whether ``step`` has an argument for the states at the stages and before the projection.
     """
-    point, projects = columns(equations), keeps or equations.projected is not None
+    point, projects = argument_columns(equations), keeps or equations.projected is not None
     most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
-    lines = [*function("rates", point, [(equations.rates, "*f")], most)]
-    lines += function("project", point, [(projection(equations), "*f")], most) if projects else ()
+    lines = [*c_function("rates", point, [(equations.rates, "*f")], most)]
+    lines += c_function("project", point, [(projection(equations), "*f")], most) if projects else ()
     lines.append(f"static void step({_STEP}{', double *restrict kept' if keeps else ''})\n{{")
     lines.append(f"    double time, f[S * N * D]{'' if keeps else ', at[N * D]'};")
     for stage, row in enumerate(tableau.rows):
         last = stage == tableau.stages
         at = f"(kept + {stage} * N * D)" if keeps else "at" if any(row) and (projects or not last) else "y"
         if last or at != "y":
-            lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{at}[i] = {_moved(row, 'N * D')}"))
+            lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{at}[i] = {_state_code(row, 'N * D')}"))
         lines.append(f"    time = clipped(t + C[{stage}] * h, limits);")
         if not last:
             lines.append(f"    rates(&time, k, s, {at}, f + {stage} * N * D);")
         elif projects:
             lines.append(f"    project(&time, k, s, {at}, y);")
-    return head(equations, tableau, width) + "\n".join([*lines, "}\n"])
+    return head_code(equations, tableau, width) + "\n".join([*lines, "}\n"])
 
 
-def columns(equations: RightHandSide, star: str = "*") -> list[Column]:
-    """t, k, s and y as arguments; k and y with D numbers an entry, or with one if ``star`` is empty."""
+def argument_columns(equations: RightHandSide, star: str = "*") -> list[Column]:
+    """Symbols and array names of t, k, s and y; k and y with D numbers an entry, or one if ``star`` is empty."""
     return list(zip(equations.symbols, ("t", f"{star}k", "s", f"{star}y"), strict=True))
 
 
 def projection(equations: RightHandSide) -> ca.SX:
-    """y put back onto constraints; y itself where there are none."""
+    """The state projected onto the constraints; the state itself where there are none."""
     return equations.symbols[3] if equations.projected is None else equations.projected
 
 
 def move_code(tableau: Tableau) -> Iterator[str]:
-    """The function ``move``: the state at each stage and after the step, from the rates f of the stages."""
+    """The function ``move``: the state at a stage or after the step, from the rates f of the stages."""
     parameters = "double h, const double *restrict y, double *restrict at"
-    return _by_row("move", parameters, _SIMD, (f"at[i] = {_moved(row, 'count')}" for row in tableau.rows))
+    return _row_function("move", parameters, _SIMD, (f"at[i] = {_state_code(row, 'count')}" for row in tableau.rows))
 
 
 def combine_code(rows: Iterable[Sequence[float]]) -> Iterator[str]:
-    """The function ``combine``: the sum of f with the weights of a row."""
-    return _by_row("combine", "double *restrict sum", "", (f"sum[i] = {_sum(row, 'count') or '0.0'}" for row in rows))
+    """The function ``combine``: the sum of blocks of f with the weights of a row."""
+    statements = (f"sum[i] = {_sum_code(row, 'count') or '0.0'}" for row in rows)
+    return _row_function("combine", "double *restrict sum", "", statements)
 
 
-def _by_row(name: str, parameters: str, simd: str, statements: Iterable[str]) -> Iterator[str]:
-    """A function that performs the statement of a row for blocks f of count numbers each."""
+def _row_function(name: str, parameters: str, simd: str, statements: Iterable[str]) -> Iterator[str]:
+    """A function with one statement for each row, over blocks f of count numbers."""
     yield f"static void {name}(int row, int count, const double *restrict f, {parameters})\n{{\n    switch (row) {{"
     for row, statement in enumerate(statements):
         yield f"    case {row}:\n{simd}{_LOOP.format('count', statement)}\n        return;"
     yield "    }\n}"
 
 
-def _moved(row: Sequence[float], count: str) -> str:
-    total = _sum(row, count)
+def _state_code(row: Sequence[float], count: str) -> str:
+    """C expression of the state at a stage or after the step."""
+    total = _sum_code(row, count)
     return f"y[i] + h * ({total})" if total else "y[i]"
 
 
-def _sum(row: Sequence[float], count: str) -> str:
+def _sum_code(row: Sequence[float], count: str) -> str:
+    """C expression of the weighted sum of blocks of f; empty if all weights are 0."""
     return " + ".join(f"{literal(weight)} * f[{q} * {count} + i]" for q, weight in enumerate(row) if weight)
 
 
-def function(name: str, inputs: Sequence[Column], outputs: Sequence[Column], most: int = OPERATIONS) -> Iterator[str]:
-    """A function of arrays; where an output has D numbers an entry it is a loop over these.
+def c_function(name: str, inputs: Sequence[Column], outputs: Sequence[Column], most: int = OPERATIONS) -> Iterator[str]:
+    """C function of arrays; where an output has D numbers an entry it is a loop over these.
 
     :param most: operations in each function of C, which this one calls.
     """
     loops = outputs[0][1].startswith("*")
     spill = "*v" if loops else "v"
     parts, spilled = c_parts(
-        *([(column, _entry(array)) for column, array in group] for group in (inputs, outputs)),
-        spill=_entry(spill),
+        *([(column, _array_entry(array)) for column, array in group] for group in (inputs, outputs)),
+        spill=_array_entry(spill),
         most=most,
     )
     names = [array.lstrip("*") for _, array in (*inputs, *outputs)]
@@ -160,12 +163,13 @@ def function(name: str, inputs: Sequence[Column], outputs: Sequence[Column], mos
     yield "}"
 
 
-def _entry(array: str) -> str:
+def _array_entry(array: str) -> str:
+    """Format of an entry of an array."""
     return f"{array[1:]}[{{}} * D + i]" if array.startswith("*") else f"{array}[{{}}]"
 
 
-def _declarations() -> Iterator[str]:
-    """Tell gcc what libmvec has; the system's header does so under -ffast-math only."""
+def _libmvec_declarations() -> Iterator[str]:
+    """Declarations that tell gcc what libmvec has; the system's header does so under -ffast-math only."""
     name, version = platform.libc_ver()
     glibc = tuple(int(part) for part in version.split(".")[:2]) if name == "glibc" else ()
     yield "#ifdef LIBMVEC"

@@ -10,7 +10,7 @@ from typing import final
 @final
 @dataclass(frozen=True, slots=True)
 class Tableau:
-    """Butcher's tableau: nodes c, matrix a (row s has s entries), weights b; and the order."""
+    """Butcher tableau of an explicit method: order, nodes c, matrix a (row s has s entries), weights b."""
 
     order: int
     nodes: tuple[float, ...]
@@ -19,17 +19,17 @@ class Tableau:
 
     @property
     def stages(self) -> int:
-        """Evaluations of the right-hand side a step."""
+        """Number of stages: evaluations of the right-hand side a step."""
         return len(self.nodes)
 
     @property
     def rows(self) -> tuple[tuple[float, ...], ...]:
-        """Weights of the stages, for the state at each stage and after the step."""
+        """Weights of the rates of the stages, for the state at each stage and after the step."""
         return *self.matrix, self.weights
 
     @property
     def adjoint_rows(self) -> list[list[float]]:
-        """Weights of the derivatives by the state after the step and at each stage, for that by the rate of a stage."""
+        """Weights for the adjoint step: row q for the derivative by the rate of stage q."""
         return [[row[q] if q < len(row) else 0.0 for row in (self.weights, *self.matrix)] for q in range(self.stages)]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from liaisons.base.arguments import named
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
-from liaisons.expressions.algebra import stack
+from liaisons.expressions.algebra import closure, stack
 from liaisons.language import Component, Operator, Variable
 from liaisons.library import Target, component
 from liaisons.mechanics import assemble
@@ -32,7 +32,7 @@ INTEGRALS = ("work", "dissipated")
 @final
 @dataclass(frozen=True, eq=False)
 class RightHandSide:
-    """Expressions of one ensemble.
+    """Expressions of a motion in columns of symbols.
 
     :param symbols: t, lanes, shared and y, what expressions are made of.
     :param start: y at the start, of lanes and shared alone.
@@ -106,7 +106,7 @@ def operator_models(
 
 
 def settable(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
-    """Variables that can be set, by name; ``length.amplitude`` is an operator's."""
+    """Variables that can be set, by name; those of operators are ``"length.amplitude"``."""
     driven = {name for a in model.active if a.value in moving for name in (a.value, a.rate, a.acceleration)}
     own = {v.name: v for v in (*model.parameters, *model.inputs) if v.name not in driven}
     return own | {f"{name}.{p.name}": p for name, operator in moving.items() for p in operator.parameters}
@@ -122,7 +122,7 @@ def right_hand_side(
     start_time: float = 0.0,
     driven: Sequence[str] | None = None,
 ) -> RightHandSide:
-    """Expressions of an ensemble.
+    """Expressions of a motion, reduced to the states on which recorded outputs depend.
 
     :param moving: active coordinate -> model of the operator that moves it.
     :param lanes: names of the values that differ between the cases, in the order of their column.
@@ -139,51 +139,53 @@ def right_hand_side(
         if name not in rows:
             raise ComponentError(f"record: {model.name} has no output {name!r}{suggestion(name, rows)}")
     t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
-    named: dict[str, ca.SX] = {}
+    symbol_of: dict[str, ca.SX] = {}
 
     def symbols(title: str, names: list[str]) -> ca.SX:
+        """A column of symbols, which are then known by these names."""
         column = ca.SX.sym(title, len(names))
-        named.update((name, column[i]) for i, name in enumerate(names))
+        symbol_of.update((name, column[i]) for i, name in enumerate(names))
         return column
 
     def values(variables: Iterable[Variable], prefix: str = "") -> dict[str, ca.SX]:
-        return {v.name: named.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
+        """Symbols or declared numbers of variables by name."""
+        return {v.name: symbol_of.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
 
     each, once, instant = symbols("lanes", list(lanes)), symbols("shared", list(shared)), ca.SX(start_time)
     inputs = values(model.inputs)
     if driven is not None:
         extra = ca.SX.sym("extra", 2 + (DEGREE + 1) * len(driven))
         once, instant = ca.vertcat(once, extra), extra[0]
-        inputs |= _polynomials(model, driven, extra[1:], t)
+        inputs |= _driven_inputs(model, driven, extra[1:], t)
     constants, moved = (each, once), list[tuple[Model, ca.SX]]()
     for triple in model.active:
         if triple.value in moving:
             operator = moving[triple.value]
             parameters = stack(values(operator.parameters, f"{triple.value}.").values())
             moved.append((operator, parameters))
-            z = _scalar(operator.outputs_function, t, [], [], parameters, [])[0]
+            z = _scalars(operator.outputs_function, t, [], [], parameters, [])[0]
             inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
     u, k = stack(inputs.values()), stack(values(model.parameters).values())
 
     at_start = [instant, ca.substitute(u, t, instant), k]
-    start, memory = _scalar(model.start, *at_start)
+    start, memory = _scalars(model.start, *at_start)
     at_start.insert(1, start)
-    remembered = _scalar(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
-    outputs = _scalar(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
-    rates = _scalar(model.derivatives, t, y, u, k)[0]
-    projected = None if model.project is None else _scalar(model.project, t, y, u, k)[0]
+    remembered = _scalars(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
+    outputs = _scalars(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
+    rates = _scalars(model.derivatives, t, y, u, k)[0]
+    projected = None if model.project is None else _scalars(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
-    conditions, begun = (_scalar(model.conditions, *at)[0] for at in ((t, y, u, k), at_start))
-    domains = [(v, bound) for v in model.inputs for bound in _bounds(v, inputs[v.name]) if v.name not in named]
+    conditions, begun = (_scalars(model.conditions, *at)[0] for at in ((t, y, u, k), at_start))
+    domains = [(v, bound) for v in model.inputs for bound in _domain_gaps(v, inputs[v.name]) if v.name not in symbol_of]
     conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
 
     before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
-    booked = _scalar(model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory)[0]
-    landed = None if driven is None else _scalar(model.jump, t, y, u, k, booked)[0]
+    booked = _scalars(model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory)[0]
+    landed = None if driven is None else _scalars(model.jump, t, y, u, k, booked)[0]
 
     maps = [x for x in (rates, projected, landed) if x is not None]
-    needed = _closure(ca.vertcat(outputs, conditions), y, maps)
+    needed = _needed_states(ca.vertcat(outputs, conditions), y, maps)
     if not needed:
         raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
     return RightHandSide(
@@ -197,13 +199,13 @@ def right_hand_side(
         prescribed={a.value: inputs[a.value] for a in model.active if a.value in {*moving, *(driven or ())}},
         landed=None if landed is None or ca.is_equal(landed[needed], y[needed], 1) else landed[needed],
         before=before,
-        events=stack([_events(model, k, t), *(_events(operator, p, t) for operator, p in moved)]),
-        sizes=_scalar(model.nominals, *at_start)[0][needed],
+        events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
+        sizes=_scalars(model.nominals, *at_start)[0][needed],
     )
 
 
-def _polynomials(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
-    """Inputs that are polynomials; of an active coordinate its rate and acceleration, too."""
+def _driven_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
+    """Inputs that are polynomials by name; of an active coordinate its rate and acceleration, too."""
     triples, values = {a.value: (a.value, a.rate, a.acceleration) for a in model.active}, {}
     for i, name in enumerate(driven):
         coefficients = numbers[1 + i * (DEGREE + 1) : 1 + (i + 1) * (DEGREE + 1)]
@@ -213,19 +215,20 @@ def _polynomials(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) 
     return values
 
 
-def _events(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:
-    return _scalar(model.events, *(k, t)[: model.events.n_in()])[0]
+def _event_instants(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:
+    """Instants at which a model's equations are not smooth."""
+    return _scalars(model.events, *(k, t)[: model.events.n_in()])[0]
 
 
-def _bounds(variable: Variable, value: ca.SX) -> list[ca.SX]:
-    """What must be > 0 while a variable is in its domain; nothing if it does not move."""
+def _domain_gaps(variable: Variable, value: ca.SX) -> list[ca.SX]:
+    """Expressions that are > 0 while a variable is in its domain; none if it does not move."""
     gaps = [value - variable.minimum] if variable.minimum is not None else []
     gaps += [variable.maximum - value] if variable.maximum is not None else []
     return [gap if variable.strict else gap >= 0 for gap in gaps if not gap.is_constant()]
 
 
-def _scalar(function: ca.Function, *arguments: Any) -> list[ca.SX]:
-    """Expressions of a function, whose own graph may be of matrices."""
+def _scalars(function: ca.Function, *arguments: Any) -> list[ca.SX]:
+    """Results of a function as scalar expressions, although its own graph may be of matrices."""
     columns = [ca.SX(0, 1) if isinstance(argument, list) else argument for argument in arguments]
     try:
         return [ca.densify(result) for result in function.call(columns, True, False)]
@@ -234,14 +237,7 @@ def _scalar(function: ca.Function, *arguments: Any) -> list[ca.SX]:
         raise ComponentError(f"{function.name()} cannot be written in scalar operations: {reason}") from None
 
 
-def _closure(expressions: ca.SX, y: ca.SX, maps: Iterable[ca.SX]) -> list[int]:
-    """The states that expressions depend on, directly or through others."""
-    uses = [np.array(ca.DM(ca.jacobian_sparsity(expression, y), 1)) != 0 for expression in maps]
-    needed = np.any(np.array(ca.DM(ca.jacobian_sparsity(expressions, y), 1)) != 0, axis=0)
-    while True:
-        grown = needed.copy()
-        for use in uses:
-            grown |= use[needed].any(axis=0)
-        if (grown == needed).all():
-            return np.flatnonzero(needed).tolist()
-        needed = grown
+def _needed_states(expressions: ca.SX, y: ca.SX, maps: Iterable[ca.SX]) -> list[int]:
+    """Indices of the states on which expressions depend, directly or through rates and other maps of the state."""
+    first, *uses = (np.array(ca.DM(ca.jacobian_sparsity(x, y), 1)) != 0 for x in (expressions, *maps))
+    return closure(np.any(uses, axis=0), first.any(axis=0))

@@ -63,7 +63,7 @@ void integrate(long blocks, long steps, double start, double h, const double *sh
 
 
 def compiled(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
-    """Steps in machine code.
+    """Function that takes steps of all cases, in machine code.
 
     :param shared: values that all cases share.
     :raises BuildError: if there is no compiler, or it fails.
@@ -71,6 +71,7 @@ def compiled(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Adva
     code = library(source(equations, tableau))
 
     def advance(start: float, size: float, steps: int, lanes: Floats, states: Floats) -> None:
+        """Advance the states of blocks by steps of one size."""
         call(code, "integrate", len(states), steps, start, size, shared, lanes, states)
 
     return advance
@@ -90,18 +91,19 @@ def unpacked(blocks: Floats, count: int) -> Floats:
 
 
 def source(equations: RightHandSide, tableau: Tableau) -> str:
-    """C99 of an ensemble."""
+    """C99 code of an ensemble."""
     return step_code(equations, tableau, LANES) + _INTEGRATE
 
 
 def call(code: ctypes.CDLL, name: str, *arguments: Any) -> int:
-    """Call a function of a library; arrays must be contiguous and have the type that it takes."""
+    """Call a C function of a library; arrays must be contiguous and have the type that it takes."""
     called = getattr(code, name)
     called.restype = ctypes.c_long
-    return called(*map(_converted, arguments))
+    return called(*map(_c_argument, arguments))
 
 
-def _converted(argument: Any) -> Any:
+def _c_argument(argument: Any) -> Any:
+    """The argument as ctypes object."""
     if isinstance(argument, np.ndarray):
         assert argument.flags.c_contiguous
         return argument.ctypes.data_as(ctypes.c_void_p)
@@ -110,19 +112,19 @@ def _converted(argument: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def library(code: str, *options: str) -> ctypes.CDLL:
-    """Compile and load; the same code is compiled once a process.
+    """Compile C code and load the library; the same code is compiled once a process.
 
     :param options: of the compiler, beside those for packs.
     :raises BuildError: if there is no compiler, or it fails.
     """
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:  # Windows keeps what is loaded
         path = Path(folder, f"ensemble{host().extension}")
-        path.write_bytes(_compiled(code.encode(), [(*best, *options) for best in _OPTIONS]))
+        path.write_bytes(_library_bytes(code.encode(), [(*best, *options) for best in _OPTIONS]))
         return ctypes.CDLL(str(path))
 
 
-def _compiled(code: bytes, option_sets: Sequence[tuple[str, ...]]) -> bytes:
-    """The library, by the first of these sets of options that the compiler takes."""
+def _library_bytes(code: bytes, option_sets: Sequence[tuple[str, ...]]) -> bytes:
+    """Compile C code by the first set of options that the compiler takes."""
     options, *further = option_sets
     target = host()
     try:
@@ -130,4 +132,4 @@ def _compiled(code: bytes, option_sets: Sequence[tuple[str, ...]]) -> bytes:
     except BuildError:
         if not further:
             raise
-        return _compiled(code, further)
+        return _library_bytes(code, further)

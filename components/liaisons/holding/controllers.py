@@ -32,15 +32,15 @@ _DIFFERENCE = 1e-5
 """Differences of states, relative to sizes, by which the FMUs' multipliers are measured: their squares are 1e-10."""
 _LEAST_SCALE = 0.1
 """Least scale of the error of a measured matrix, beside 1 of a deviation that stays: solvers leave 1e-11 / 1e-5."""
-_AT_REST = 1e-6
+_NO_DEVIATION = 1e-6
 """Deviations below this, relative to sizes, count as none."""
 _SETTLING = 20
 """Duration of the settling that is simulated, in radians of the free motion: 2e-9 is left of exp(-t)."""
 _DOUBLINGS = 60
 """Most doublings of the first force tried: to 1e18 times as much."""
-_JUMP = 1e-6
+_JUMP_DISTANCE = 1e-6
 """Two knots nearer than this part of a step are the two sides of a jump, as in :class:`liaisons.models.Regulator`."""
-_NEVER = 1e30
+_NO_JUMP = 1e30
 _ROUNDING = 1e-10
 """Rounding of a time, relative to the duration of a round."""
 
@@ -61,19 +61,19 @@ class ReferenceTrajectory:
         return zip(self.states.T, self.motion.transpose(2, 0, 1), strict=True)
 
     def next_jump(self, apart: float) -> Array:
-        """The first jump of σ or a rate after each communication point [s]; 1e30 if there is none.
+        """Instant of the first jump of σ or a rate after each communication point [s]; 1e30 if there is none.
 
         :param apart: two points less apart [s] whose motion differs are the two sides of a jump.
         """
         differs = np.any(np.diff(self.motion, axis=2) != 0, axis=(0, 1))
         jumps = self.times[1:][differs & (np.diff(self.times) < apart)]
-        return np.append(jumps, _NEVER)[np.searchsorted(jumps, self.times, side="right")]
+        return np.append(jumps, _NO_JUMP)[np.searchsorted(jumps, self.times, side="right")]
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class LinearPrediction:
-    """First-order prediction of deviations over one step, or over the whole reference trajectory."""
+    """Prediction of deviations, to first order, over one step or over the whole reference trajectory."""
 
     loop: Array  # matrix of the closed loop, in the directions
     directions: Array  # of deviations at the start (states, directions)
@@ -142,7 +142,7 @@ class Controller:
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
-        """Multipliers of the controllable directions, which lie inside the unit circle."""
+        """Multipliers of the controllable directions, inside the unit circle."""
         reach = self.prediction.reach
         return self.prediction.multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
 
@@ -152,9 +152,9 @@ class Controller:
         :param start_values: start values that differ from the reference trajectory: of the mechanism, ``theta_0=3.3``,
             and of σ, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._system(merged(self.name, start_values, keywords, PlanError), announced=True)
+        return self._connected_system(merged(self.name, start_values, keywords, PlanError), announced=True)
 
-    def _system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
+    def _connected_system(self, start_values: Mapping[str, float], *, announced: bool = False) -> System:
         """:meth:`system`; if announced, regulators tell samples to importers that choose their communication points."""
         system = System(f"held_{self.name}")
         starts: dict[str, Any] = {**self.starts, **start_values}
@@ -166,7 +166,7 @@ class Controller:
                 "input_reconstruction": 0,
                 "announced": float(announced),
             }
-            fmu, columns = self._regulator(i)
+            fmu, columns = self._regulator_fmu(i)
             settings |= columns
             triple = motion_names(move)
             for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
@@ -176,7 +176,7 @@ class Controller:
             regulators.append(system.add(f"{self.name}_{move}", fmu, **settings))
             sources |= {name: regulators[-1][y] for name, y in zip(triple, TRIPLE, strict=True)}
         system.experiment = DefaultExperiment(
-            0.0, self._stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
+            0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
         follows: dict[str, Any] = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
         sizes = chain_size(self.component, self.values)
@@ -196,21 +196,21 @@ class Controller:
         return self.step_size * float(np.ceil(_SETTLING * self.time / self.step_size))
 
     @property
-    def _stop(self) -> float:
+    def _default_stop(self) -> float:
         """Default end of a simulation [s]: the end of the plan, or of the settling at an equilibrium."""
         return self._settling if self.trajectory.times.size == 1 else self.duration
 
-    def _regulator(self, i: int) -> tuple[Path, dict[str, Array]]:
-        """The regulator FMU of a moved coordinate, and its table as parameters, unless a file has it."""
+    def _regulator_fmu(self, i: int) -> tuple[Path, dict[str, Array]]:
+        """FMU of the regulator of a moved coordinate, and its table as parameters unless a file has it."""
         trajectory, gains = self.trajectory, self.gains[:, i]
         columns = by_name(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i])
         columns |= {name: values[i] for name, values in self.correction_limits.items()}
         columns |= {f"gain_{j}": gain for j, gain in enumerate(gains.T, start=1)}
         columns |= {
             "instant": trajectory.times,
-            "next_jump": trajectory.next_jump(_JUMP * self.step_size),
+            "next_jump": trajectory.next_jump(_JUMP_DISTANCE * self.step_size),
             "offset": np.sum(gains.T * trajectory.states, axis=0),
-            "advance": self._shift @ gains.T,
+            "advance": self._round_change @ gains.T,
         }
         fmu, missing = fmu_file("Regulator"), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
@@ -220,7 +220,7 @@ class Controller:
         return with_table(fmu, np.array(whole)), {}
 
     @property
-    def _shift(self) -> Array:
+    def _round_change(self) -> Array:
         """Change of each cyclic coordinate in a round, 0 for other states."""
         gap = self.trajectory.states[:, -1] - self.trajectory.states[:, 0]
         return np.where([name in self.free for name in self.states], gap, 0.0)
@@ -252,7 +252,7 @@ class Controller:
         start_values: Mapping[str, float] | None = None,
         **keywords: float,
     ) -> Result:
-        """Run :meth:`system`.
+        """Simulate :meth:`system`.
 
         :param stop_time: end [s]; unless given that of the plan, at an equilibrium twenty radians of the free motion.
         :param inputs: disturbances: input of the mechanism -> function of time.
@@ -263,7 +263,7 @@ class Controller:
         starts = merged(self.name, start_values, keywords, PlanError)
         for name, value in starts.items():
             finite(f"{self.name}: {name}", value, PlanError)
-        stop_time = self._stop if stop_time is None else stop_time
+        stop_time = self._default_stop if stop_time is None else stop_time
         times = self.times(stop_time)
         if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
             logger.warning(
@@ -272,9 +272,10 @@ class Controller:
                 self.duration,
                 stop_time,
             )
-        return self._run(self._system(starts), times, ports or None)
+        return self._simulate(self._connected_system(starts), times, ports or None)
 
-    def _run(self, system: System, times: Array, inputs: Mapping[str, Any] | None = None) -> Result:
+    def _simulate(self, system: System, times: Array, inputs: Mapping[str, Any] | None = None) -> Result:
+        """Run of a system with the coupling that its regulators need."""
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
         return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
 
@@ -289,12 +290,12 @@ class Controller:
         late = run.time - rounds * self.duration + _ROUNDING * self.duration
         knots = np.maximum(0, np.searchsorted(self.trajectory.times, late, side="right") - 1)
         states = np.array([run[name] for name in names])
-        return states - self.trajectory.states[:, knots] - np.outer(self._shift, rounds)
+        return states - self.trajectory.states[:, knots] - np.outer(self._round_change, rounds)
 
     def survives(
         self, port: str, duration: float, *, stop_time: float | None = None, first: float | None = None
     ) -> float:
-        """Greatest of the forces tried at a port after which the mechanism returned to its reference trajectory.
+        """Greatest of the forces tried at a port after which the mechanism returns to its reference trajectory.
 
         The force is doubled until the mechanism falls, at most sixty times; then the interval is bisected twelve times.
         A force between those that were tried may give another result.
@@ -327,6 +328,7 @@ class Controller:
         free = [self.states.index(name) for name in self.free if name not in self.moves]
 
         def returns(force: float) -> bool:
+            """Whether free coordinates are back in the last radian of a run with this force."""
             try:
                 with ignored_warnings():  # of the intended jump of the force between two points
                     run = self.simulate(stop, inputs={port: lambda t: force if t < duration else 0.0})
@@ -336,7 +338,7 @@ class Controller:
                 return False
             off = np.abs(self.deviation(run)[free]) / self.sizes[free, None]
             after = off[:, run.time >= max(duration, stop - self.time)]
-            return bool(np.all(after <= max(0.05 * np.max(off, initial=0.0), _AT_REST)))
+            return bool(np.all(after <= max(0.05 * np.max(off, initial=0.0), _NO_DEVIATION)))
 
         low = 0.0
         if not returns(low):
@@ -351,7 +353,7 @@ class Controller:
         return low
 
     def measured(self) -> Array:
-        """The matrix of one step, or of the whole trajectory, from central differences of runs of the FMUs.
+        """Matrix of one step, or of the whole trajectory, from central differences of runs of the FMUs.
 
         The corrections have no bounds there: at a bound the motion has no derivative.
         """
@@ -366,7 +368,7 @@ class Controller:
             ]
             with ignored_warnings():  # of long steps: the matrix contains the sampling
                 times = self.times(self.duration)
-                runs = [self._run(unbounded._system(values), times) for values in shifted]  # noqa: SLF001
+                runs = [self._simulate(unbounded._connected_system(values), times) for values in shifted]  # noqa: SLF001
             change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _DIFFERENCE * self.sizes[:, None])
             starts.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])

@@ -21,7 +21,7 @@ _MOST_STEPS = 20000
 
 
 def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
-    """Orthonormal bases of the controllable subspace of x' = A x + B u, and of its complement, by the staircase."""
+    """Orthonormal bases of the controllable subspace of x' = A x + B u and of its complement (staircase algorithm)."""
     n, new = len(A), B
     V: Array = np.zeros((n, 0))
     while new.size and V.shape[1] < n:
@@ -36,8 +36,8 @@ def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
     return V, whole[:, V.shape[1] :]
 
 
-def steady_targets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
-    """Coordinates along V at which x rests with C x = 0 while one direction of U persists, and the residual norms."""
+def rest_targets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
+    """Coordinates along V at which x rests with C x = 0 for each direction of U, and the norms of the residuals."""
     left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
     right = np.vstack([V.T @ A @ U, -C @ U])
     solution: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
@@ -50,12 +50,12 @@ def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
 
 
 def _gains(A: Array, B: Array, P: Array, R: Array) -> Array:
-    """Gains of one step, if the deviation after it costs xᵀPx."""
+    """Gains K of one step whose final deviation costs xᵀPx."""
     return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), dtype=float)
 
 
 def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) -> tuple[list[Array], Array]:
-    """Gains of each step, and the matrix of the cost of initial deviations.
+    """Gains of each step, and the cost matrix of initial deviations.
 
     :param P: the matrix of the cost of final deviations.
     """
@@ -70,7 +70,7 @@ def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P
 
 
 def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) -> tuple[list[Array], Array] | None:
-    """Periodic gains for steps that repeat without end, and the matrix of the cost; None if they do not converge.
+    """Periodic gains of endlessly repeated steps, and the cost matrix; None if they do not converge.
 
     Uncontrollable deviations may persist: their cost grows, and does not act on the gains.
     """
@@ -85,13 +85,13 @@ def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) ->
 
 
 def transition_matrix(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Array:
-    """Matrix from deviations before the first step to those after the last; with gains that of the closed loop."""
+    """Product of the matrices of all steps; with gains that of the closed loop."""
     matrices = [A if gains is None else A - B @ gains[k] for k, (A, B) in enumerate(steps)]
     return reduce(lambda before, A: A @ before, matrices)
 
 
 def least_defects(matrices: Sequence[Array], end: Array) -> Array:
-    """Columns from 0 to ``end`` under the matrices, with the least sum of squares of the defects of all steps."""
+    """Columns from 0 to ``end`` whose steps deviate from the matrices by the least sum of squares."""
     to_end = [np.eye(len(end))]
     for A in reversed(matrices[1:]):
         to_end.append(to_end[-1] @ A)
@@ -103,7 +103,7 @@ def least_defects(matrices: Sequence[Array], end: Array) -> Array:
 
 
 def input_matrix(steps: Sequence[Step]) -> Array:
-    """Effect of the inputs of all steps on the state after the last one: the controllability matrix."""
+    """Effect of the inputs of all steps on the last state: the controllability matrix."""
     columns: Array = np.zeros((len(steps[0][0]), 0))
     for A, B in steps:
         columns = np.hstack([A @ columns, B])

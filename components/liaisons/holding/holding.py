@@ -29,12 +29,12 @@ from liaisons.holding.feedback import (
     least_defects,
     periodic_riccati,
     reachable_subspace,
+    rest_targets,
     riccati,
     riccati_recursion,
-    steady_targets,
     transition_matrix,
 )
-from liaisons.holding.sampling import SampledMechanism, reduced
+from liaisons.holding.sampling import SampledMechanism, in_directions
 from liaisons.language import Orientation
 from liaisons.library import Target, component
 from liaisons.planning.goals import Goal, by_name, duration_range, is_expression, motion_names, move_names
@@ -138,7 +138,7 @@ def hold(
     if isinstance(motion, Plan):
         if at is not None or moves is not None or values:
             raise PlanError("hold: a plan says what moves, where, and with which parameters; leave at and moves out")
-        return _along(motion, step_size, criterion)
+        return _hold_along(motion, step_size, criterion)
     if at is None:
         raise PlanError("hold keeps an equilibrium or a plan: give a mechanism and at={name: value, ...}, or a plan")
     for name, value in named("at", at, PlanError).items():
@@ -150,7 +150,7 @@ def hold(
     sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_SETTINGS.steps_per_time * H)
     if step_size is None and sampled.moves_freely:
         H = _round_down(sampled.time / _SETTINGS.steps_per_radian)
-    return _at_rest(sampled, H, criterion)
+    return _hold_at_rest(sampled, H, criterion)
 
 
 def _spectral_radius(matrix: Array) -> float:
@@ -168,14 +168,14 @@ def _round_down(value: float) -> float:
 
 @dataclass(frozen=True)
 class _Criterion:
-    """Weights of the sum that the feedback minimises, and the bounds at which it saturates."""
+    """The sum of squares that the feedback minimises, and the bounds at which it saturates."""
 
     weights: Mapping[str, float]
     effort: float
     bounds: Mapping[str, tuple[float | None, float | None]]
 
     def costs(self, sampled: SampledMechanism, directions: Sequence[Array]) -> list[Array]:
-        """Cost matrices at the knots, in the coordinates of their directions of deviation."""
+        """Cost matrices at the knots, in coordinates of the directions of deviation."""
         cost = {name: float(name in sampled.free) for name in sampled.states}
         cost |= {f"{m}_dot": _SETTINGS.drift_weight for m in sampled.moves if m not in sampled.held_moves}
         for name, weight in self.weights.items():
@@ -191,7 +191,7 @@ class _Criterion:
 # ---- an equilibrium -----------------------------------------------------------------------------------------------
 
 
-def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
+def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
     """The controller of least cost at an equilibrium.
 
     :raises PlanError: if the state is no equilibrium, or a held coordinate is not controllable.
@@ -207,7 +207,7 @@ def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Cont
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
     trajectory = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
     D = sampled.directions(reference[:, 0], sigma)
-    ((A, B),) = reduced(steps, [D, D])
+    ((A, B),) = in_directions(steps, [D, D])
     (Q,) = criterion.costs(sampled, [D])
     constant = _constant_directions([(A, B)])
     V, U = reachable_subspace((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
@@ -223,12 +223,12 @@ def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Cont
         fixed = np.eye(len(A))[:, constant]
         U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(constant)]])
         is_bounded = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
-        target, missed = steady_targets(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
+        target, missed = rest_targets(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
         for j in range(U.shape[1]):
             if not is_bounded or (j >= len(constant) and missed[j] > RANK):
-                raise _uncontrollable(sampled, D, U[:, j])
+                raise _uncontrollable_error(sampled, D, U[:, j])
         K -= K @ V @ target @ U.T
-    _check_bounds(sampled, criterion.bounds, sigma)
+    _refuse_bounds(sampled, criterion.bounds, sigma)
     prediction = LinearPrediction(A - B @ K, D, D, V, _states_along(sampled, D, constant), returns=True)
     gains = [K @ np.linalg.pinv(D)]
     return _controller(sampled, H, trajectory, gains=gains, bounds=criterion.bounds, prediction=prediction)
@@ -237,7 +237,7 @@ def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Cont
 # ---- a plan -------------------------------------------------------------------------------------------------------
 
 
-def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Controller:
+def _hold_along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Controller:
     """The controller of least cost along a plan.
 
     :raises PlanError: if a growing deviation is not controllable, or the gains do not converge.
@@ -247,35 +247,35 @@ def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Cont
     H = motion.duration / np.ceil(motion.duration / longest - 1e-9) if step_size is None else step_size
     trajectory, steps, returns = _reference_trajectory(motion, sampled, H)
     D = [sampled.directions(*point) for point in trajectory.points]
-    steps, costs = reduced(steps, D), criterion.costs(sampled, D)
+    steps, costs = in_directions(steps, D), criterion.costs(sampled, D)
     R = criterion.effort * np.eye(len(motion.goal.moves))
-    whole, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
+    full_state, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
         y, planned = trajectory.states[: len(sampled.names), -1], trajectory.motion[:, :, [-1, -1]]
-        at_rest = reduced(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
+        at_rest = in_directions(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
         ((A, B),) = at_rest
         V, U = reachable_subspace(A - np.eye(len(A)), np.hstack([B, inputs]))
-        _refuse_growth(sampled, D[-1], U, A)
+        _refuse_uncontrolled_growth(sampled, D[-1], U, A)
         end = periodic_riccati(at_rest, costs[-1:], R)
         after = end and end[0][0]
         solution = end and riccati_recursion(steps, costs[:-1], R, end[1])
     elif returns:
-        V, U = reachable_subspace(whole - np.eye(len(whole)), inputs)
-        _refuse_growth(sampled, D[-1], U, whole)
+        V, U = reachable_subspace(full_state - np.eye(len(full_state)), inputs)
+        _refuse_uncontrolled_growth(sampled, D[-1], U, full_state)
         solution = periodic_riccati(steps, costs[:-1], R)
     else:
-        V, U = reachable_subspace(np.zeros_like(whole), inputs)
+        V, U = reachable_subspace(np.zeros_like(full_state), inputs)
         solution = riccati_recursion(steps, costs[:-1], R, costs[-1])
     if solution is None or after is None:
         raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
     gains, constant = [*solution[0], after], _constant_directions(steps)
     loop = transition_matrix(steps, gains)
-    fixed = np.eye(len(whole))[:, constant]
+    fixed = np.eye(len(full_state))[:, constant]
     left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _states_along(sampled, D[0], constant)
-    conserved += tuple(_combination(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)
-    _check_bounds(sampled, criterion.bounds)
-    bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _bounded(sampled)} | dict(criterion.bounds)
+    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)
+    _refuse_bounds(sampled, criterion.bounds)
+    bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _quantities(sampled)} | dict(criterion.bounds)
     gains = [K @ np.linalg.pinv(basis) for K, basis in zip(gains, D, strict=True)]
     prediction = LinearPrediction(loop, D[0], D[-1], V, conserved, returns)
     return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
@@ -312,7 +312,7 @@ def _reference_trajectory(
 
     :raises PlanError: for too many steps, or if they miss the plan's end.
     """
-    T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
+    T, moves, order = motion.duration, motion.goal.moves, motion.problem.control_order
     most = _SETTINGS.most_steps
     if most < T / H:
         raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
@@ -322,7 +322,7 @@ def _reference_trajectory(
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
     sigma = motion.sigma(times)
     planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
-    reference, steps = _stepped(motion, sampled, times, planned, H)
+    reference, steps = _steps_to_end(motion, sampled, times, planned, H)
     gap, closure = np.abs(reference[:, -1] - reference[:, 0]), _SETTINGS.closure
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
     is_open = gap > closure * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
@@ -344,14 +344,14 @@ def _reference_trajectory(
     if np.any(np.abs(last - planned[:, :, -1]) > closure * size):
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
-        reference, steps = _stepped(motion, sampled, times, planned, H)
+        reference, steps = _steps_to_end(motion, sampled, times, planned, H)
     return ReferenceTrajectory(times, planned, reference, after), steps, not open_states - {*Orientation.quaternion}
 
 
-def _stepped(
+def _steps_to_end(
     motion: Plan, sampled: SampledMechanism, times: Array, planned: Array, H: float
 ) -> tuple[Array, list[Step]]:
-    """States and matrices of steps along the plan, corrected to end where it does: without feedback errors may grow.
+    """States and matrices of steps along the plan, corrected to reach its end: without feedback errors may grow.
 
     :raises PlanError: if the steps miss the plan's end by more than a linear correction can mend.
     """
@@ -414,7 +414,7 @@ def _controller(
 def _perturbations(
     sampled: SampledMechanism, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
-    """Differences of start values that span the directions of deviation."""
+    """Start values, as differences, that span the directions of deviation."""
     parameters, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
         rates = sampled.rate_derivatives(reference, sigma, directions)
@@ -433,14 +433,14 @@ def _perturbations(
 def _correction_limits(
     sampled: SampledMechanism, trajectory: ReferenceTrajectory, bounds: Mapping[str, Any]
 ) -> dict[str, Array]:
-    """Bounds of corrections, their rates and accelerations at each knot, by names of a Regulator: (moves, knots).
+    """Bounds of corrections, their rates and accelerations, by names of a Regulator: (moves, knots).
 
     :raises PlanError: if a force is bounded where the effective mass vanishes.
     """
     n, last = len(sampled.names), trajectory.times.size - 1
     forces, masses = np.split(np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points]), [1], axis=2)
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs} | dict(bounds)
-    ends = np.array([[_ends(allowed[name]) for name in motion_names(m)] for m in sampled.moves])
+    ends = np.array([[_finite_ends(allowed[name]) for name in motion_names(m)] for m in sampled.moves])
     low = np.minimum(0.0, ends[:, :, :1] - trajectory.motion)  # (moves, 3, knots)
     high = np.maximum(0.0, ends[:, :, 1:] - trajectory.motion)
     for j, m in enumerate(sampled.moves):
@@ -452,7 +452,7 @@ def _correction_limits(
                 f"{sampled.name}: bounds of {m}_force: the effective mass at {m} vanishes where it is held, so that no "
                 f"acceleration tells the force; bound {m}_ddot"
             )
-        least, most = _ends(bounds[f"{m}_force"])
+        least, most = _finite_ends(bounds[f"{m}_force"])
         margins = np.array([np.minimum(0, least - forces[:, j, 0]), np.maximum(0, most - forces[:, j, 0])])
         acts = sizes > negligible * sizes.max()
         shares = acts.sum(axis=1)
@@ -470,31 +470,31 @@ def _correction_limits(
     }
 
 
-def _ends(pair: Sequence[float | None]) -> tuple[float, float]:
-    """Both ends of a range, of which None is unbounded."""
+def _finite_ends(pair: Sequence[float | None]) -> tuple[float, float]:
+    """Both ends of a range, with 1e30 for None."""
     low, high = pair
     return -_UNBOUNDED if low is None else low, _UNBOUNDED if high is None else high
 
 
-def _bounded(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
-    """Quantities that regulators bound, by name: index of the coordinate, and order of the rate, or 3 for the force."""
+def _quantities(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
+    """Quantities that regulators bound, by name: index of the coordinate, order of its rate or 3 for the force."""
     names = [(*motion_names(m), f"{m}_force") for m in sampled.moves]
     return {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
 
 
-def _check_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None) -> None:
-    """Check that regulators can keep the bounds.
+def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None) -> None:
+    """Raise an error for bounds that regulators cannot keep.
 
     :param at: σ and its rates (moves, 3), which have to lie inside.
     :raises PlanError: if they cannot.
     """
-    quantities = _bounded(sampled)
+    quantities = _quantities(sampled)
     for name, pair in bounds.items():
         if name not in quantities:
             raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(quantities)}")
         i, n = quantities[name]
         held = () if at is None or n == 3 else (at[i, n],)
-        low, high = _ends(pair) if isinstance(pair, (tuple, list)) and len(pair) == 2 else (0.0, 0.0)
+        low, high = _finite_ends(pair) if isinstance(pair, (tuple, list)) and len(pair) == 2 else (0.0, 0.0)
         if not all(a < b for a, b in pairwise((low, *held, high))):
             order = " < ".join(["low", *(f"{x:g}" for x in held), "high"])
             raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with {order}")
@@ -513,8 +513,8 @@ def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence
     return tuple(n for n, row in zip(sampled.states, directions, strict=True) if set(np.flatnonzero(row)) & set(chosen))
 
 
-def _combination(sampled: SampledMechanism, directions: Array, u: Array) -> str:
-    """A linear form on the directions as a sum of states."""
+def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> str:
+    """Text of a linear form on the directions, as a sum of states."""
     part = np.linalg.pinv(directions).T @ u
     vector = part / sampled.sizes
     terms = [i for i in range(vector.size) if abs(part[i]) > 1e-3 * np.max(np.abs(part))]  # the rest is of order H
@@ -523,16 +523,16 @@ def _combination(sampled: SampledMechanism, directions: Array, u: Array) -> str:
     return text.removeprefix("+ ").removeprefix("1 ")
 
 
-def _refuse_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
-    """Refuse a deviation that grows and is not controllable."""
+def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
+    """Raise an error for a deviation that grows and is not controllable."""
     if U.size and np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) > 1 + 1e-6:
         values, vectors = np.linalg.eig((U.T @ A @ U).T)
         worst = np.real(vectors[:, int(np.argmax(np.abs(values)))])
-        raise _uncontrollable(sampled, directions, U @ worst)
+        raise _uncontrollable_error(sampled, directions, U @ worst)
 
 
-def _uncontrollable(sampled: SampledMechanism, directions: Array, u: Array) -> PlanError:
-    """The error that names an uncontrollable sum of states."""
-    text = _combination(sampled, directions, u)
+def _uncontrollable_error(sampled: SampledMechanism, directions: Array, u: Array) -> PlanError:
+    """Error that names an uncontrollable sum of states."""
+    text = _sum_of_states(sampled, directions, u)
     moves = ", ".join(sampled.moves)
     return PlanError(f"{sampled.name} cannot be held there: to first order {moves} cannot change {text}")

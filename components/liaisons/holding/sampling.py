@@ -19,11 +19,12 @@ from scipy.linalg import svd
 
 from liaisons.base.hermite import coefficients
 from liaisons.errors import PlanError
+from liaisons.expressions.algebra import closure, stack
 from liaisons.holding.feedback import Step
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
 from liaisons.planning.goals import Array, Goal, by_name, motion_names, unit_quaternion
-from liaisons.planning.symbols import column, goal_symbols
+from liaisons.planning.symbols import goal_symbols
 
 _POWERS = np.arange(6)
 _DERIVATIVE = ca.DM(np.diag(_POWERS[1:], 1))
@@ -68,10 +69,10 @@ class SampledMechanism:
         self.sigma = np.zeros((len(self.moves), 3))
         self.sigma[:, 0] = symbols.initial_sigma
         self.sigma[:, 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
-        self._usual_time, self._longest, self._extents = time, longest, {} if extents is None else extents
+        self._default_time, self._longest_radian, self._extents = time, longest, {} if extents is None else extents
         first = ca.Function("start", symbols.arguments, [symbols.initial_state])
         self.start = np.array(first(symbols.declared_state, *self.sigma.T)).ravel()
-        self.state_indices = self._coupled()
+        self.state_indices = self._coupled_states()
         self.names = [symbols.state_names[i] for i in self.state_indices]
         self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
         rates, sigma = symbols.relative_rates, symbols.motion[0]
@@ -101,17 +102,17 @@ class SampledMechanism:
 
     @cached_property
     def moves_freely(self) -> bool:
-        """Whether a free motion determines :attr:`time`."""
-        return self.frequency * self._longest > 1
+        """Whether a free motion is fast enough to determine :attr:`time`."""
+        return self.frequency * self._longest_radian > 1
 
     @cached_property
     def time(self) -> float:
         """Time [s] in which states change by their sizes: one radian of the free motion, if there is any."""
-        return 1 / self.frequency if self.moves_freely else self._usual_time
+        return 1 / self.frequency if self.moves_freely else self._default_time
 
     @cached_property
     def sizes(self) -> Array:
-        """Sizes of the states, by which weights, comparisons and tolerances divide, so that units do not matter.
+        """Sizes of the states, which divide them in weights, comparisons and tolerances, so that units do not matter.
 
         Coordinates of one unit have one size, at which all units have the same kinetic energy: 1 for angles, for
         lengths that at which the mass has the angles' moment of inertia.  Rates, accelerations and momenta follow with
@@ -134,14 +135,14 @@ class SampledMechanism:
 
     @cached_property
     def start_sizes(self) -> dict[str, float]:
-        """Sizes of all variables with start values: coordinates, rates, σ, σ̇ and σ̈."""
+        """Sizes of all variables with start values by name: coordinates, rates, σ, σ̇ and σ̈."""
         coordinates, *_ = self._start_sizes
-        rates = {name: coordinates[coordinate] / self.time for name, coordinate in self._rates.items()}
+        rates = {name: coordinates[coordinate] / self.time for name, coordinate in self._rate_coordinates.items()}
         return coordinates | rates | {f"{m}_ddot": coordinates[m] / self.time**2 for m in self.moves}
 
     @property
-    def _rates(self) -> dict[str, str]:
-        """Rates with start values -> their coordinates, σ included; an angular velocity stands for its own."""
+    def _rate_coordinates(self) -> dict[str, str]:
+        """Coordinates by their rates with start values, σ included; an angular velocity is its own."""
         starts, states = self.symbols.start_parameters, self.symbols.state_names
         coordinates = {name: name.replace("_dot", "", 1) for name in starts if name not in states}
         own = {name: q if q in {*states, *starts} else name for name, q in coordinates.items()}
@@ -149,8 +150,8 @@ class SampledMechanism:
 
     @cached_property
     def _start_sizes(self) -> tuple[dict[str, float], dict[str, float], float]:
-        """Sizes of coordinates, σ and rotations, sizes of momenta, and that of the energy [J]."""
-        symbols, model, rates = self.symbols, self.symbols.model, self._rates
+        """Sizes of coordinates, σ and rotations; sizes of momenta; size of the energy [J]."""
+        symbols, model, rates = self.symbols, self.symbols.model, self._rate_coordinates
         starts, states = symbols.start_parameters, symbols.state_names
         declared = {v.name: v.unit for v in model.variables}
         units = {q: declared.get(q, "").removesuffix("/s") for q in rates.values()}
@@ -160,54 +161,50 @@ class SampledMechanism:
         resting = {**symbols.inputs, **sigma} | {name: 0.0 for m in self.moves for name in motion_names(m)[1:]}
         still = {**symbols.parameters, **{starts[name]: 0.0 for name in rates if name in starts}}
 
-        def moving(rate: str) -> tuple[float, Array]:
-            """Twice the kinetic energy, and the states, if one rate is 1 and the others are 0."""
+        def at_unit_rate(rate: str) -> tuple[float, Array]:
+            """Twice the kinetic energy, and the states, where one rate is 1 and the others are 0."""
             values = {**resting, **still, starts.get(rate, rate): 1.0}
             columns = [[values[name] for name in names] for names in (resting, still)]
             y, memory = model.start(0.0, *columns)
             z = model.outputs_function(0.0, y, *columns, memory)
             return 2 * float(z[energy]), np.array(y).ravel()[: len(states)]
 
-        moved = {rate: moving(rate) for rate in rates}
+        moved = {rate: at_unit_rate(rate) for rate in rates}
         inertia = {u: np.array([moved[rate][0] for rate, q in rates.items() if units[q] == u]) for u in units.values()}
         mean = {u: float(np.exp(np.mean(np.log(m[m > 0])))) for u, m in inertia.items() if m.max() > 0}
         values = by_name(states, self.start) | sigma | dict(self._extents)
         far = {u: max(abs(values.get(q, 0.0)) for q in units if units[q] == u) or 1.0 for u in inertia} | {"rad": 1.0}
         first = "rad" if "rad" in mean else next(iter(mean), "rad")
-        whole = mean.get(first, 1.0) * far[first] ** 2
-        by_unit = {u: np.sqrt(whole / mean[u]) if u in mean else x for u, x in far.items()}
+        full_state = mean.get(first, 1.0) * far[first] ** 2
+        by_unit = {u: np.sqrt(full_state / mean[u]) if u in mean else x for u, x in far.items()}
         coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
         coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal}
         changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()])
         momenta = {
-            name: float(size) if size > 0 else whole / self.time
+            name: float(size) if size > 0 else full_state / self.time
             for name, size in zip(states, changes.max(axis=0), strict=True)
             if name not in coordinates and name not in Orientation.quaternion
         }
-        return coordinates, momenta, float(whole / self.time**2)
+        return coordinates, momenta, float(full_state / self.time**2)
 
     @property
     def cyclic(self) -> list[str]:
         """Coordinates on which no rate depends."""
         symbols = self.symbols
-        enters = symbols.acts(symbols.relative_rates[self.state_indices], symbols.state[self.state_indices])
+        enters = symbols.dependencies(symbols.relative_rates[self.state_indices], symbols.state[self.state_indices])
         return [name for i, name in enumerate(self.names) if not enters[:, i].any() and name in self.free]
 
-    def _coupled(self) -> list[int]:
+    def _coupled_states(self) -> list[int]:
         """Indices of the states that σ acts on, and of those on which they depend."""
         symbols = self.symbols
-        acts = symbols.acts(symbols.relative_rates, ca.vertcat(symbols.state, *symbols.motion[:2]))
+        dependencies = symbols.dependencies(symbols.relative_rates, ca.vertcat(symbols.state, *symbols.motion[:2]))
         n = len(symbols.state_names)
-        among, coupled = acts[:, :n], acts[:, n:].any(axis=1)
-        for _ in range(n):
-            coupled = coupled | among[:, coupled].any(axis=1)
-        for _ in range(n):
-            coupled = coupled | among[coupled].any(axis=0)
-        return [int(i) for i in np.flatnonzero(coupled)]
+        uses, is_moved = dependencies[:, :n], dependencies[:, n:].any(axis=1)
+        return closure(uses, np.isin(np.arange(n), closure(uses.T, is_moved)))
 
     @cached_property
     def _slopes(self) -> ca.Function:
-        """(y, σ, σ̇, σ̈) -> rates, and their derivatives by each argument, side by side.
+        """Function (y, σ, σ̇, σ̈) -> rates, and derivatives by each argument, side by side.
 
         Under constraints the state is projected first: off the constraints the rates contain the stabilisation [1/s],
         which belongs to the integration, and would be stiff beside a slow motion.
@@ -223,9 +220,9 @@ class SampledMechanism:
             return slopes
         n, c = len(self.names), len(self.moves)
         y, *sigma = arguments = [ca.MX.sym("y", n), *(ca.MX.sym(name, c) for name in ("s", "v", "a"))]
-        whole = ca.MX(ca.DM(self.start))
-        whole[self.state_indices] = y
-        projection = self._projection(whole, *sigma)
+        full_state = ca.MX(ca.DM(self.start))
+        full_state[self.state_indices] = y
+        projection = self._projection(full_state, *sigma)
         rates, of_y, of_motion, of_acceleration = ca.horzsplit(
             slopes(projection[:, 0], *sigma), [0, 1, 1 + n, 1 + n + 2 * c, 1 + n + 3 * c]
         )
@@ -242,7 +239,7 @@ class SampledMechanism:
     def steps(
         self, times: Array, planned: Array, period: float, start: Array | None = None
     ) -> tuple[Array, list[Step]]:
-        """The reference states, and the linearised steps between communication points.
+        """Reference states, and linearised steps between communication points.
 
         :param times: communication points (N + 1).
         :param planned: σ, σ̇, σ̈ there, (moves, 3, N + 1).
@@ -253,14 +250,14 @@ class SampledMechanism:
         y, states, steps = self.start[self.state_indices] if start is None else start, [], []
         for k, H in enumerate(np.diff(times)):
             states.append(y)
-            y, step = self._step(y, planned[:, :, k : k + 2], float(H), period)
+            y, step = self._linearized_step(y, planned[:, :, k : k + 2], float(H), period)
             steps.append(step)
         reference = np.vstack([np.transpose([*states, y]), *(planned[:, i] for i in range(3))])
         return reference[self.rows], steps
 
     @cached_property
-    def _integrated(self) -> ca.Function:
-        """(z, p, 1) -> z after a step, by the Runge-Kutta method.
+    def _step_integrator(self) -> ca.Function:
+        """Function (z, p, 1) -> z after a step, by the Runge-Kutta method.
 
         z has the states and, beside them, their derivatives by the states at the start of the step and by the
         corrections at both ends; its last row is the elapsed part of the step.  p has the coefficients of σ and of
@@ -277,7 +274,8 @@ class SampledMechanism:
         rate = ca.vertcat(H * ca.horzcat(slopes[:, 0], change), ca.horzcat(1, ca.MX(1, n + 6 * c)))
         return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _SUBSTEPS)
 
-    def _step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
+    def _linearized_step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
+        """The mechanism's states after a step, and its matrices A and B."""
         n, c = len(self.names), len(self.moves)
         scale = np.array([1.0, H, H**2])
         ends = _HERMITE * np.tile(scale, 2)
@@ -286,7 +284,7 @@ class SampledMechanism:
         motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
         begin = np.zeros((n + 1, 1 + n + 6 * c))
         begin[:n, : n + 1] = np.column_stack([y, np.eye(n)])
-        last = self._integrated(begin, np.hstack([motion, ends, np.full((6, 1), H)]), 1.0)
+        last = self._step_integrator(begin, np.hstack([motion, ends, np.full((6, 1), H)]), 1.0)
         y, off = np.hsplit(np.array(last)[:n], [1])
         M, N = _correction_step(H, period, c)
         before, after = off[:, n : n + 3 * c], off[:, n + 3 * c :]
@@ -295,7 +293,7 @@ class SampledMechanism:
         return y.ravel(), (A * self.sizes / self.sizes[:, None], B * self.input_sizes / self.sizes[:, None])
 
     def directions(self, reference: Array, sigma: Array) -> Array:
-        """Directions of deviation, as columns divided by sizes: for a quaternion rotations, under constraints tangents.
+        """Directions of deviation, columns divided by sizes: for quaternions rotations, under constraints tangents.
 
         :param reference: the states (states,).
         :param sigma: σ and its two rates there, (moves, 3).
@@ -311,9 +309,9 @@ class SampledMechanism:
         return D
 
     def _tangents(self, y: Array, sigma: Array) -> Array:
-        """Directions tangential to the constraints, onto which the mechanism is projected."""
+        """Directions of deviation tangential to the constraints."""
         n, c = len(self.names), len(self.moves)
-        slopes = np.array(self._projection(self.whole(y), *sigma.T))[:, 1:]
+        slopes = np.array(self._projection(self.full_state(y), *sigma.T))[:, 1:]
         of_moves = np.array([self._start_sizes[0][m] for m in self.moves])
         sizes = np.concatenate([self.sizes[:n], of_moves, of_moves / self.time])
         slopes *= sizes / sizes[:n, None]
@@ -325,16 +323,16 @@ class SampledMechanism:
 
     @cached_property
     def _projection(self) -> ca.Function:
-        """(y, σ, σ̇, σ̈) -> projection of y onto the constraints, and its derivatives by y, σ and σ̇, side by side."""
+        """Function (y, σ, σ̇, σ̈) -> y projected onto the constraints, and derivatives by y, σ and σ̇, side by side."""
         symbols, project = self.symbols, self.symbols.model.project
         assert project is not None  # there are constraints
-        columns = column({**symbols.inputs, **symbols.moved}), column(symbols.parameters)
+        columns = stack((symbols.inputs | symbols.moved).values()), stack(symbols.parameters.values())
         projected = project(0, ca.vertcat(symbols.state, 0, 0), *columns)[self.state_indices]
         slopes = [ca.jacobian(projected, x) for x in (symbols.state[self.state_indices], *symbols.motion[:2])]
         return ca.Function("projection", symbols.arguments, [ca.densify(ca.horzcat(projected, *slopes))])
 
-    def whole(self, y: Array) -> Array:
-        """All states of the mechanism; those that y omits are as at the start."""
+    def full_state(self, y: Array) -> Array:
+        """All states of the mechanism, those that y omits as at the start."""
         states = self.start.copy()
         states[self.state_indices] = y
         return states
@@ -346,11 +344,12 @@ class SampledMechanism:
         return slopes[:, [row for row in self.rows if row < n + 3 * c]] @ (self.sizes[:, None] * directions)
 
     def forces(self, y: Array, sigma: Array) -> Array:
-        """Operator forces λ, and beside them the effective mass Θ, (moves, 1 + moves)."""
-        return np.array(self._forces(self.whole(y), *sigma.T))
+        """Operator forces λ and, beside them, the effective mass Θ: (moves, 1 + moves)."""
+        return np.array(self._forces_and_mass(self.full_state(y), *sigma.T))
 
     @cached_property
-    def _forces(self) -> ca.Function:
+    def _forces_and_mass(self) -> ca.Function:
+        """Function of state, σ, σ̇ and σ̈ for :meth:`forces`."""
         symbols = self.symbols
         return ca.Function("forces", symbols.arguments, [ca.densify(ca.horzcat(symbols.forces, symbols.mass))])
 
@@ -365,7 +364,7 @@ def _correction_step(H: float, period: float, count: int) -> Step:
     return np.asarray(np.kron(M, one), dtype=float), np.asarray(np.kron(N, one), dtype=float)
 
 
-def reduced(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
-    """A and B of steps in the coordinates of the directions at both ends of each."""
+def in_directions(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
+    """A and B of steps, in coordinates of the directions at both ends of each."""
     inverses = [np.linalg.pinv(D) for D in directions[1:]]
     return [(b @ A @ D, b @ B) for (A, B), D, b in zip(steps, directions[:-1], inverses, strict=True)]

@@ -40,8 +40,8 @@ class NullSpace:
     directions: Floats
 
     @classmethod
-    def of(cls, jacobian: Floats, values: Floats, size: float = 0.0) -> NullSpace:
-        """Return the null space of the derivatives of residuals, shape (residuals, unknowns).
+    def from_jacobian(cls, jacobian: Floats, values: Floats, size: float = 0.0) -> NullSpace:
+        """The null space of the derivatives of residuals, shape (residuals, unknowns).
 
         :param size: norm of all measured values, each divided by its standard deviation.
         """
@@ -60,61 +60,53 @@ class NullSpace:
 
     @property
     def dependent(self) -> list[int]:
-        """Indices of the last unknowns that must be held to determine all others."""
+        """Indices of the unknowns that have to be held to determine all others: the last ones possible."""
         return _independent(self.directions)
-
-    def projection(self) -> Floats:
-        """Return the orthogonal projector onto the null directions, shape (unknowns, unknowns)."""
-        return self.directions @ self.directions.T
 
 
 def _scales(values: Floats) -> Floats:
+    """Absolute values; 1 for those that are 0."""
     return np.where(values == 0, 1.0, np.abs(values))
 
 
-def sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: Sequence[str]) -> tuple[str, ...]:
-    """Return sentences such as ``"of gravity and length only gravity/length is determined by theta"``.
+def sentences(null_space: NullSpace, nearby: NullSpace, names: Sequence[str], measured: Sequence[str]) -> Iterator[str]:
+    """Yield sentences such as ``"of gravity and length only gravity/length is determined by theta"``.
 
-    :param near: null space at other values; only a product that both share is reported.
+    :param nearby: null space at other values; only a product that both share is reported.
     :param names: of the unknowns.
     :param measured: names of the signals.
     """
-    return tuple(_sentences(here, near, names, _joined(measured)))
-
-
-def _sentences(here: NullSpace, near: NullSpace, names: Sequence[str], measured: str) -> Iterator[str]:
-    undetermined = here.undetermined
-    linked: Any = connected_components(np.abs(here.projection()) > _INVOLVED)
-    blocks = linked[1]
+    linked: Any = connected_components(np.abs(null_space.directions @ null_space.directions.T) > _INVOLVED)
+    blocks, signals = linked[1], _joined(measured)
     absent: list[str] = []
-    for block in dict.fromkeys(blocks[undetermined]):
+    for block in dict.fromkeys(blocks[null_space.undetermined]):
         members = np.flatnonzero(blocks == block).tolist()
         own = [names[i] for i in members]
-        combinations = _combinations(here, near, members, own)
+        combinations = _combinations(null_space, nearby, members, own)
         if combinations:
             verb = "are" if "combinations" in combinations[0] or len(combinations) > 1 else "is"
-            yield f"of {_joined(own)} only {_joined(combinations)} {verb} determined by {measured}"
+            yield f"of {_joined(own)} only {_joined(combinations)} {verb} determined by {signals}"
         else:
             absent += own
     if absent:
-        yield f"{_joined(absent)}: not determined at all by {measured}"
+        yield f"{_joined(absent)}: not determined at all by {signals}"
 
 
-def _combinations(here: NullSpace, near: NullSpace, members: list[int], names: list[str]) -> list[str]:
-    """Return determined combinations of some unknowns: products, else sums, else their number."""
+def _combinations(null_space: NullSpace, nearby: NullSpace, members: list[int], names: list[str]) -> list[str]:
+    """Determined combinations of some unknowns: products, else sums, else their number."""
     for written in (_product, _sum):
         rows = [
             _integer_rows(space.directions[members] * (_scales(space.values)[members, None] if written is _sum else 1))
-            for space in (here, near)
+            for space in (null_space, nearby)
         ]
-        if None not in rows and rows[0] == rows[1] and (written is _sum or (here.values[members] != 0).all()):
+        if None not in rows and rows[0] == rows[1] and (written is _sum or (null_space.values[members] != 0).all()):
             return [written(row, names) for row in rows[0] or []]
-    count = len(members) - np.linalg.matrix_rank(here.directions[members], tol=_INVOLVED)
+    count = len(members) - np.linalg.matrix_rank(null_space.directions[members], tol=_INVOLVED)
     return [f"{count} combination{'s' if count > 1 else ''} near these values"] if count else []
 
 
 def _integer_rows(directions: Floats) -> list[tuple[int, ...]] | None:
-    """Return integer exponents orthogonal to the null directions; None if the exponents are no small integers."""
+    """Integer exponents orthogonal to the null directions; None unless there are small ones."""
     basis = null_space(directions.T, rcond=_INVOLVED)
     rows = []
     for row in (basis @ np.linalg.inv(basis[_independent(basis)])).T.tolist():
@@ -133,7 +125,7 @@ def _integer_rows(directions: Floats) -> list[tuple[int, ...]] | None:
 
 
 def _independent(rows: Floats) -> list[int]:
-    """Return the indices of the last rows that form a basis of all rows."""
+    """Indices of the last rows that form a basis of all rows."""
     chosen: list[int] = []
     for i in reversed(range(len(rows))):
         if np.linalg.matrix_rank(rows[[*chosen, i]], tol=_INVOLVED) > len(chosen):
@@ -142,7 +134,10 @@ def _independent(rows: Floats) -> list[int]:
 
 
 def _product(exponents: tuple[int, ...], names: list[str]) -> str:
+    """Text of a product of powers: ``"gravity/length"``."""
+
     def factors(sign: int) -> list[str]:
+        """Powers with exponents of one sign."""
         return [
             name if abs(n) == 1 else f"{name}**{abs(n)}"
             for name, n in zip(names, exponents, strict=True)
@@ -155,6 +150,7 @@ def _product(exponents: tuple[int, ...], names: list[str]) -> str:
 
 
 def _sum(weights: tuple[int, ...], names: list[str]) -> str:
+    """Text of a weighted sum: ``"x_0 - 2*offset"``."""
     terms = [
         ("-" if n < 0 else "+", name if abs(n) == 1 else f"{abs(n)}*{name}")
         for name, n in zip(names, weights, strict=True)
@@ -165,4 +161,5 @@ def _sum(weights: tuple[int, ...], names: list[str]) -> str:
 
 
 def _joined(words: Sequence[str]) -> str:
+    """Text of a list: ``"a, b and c"``."""
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]])) if words else ""

@@ -129,7 +129,7 @@ def to_csv(fit: Fitted, path: Path | str) -> None:
 
 
 def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
-    """Return each experiment with a table of measured values, fitted values and residuals."""
+    """Each experiment with a table of measured values, fitted values and residuals."""
     tables = []
     for experiment, fitted in zip(estimate.objective.experiments, estimate.fitted, strict=True):
         data, columns, units = experiment.measurements, {}, {}
@@ -142,7 +142,7 @@ def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
 
 
 def _curve(estimate: ParameterEstimate, experiment: MeasuredMotion, name: str) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return times, fitted values, and both ends of the confidence band."""
+    """Times, fitted values, and both ends of the confidence band."""
     data = experiment.measurements
     row = data.signals.index(name)
     times = np.linspace(data.times[0], data.times[-1], _CURVE_POINTS)
@@ -154,6 +154,7 @@ def _curve(estimate: ParameterEstimate, experiment: MeasuredMotion, name: str) -
 
 
 def _saved(figure: Figure, path: Path | str | None) -> Figure:
+    """The figure, which is saved if there is a path."""
     if path is not None:
         save(figure, as_path("path", path))
     return figure

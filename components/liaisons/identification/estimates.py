@@ -62,11 +62,11 @@ class ParameterEstimate:
         shifts = np.where(self.null_space.undetermined, random * np.where(self.values == 0, 1, self.values), 0)
         values = np.clip(self.values + shifts, *self.objective.limits)
         try:
-            near = self.objective.null_space(values)
+            nearby = self.objective.null_space(values)
         except LiaisonsError:  # start values that contradict each other
-            near = self.null_space
+            nearby = self.null_space
         signals = dict.fromkeys(name for data in self.problem.measurements for name in data.signals)
-        return sentences(self.null_space, near, self.problem.names, list(signals))
+        return tuple(sentences(self.null_space, nearby, self.problem.names, list(signals)))
 
     @cached_property
     def covariance(self) -> Floats:
@@ -101,7 +101,7 @@ class ParameterEstimate:
         return tuple(experiment.forward(self.values)[0] for experiment in self.objective.experiments)
 
     def standardised(self) -> Iterator[tuple[str, Floats, float, Floats]]:
-        """Yield for each signal its name, standardised residuals and their rounding error.
+        """Yield name, standardised residuals and their rounding error of each signal.
 
         The fourth item has time and size of the signal, which noise may grow with, shape (2, residuals).
         """
@@ -117,7 +117,7 @@ class ParameterEstimate:
                 yield label, (measured - signal)[present] / level, rounding, grows_with
 
     def with_finer_steps(self) -> Minimum:
-        """Return the minimum at a tenth of the integration tolerance."""
+        """The minimum at a tenth of the integration tolerance."""
         levels = [experiment.deviations for experiment in self.objective.experiments]
         finer = self.problem.objective(self.values, levels, self.problem.tolerance / 10)
         return minimise(finer, self.values, self.fixed)
@@ -138,7 +138,7 @@ class ParameterEstimate:
         return self.problem.noise is not None or self.degrees_of_freedom > 0
 
     def intervals(self, probability: float) -> Floats:
-        """Return confidence intervals, shape (unknowns, 2); at a bound one-sided, by profile likelihood."""
+        """Confidence intervals, shape (unknowns, 2); at a bound one-sided, by profile likelihood."""
         half = self._quantile((1 + probability) / 2) * self.standard_errors
         ends = np.clip(self.values + np.outer([-1, 1], half), *self.objective.limits).T
         for i in self.at_bound:
@@ -146,17 +146,19 @@ class ParameterEstimate:
         return ends
 
     def _quantile(self, probability: float) -> float:
+        """Quantile of the normal distribution, or of Student's if the noise is estimated."""
         return float(
             norm.ppf(probability) if self.problem.noise else t.ppf(probability, max(1, self.degrees_of_freedom))
         )
 
     def _profile_end(self, i: int, quantile: float) -> float:
-        """Return the value of an unknown at which the minimal cost has risen by half the square of a quantile."""
+        """Value of an unknown at which the minimal cost has risen by half the square of a quantile."""
         best = self.minimum
         side = 1 if self.values[i] == self.objective.limits[0, i] else -1
         latest = [best]
 
         def excess(distance: float) -> float:
+            """Twice the rise of the minimal cost at a distance, less the square of the quantile."""
             start = latest[0].values.copy()
             start[i] = self.values[i] + side * distance
             latest[0] = minimise(self.objective, start, {i, *self.fixed})
@@ -169,18 +171,17 @@ class ParameterEstimate:
             distance *= 2
         return side * np.inf
 
-    def refits(self, count: int, seed: int = 0) -> Floats:
-        """Return unknowns fitted to simulated measurements, shape (count, unknowns).
+    def refits(self, count: int) -> Floats:
+        """Unknowns fitted to simulated measurements, shape (count, unknowns).
 
         The noise is normal; for a robust loss it is drawn from the residuals.
         """
-        return np.array([minimum.values for minimum in self._refits(count, np.random.default_rng(seed))])
-
-    def _refits(self, count: int, random: np.random.Generator) -> Iterator[Minimum]:
-        residuals, _ = self.linearization
-        for _ in range(count):
+        random, (residuals, _) = np.random.default_rng(0), self.linearization
+        values = np.empty((count, len(self.values)))
+        for fitted in values:
             noise = random.standard_normal(residuals.shape)
             if self.objective.loss != "linear":
                 noise = random.choice(residuals, residuals.shape)
             simulated = replace(self.objective, shift=self.objective.shift - residuals - noise)
-            yield minimise(simulated, self.values, self.fixed, 1e-8)
+            fitted[:] = minimise(simulated, self.values, self.fixed, 1e-8).values
+        return values

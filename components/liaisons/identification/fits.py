@@ -76,13 +76,13 @@ class Fit:
             f"{self.names[i]} = {estimate.values[i]:g} is at its bound; its interval is one-sided"
             for i in estimate.at_bound
         )
-        kept = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
+        held = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
         count = len(self.names) - len(estimate.fixed)
         unsure = f"{count} unknowns from as many numbers leave no residual that shows the noise; give noise="
-        return (*estimate.sentences, *kept, *bounds, *[unsure] * (not estimate.has_noise_estimate))
+        return (*estimate.sentences, *held, *bounds, *[unsure] * (not estimate.has_noise_estimate))
 
     def intervals(self, probability: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Return confidence intervals in SI units; without the argument ``noise`` by Student's distribution.
+        """Confidence intervals in SI units; without the argument ``noise`` by Student's distribution.
 
         At a bound they are one-sided, by profile likelihood; undetermined unknowns have not-a-number.
 
@@ -118,7 +118,7 @@ class Fit:
         return replays(self.estimate)
 
     def verify(self) -> list[Verdict]:
-        """Return verdicts: replay through the FMUs, tests of residuals, variances against 200 fits, finer steps.
+        """Verdicts: replay through the FMUs, tests of residuals, variances of 200 fits, finer steps.
 
         ``liaisons.check.table`` prints them; ``all(v.passed for v in ...)`` is their conjunction.
         """

@@ -135,7 +135,7 @@ def identify(
         tolerance=tolerance,
         deadline=deadline,
     )
-    _check_solvable(problem)
+    _refuse_unsolvable(problem)
     fit = Fit(estimated(problem, segments))
     if message := fit.estimate.minimum.message:
         words = "give other start values, or segments of multiple shooting"
@@ -144,7 +144,7 @@ def identify(
 
 
 class _Unknowns:
-    """Names of unknowns, element by element, and their indices in the vector of unknowns.
+    """The unknowns element by element, and their indices in the vector of unknowns.
 
     :ivar labels: of each unknown, its name in the fit and the name of its variable.
     :ivar columns: for each experiment, name of a variable -> index.
@@ -173,13 +173,14 @@ class _Unknowns:
         self.columns = tuple(columns)
 
     def _elements(self, label: str, name: str) -> list[str]:
+        """Names of the variables that a name stands for: itself, or the elements of an array."""
         elements = [one for one in self.variables if name in {one, split(one)[0]}]
         if not elements:
             raise IdentificationError(f"{label}: no value is called {name!r}{suggestion(name, self.variables)}")
         return elements
 
     def by_element(self, label: str, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return numbers by element; keys are names of arrays or of elements."""
+        """Numbers by element, from numbers by names of arrays or elements."""
         numbers: dict[str, float] = {}
         for name, value in values.items():
             elements = self._elements(label, name)
@@ -194,8 +195,8 @@ class _Unknowns:
                 numbers[one] = number
         return numbers
 
-    def _values_of_unknowns(self, label: str, values: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
-        """Yield index, name and value of each unknown that has a value in a mapping."""
+    def _pairs_of_unknowns(self, label: str, values: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
+        """Yield index, name and pair of numbers of each unknown that a mapping has."""
         for name, value in named(label, values, IdentificationError).items():
             elements = self._elements(label, name)
             if missing := [element for element in elements if element not in self.names]:
@@ -207,13 +208,13 @@ class _Unknowns:
                     yield i, text, value
 
     def limits(self, bounds: Mapping[str, Range], delay: float) -> Floats:
-        """Return lower and upper bounds, shape (2, unknowns); default: the domains of the variables.
+        """Lower and upper bounds, shape (2, unknowns); by default the domains of the variables.
 
         :param delay: time between the start of the motion and the first measurement [s].
         """
         variables = [self.variables[name] for _, name in self.labels]
         ends = [(-delay if v.name == TIME_OFFSET else v.minimum, v.maximum) for v in variables]
-        for i, name, (low, high) in self._values_of_unknowns("bounds", bounds):
+        for i, name, (low, high) in self._pairs_of_unknowns("bounds", bounds):
             for end in (low, high):
                 if end is not None:
                     finite(f"bounds: {name}", end, IdentificationError)
@@ -226,7 +227,7 @@ class _Unknowns:
 
     def priors(self, prior: Mapping[str, tuple[float, float]]) -> Iterator[Prior]:
         """Yield the priors of unknowns."""
-        for i, name, (mean, deviation) in self._values_of_unknowns("prior", prior):
+        for i, name, (mean, deviation) in self._pairs_of_unknowns("prior", prior):
             finite(f"prior: mean of {name}", mean, IdentificationError)
             positive(f"prior: standard deviation of {name}", deviation, IdentificationError)
             yield Prior(i, mean, deviation)
@@ -240,13 +241,13 @@ def _model(subject: Target | Model | System) -> Model:
 
 
 def _started_output(name: str) -> str:
-    """Return the name of the output that starts at a parameter: ``"theta[1]"`` for ``"theta_0[1]"``, else empty."""
+    """Name of the output that starts at a parameter: ``"theta[1]"`` for ``"theta_0[1]"``; else empty."""
     base, _ = split(name)
     return base.removesuffix("_0") + name[len(base) :] if base.endswith("_0") else ""
 
 
-def _check_solvable(problem: FittingProblem) -> None:
-    """Raise unless there are unknowns, numbers enough to determine them, and start values within bounds."""
+def _refuse_unsolvable(problem: FittingProblem) -> None:
+    """Raise an error unless there are unknowns, as many numbers, and start values within bounds."""
     count = len(problem.names)
     if not count:
         raise IdentificationError("unknown: nothing is unknown; name one value at least")

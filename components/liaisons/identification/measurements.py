@@ -56,7 +56,7 @@ def measurements(
     ignore: str | Iterable[str] = (),
     smoothing: float | None = None,
 ) -> tuple[Measurements, ...]:
-    """Read experiments from files, results, or mappings of arrays.
+    """Measurements of experiments, from files, results, or mappings of arrays.
 
     A column named like an output is a signal.  A column named like an input or an active coordinate drives the motion:
     a quintic spline interpolates its values, and its rates and accelerations if these have columns.
@@ -109,7 +109,7 @@ def measurements(
 
 
 def noise_levels(noise: object, experiment: Measurements) -> Floats:
-    """Return the standard deviation of each signal, shape (signals,).
+    """Standard deviation of each signal, shape (signals,).
 
     :param noise: a number for all signals, or a mapping by names of signals or of whole arrays.
     :raises IdentificationError: for a number that is not > 0, a name that is no signal, or a signal without noise.
@@ -142,6 +142,7 @@ def _refuse_rows(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> N
 
 
 def _number(cell: object, row: str) -> float:
+    """The number in a cell; not-a-number for an empty one."""
     try:
         return float(str(cell) or "nan")
     except ValueError as error:
@@ -149,12 +150,12 @@ def _number(cell: object, row: str) -> float:
 
 
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
-    """Whether the element or its array is among the names."""
+    """Whether an element or its array is among the names."""
     return not {name, split(name)[0]}.isdisjoint(chosen)
 
 
 def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
-    """Return ``time`` and the columns of variables by name, in SI units."""
+    """``time`` and the columns of variables by name, in SI units."""
     units = {"time": "s"} | {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
     values: dict[str, Floats] = {}
     for heading, below, cells in columns:
@@ -199,19 +200,19 @@ def _inputs(  # noqa: PLR0917
 
 
 def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
-    """Return the knots of the quintic spline that fits values best, shape (4, knots)."""
-    at = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / width)))
-    required = 6 if at.size == 2 else 2  # a single quintic has six coefficients
-    too_few = np.histogram(times, at)[0] < required
+    """Knots of the quintic spline that fits values best, shape (4, knots)."""
+    edges = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / width)))
+    required = 6 if edges.size == 2 else 2  # a single quintic has six coefficients
+    too_few = np.histogram(times, edges)[0] < required
     if too_few.any():
-        begin = at[too_few.argmax()]
+        begin = edges[too_few.argmax()]
         raise ValueError(f"smoothing = {width:g} s leaves less than {required} values after t = {begin:g} s; widen it")
-    spline = make_lsq_spline(times, values, np.pad(at, 5, mode="edge"), 5)
-    return np.array([at, *(spline(at, order) for order in range(3))])
+    spline = make_lsq_spline(times, values, np.pad(edges, 5, mode="edge"), 5)
+    return np.array([edges, *(spline(edges, order) for order in range(3))])
 
 
 def _table(data: object) -> tuple[str, _Columns, list[str]]:
-    """Return title, columns and row labels of a table."""
+    """Title, columns and row labels of a table."""
     if isinstance(data, (str, PathLike)):
         headings, below, lines = csv_cells(Path(data), IdentificationError)
         if not headings:

@@ -19,6 +19,7 @@ _COST_ROUNDING = 1e-14
 
 
 def _huber(z: Floats) -> Floats:
+    """Huber's loss of squared residuals, its first and its second derivative."""
     outside = np.maximum(z, 1)
     return np.where(
         z <= 1, [z, np.ones_like(z), np.zeros_like(z)], [2 * z**0.5 - 1, outside**-0.5, -(outside**-1.5) / 2]
@@ -50,11 +51,11 @@ class Minimum:
 
 @final
 class _SearchEnd(Exception):  # noqa: N818 - not an error
-    """Ends the search: without a message at the minimum, with one at the deadline."""
+    """Ends the search, with a minimum as its argument."""
 
 
 def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
-    """Return the minimum of the cost near a start.
+    """The minimum of the cost near a start.
 
     The search ends, with a message, at the deadline of the objective.
 
@@ -62,70 +63,64 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
     :param accuracy: relative, of cost and unknowns.
     :raises LiaisonsError: if residuals have no value at the start.
     """
-    scale = np.abs(objective.rounded(start))
+    typical = np.abs(objective.rounded(start))
     free = np.setdiff1d(np.arange(len(start)), list(held))
-    latest: list[Any] = [None, None]
+    first, _ = objective(start)
 
-    def at(unknowns: Floats) -> Any:
-        if latest[0] is None or not np.array_equal(latest[0], unknowns):
-            values = start.copy()
-            values[free] = unknowns
-            latest[:] = unknowns.copy(), objective(values)
-        return latest[1]
+    def all_values(unknowns: Floats) -> Floats:
+        """Values of all unknowns, from those that are not held."""
+        values = start.copy()
+        values[free] = unknowns
+        return values
 
     def cost(residuals: Floats) -> float:
+        """Half the sum of the losses."""
         return float(LOSSES[objective.loss](residuals**2)[0].sum() / 2)
 
-    first = at(start[free])[0]
-
     def residuals_or_nan(unknowns: Floats) -> Floats:
-        """Return residuals; outside of the domain not-a-number, after which SciPy tries a shorter step."""
+        """Residuals; outside of the domain not-a-number, after which SciPy tries a shorter step."""
         try:
-            return at(unknowns)[0].copy()
+            return objective(all_values(unknowns))[0]
         except LiaisonsError:
             return np.full_like(first, np.nan)
 
-    def slopes(unknowns: Floats) -> Floats:
-        residuals, derivatives = at(unknowns)
+    def derivatives_or_end(unknowns: Floats) -> Floats:
+        """Derivatives of the residuals; end the search where the cost can only fall by rounding, or at the deadline."""
+        values = all_values(unknowns)
+        residuals, derivatives = objective(values)
         gradient, curvature = influence(objective.loss, residuals)
         weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
         lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
-        _end_at_minimum_or_deadline(float(lowered @ lowered) / 2, cost(residuals), objective.deadline)
+        least = cost(residuals)
+        if float(lowered @ lowered) / 2 <= _COST_ROUNDING * least:
+            raise _SearchEnd(Minimum(values, least, ""))
+        if time.monotonic() > objective.deadline:
+            raise _SearchEnd(Minimum(values, least, "time_limit has passed;"))
         return derivatives[:, free]
 
-    values = start.copy()
     if not free.size:
-        return Minimum(values, cost(first), "")
+        return Minimum(start.copy(), cost(first), "")
     try:
         solution: Any = least_squares(
             residuals_or_nan,
             start[free],
-            slopes,  # type: ignore[arg-type]  # SciPy takes functions, too
+            derivatives_or_end,  # type: ignore[arg-type]  # SciPy takes functions, too
             bounds=objective.limits[:, free],
             loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
-            x_scale=np.where(scale[free] == 0, 1.0, scale[free]),
+            x_scale=np.where(typical[free] == 0, 1.0, typical[free]),
             ftol=accuracy,
             xtol=accuracy,
             gtol=None,  # type: ignore[arg-type]  # as SciPy documents
             max_nfev=_MAX_EVALUATIONS,
         )
     except _SearchEnd as end:
-        values[free], (residuals, _) = latest
-        return Minimum(values, cost(residuals), str(end))
-    values[free] = solution.x
-    return Minimum(values, float(solution.cost), "" if solution.status > 0 else solution.message)
-
-
-def _end_at_minimum_or_deadline(gain: float, cost: float, deadline: float) -> None:
-    """Raise if the predicted decrease of the cost is rounding, or the deadline has passed."""
-    if gain <= _COST_ROUNDING * cost:
-        raise _SearchEnd
-    if time.monotonic() > deadline:
-        raise _SearchEnd("time_limit has passed;")
+        return end.args[0]
+    message = "" if solution.status > 0 else solution.message
+    return Minimum(all_values(solution.x), float(solution.cost), message)
 
 
 def influence(loss: str, residuals: Floats) -> tuple[Floats, Floats]:
-    """Return the first and second derivative of half the loss by the residual."""
+    """First and second derivative of half the loss by the residual."""
     squares = residuals**2
     _, slope, curvature = LOSSES[loss](squares)
     return slope * residuals, slope + 2 * squares * curvature

@@ -80,7 +80,7 @@ class Prior:
 @final
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Residuals of measurements, links and priors, each divided by its standard deviation; limits of the unknowns.
+    """Residuals of measurements, links and priors, each divided by its standard deviation.
 
     :param limits: least and largest values, infinite where there are none, shape (2, unknowns).
     :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
@@ -109,6 +109,7 @@ class Objective:
         return residuals.copy(), derivatives.copy()
 
     def _evaluate(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Residuals and their derivatives, which are calculated anew."""
         unit, parts, motions = np.eye(len(unknowns)), [], []
         for experiment in self.experiments:
             signals, rates = experiment.forward(unknowns)
@@ -128,23 +129,19 @@ class Objective:
         return residuals + self.shift, derivatives
 
     def rounded(self, unknowns: Floats) -> Floats:
-        """Return the unknowns; those that are negligible beside their start values become 0."""
+        """The unknowns; those that are negligible beside their start values become 0."""
         typical = np.where(self.start == 0, 1.0, np.abs(self.start))
         return np.where(np.abs(unknowns) < _NEGLIGIBLE * typical, 0.0, unknowns)
 
     def null_space(self, unknowns: Floats) -> NullSpace:
-        """Return the changes of unknowns that change no residual."""
-        return NullSpace.of(self(unknowns)[1], self.rounded(unknowns), self.size)
+        """Changes of unknowns that change no residual."""
+        return NullSpace.from_jacobian(self(unknowns)[1], self.rounded(unknowns), self.size)
 
     @property
     def size(self) -> float:
         """Norm of all measured values, each divided by its standard deviation."""
         parts = [np.nan_to_num(e.measurements.values / e.deviations[:, None]).ravel() for e in self.experiments]
         return float(np.linalg.norm(np.concatenate(parts)))
-
-    def with_link_deviations(self, factor: float) -> Objective:
-        """Return this objective with the standard deviations of its links multiplied by a factor."""
-        return replace(self, links=tuple(replace(link, deviations=factor * link.deviations) for link in self.links))
 
 
 @final
@@ -187,7 +184,7 @@ class FittingProblem:
         return sum(int(np.isfinite(data.values).sum()) for data in self.measurements)
 
     def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
-        """Return the residuals of motions; their step sizes are chosen for these unknowns."""
+        """Residuals of motions, whose step sizes are chosen for these unknowns."""
         experiments = (
             self._measured_motion(data, columns, unknowns, level, tolerance=tolerance)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
@@ -205,7 +202,7 @@ class FittingProblem:
         record: Sequence[str] | None = None,
         tolerance: float | None = None,
     ) -> MeasuredMotion:
-        """Return one experiment with its motion; step sizes are chosen for these unknowns.
+        """One experiment with its motion, whose step sizes are chosen for these unknowns.
 
         :param record: signals, those of the measurements first; None: those of the measurements.
         """
@@ -225,7 +222,7 @@ class FittingProblem:
         return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
 
     def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
-        """Return the objective of multiple shooting: each segment has its own start values, links join the segments.
+        """The objective of multiple shooting: segments with start values of their own, joined by links.
 
         :returns: objective, and its unknowns: start values of all segments but the first are appended.  A time offset
             is constant.
@@ -268,7 +265,7 @@ class FittingProblem:
 
 
 def values_near(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
-    """Return an output or its rate at some times, from parabolas fitted to measurements nearby.
+    """Values of an output or its rate at some times, from parabolas fitted to measurements nearby.
 
     :param edges: indices of the times.
     :param otherwise: values to return if neither the output nor its integral was measured.

@@ -25,15 +25,16 @@ _MIN_STEPS = 1000
 
 @lru_cache(maxsize=1)  # film and verdicts share the runs
 def replays(estimate: ParameterEstimate) -> tuple[Result, ...]:
-    """Return the result of each experiment; the times of its measurements are communication points."""
+    """Runs of the FMUs for each experiment; the times of its measurements are communication points."""
     problem, values = estimate.problem, estimate.values.tolist()
     return tuple(
-        _replay(problem, experiment, {name: values[i] for name, i in columns.items() if name != TIME_OFFSET})
+        _run_experiment(problem, experiment, {name: values[i] for name, i in columns.items() if name != TIME_OFFSET})
         for experiment, columns in zip(estimate.objective.experiments, problem.columns, strict=True)
     )
 
 
-def _replay(problem: FittingProblem, experiment: MeasuredMotion, values: Mapping[str, float]) -> Result:
+def _run_experiment(problem: FittingProblem, experiment: MeasuredMotion, values: Mapping[str, float]) -> Result:
+    """Simulate the FMUs with the inputs of an experiment."""
     starts = {**problem.start_values, **values}
     data, subject = experiment.measurements, problem.subject
     ends = np.unique([problem.start_time, *experiment.motion.times])

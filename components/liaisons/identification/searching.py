@@ -32,7 +32,7 @@ _DEVIATION_PER_MEDIAN = 1.4826
 
 
 def estimated(problem: FittingProblem, segments: int | None = None) -> ParameterEstimate:
-    """Return the best estimate.
+    """The best estimate of the unknowns.
 
     :param segments: of multiple shooting; 1: single shooting; None: single shooting, then multiple shooting with more
         and more segments until residuals are near the noise.
@@ -56,7 +56,7 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
             break
     if best is None:
         raise failure or AssertionError
-    estimate = _refine(problem, best, levels)
+    estimate = _refined(problem, best, levels)
     return replace(  # to verify it takes time of its own
         estimate,
         problem=replace(problem, deadline=math.inf),
@@ -65,7 +65,7 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
 
 
 def _initial_noise(problem: FittingProblem) -> tuple[Floats, ...]:
-    """Return initial guesses of unknown noise, one for each signal name, by experiment."""
+    """Initial guesses of unknown noise, one for each signal, by experiment."""
     columns: dict[str, list[Floats]] = {}
     for data in problem.measurements:
         for name, values in zip(data.signals, data.values, strict=True):
@@ -77,20 +77,22 @@ def _initial_noise(problem: FittingProblem) -> tuple[Floats, ...]:
 
 
 def _is_poor(objective: Objective, minimum: Minimum) -> bool:
+    """Whether the median residual is far above the noise."""
     return _DEVIATION_PER_MEDIAN * float(np.median(np.abs(objective(minimum.values)[0]))) > _POOR_FIT
 
 
 def _multiple_shooting(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:
-    """Return start values from multiple shooting; the links are tightened step by step."""
+    """Start values from multiple shooting, whose links are tightened step by step."""
     objective, values = problem.segments(problem.start, levels, count)
     held = objective.null_space(values).dependent
     for factor in _LINK_DEVIATIONS:
-        values = minimise(objective.with_link_deviations(factor), values, held).values
+        links = tuple(replace(link, deviations=factor * link.deviations) for link in objective.links)
+        values = minimise(replace(objective, links=links), values, held).values
     return values[: len(problem.start)]
 
 
 def _minimum_of_determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
-    """Return the minimum with undetermined unknowns held, and the indices of these."""
+    """The minimum with undetermined unknowns held, and the indices of these."""
     held = objective.null_space(start).dependent
     while True:
         minimum = minimise(objective, start, held)
@@ -100,14 +102,14 @@ def _minimum_of_determined(objective: Objective, start: Floats) -> tuple[Minimum
         start, held = minimum.values, fewer
 
 
-def _refine(problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]) -> ParameterEstimate:
-    """Repeat the search with step sizes and noise taken from the last estimate, until neither changes."""
+def _refined(problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]) -> ParameterEstimate:
+    """The estimate with step sizes and noise of the estimate before, when neither changes any more."""
     rounds = 0
     while True:
         rounds += 1
         objective = problem.objective(minimum.values, levels)
         before, (minimum, held) = minimum, _minimum_of_determined(objective, minimum.values)
-        estimate = _move_to_bounds(ParameterEstimate(problem, objective, minimum, held))
+        estimate = _with_unknowns_at_bounds(ParameterEstimate(problem, objective, minimum, held))
         scales = np.fmax(np.abs(minimum.values), estimate.standard_errors)
         settled = np.all(np.abs(minimum.values - before.values) <= _CONVERGED * scales)
         if problem.noise is None:
@@ -118,8 +120,8 @@ def _refine(problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats])
             return estimate
 
 
-def _move_to_bounds(estimate: ParameterEstimate) -> ParameterEstimate:
-    """Return the estimate with unknowns put onto a nearby bound where the cost falls towards it."""
+def _with_unknowns_at_bounds(estimate: ParameterEstimate) -> ParameterEstimate:
+    """The estimate with unknowns at a nearby bound where the cost falls towards it."""
     values, (low, high) = estimate.values, estimate.objective.limits
     gradient = np.einsum("r,ri->i", *estimate.linearization)
     errors = estimate.standard_errors
@@ -135,7 +137,7 @@ def _move_to_bounds(estimate: ParameterEstimate) -> ParameterEstimate:
 
 
 def _residual_noise(estimate: ParameterEstimate) -> tuple[Floats, ...]:
-    """Return standard deviations estimated from residuals, one for each signal name, by experiment."""
+    """Standard deviations estimated from residuals, one for each signal, by experiment."""
     problem, columns = estimate.problem, {}
     experiments = estimate.objective.experiments
     for experiment, fitted in zip(experiments, estimate.fitted, strict=True):

@@ -35,17 +35,17 @@ def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator
     yield verdict("measurements determine all unknowns", error=count, tolerance=0.0)
     unknown = float(not estimate.has_noise_estimate)
     yield verdict("the noise is given, or residuals are left that show it", error=unknown, tolerance=0.0)
-    yield _replayed(estimate, replays)
+    yield _replay_verdict(estimate, replays)
     if not unknown:
         yield from residual_tests(estimate)
     if problem.noise and problem.loss == "linear" and estimate.degrees_of_freedom > 0:
-        yield _size(estimate)
-    yield from _variances(estimate)
-    yield _finer(estimate)
+        yield _chi_squared_verdict(estimate)
+    yield from _variance_verdicts(estimate)
+    yield _finer_steps_verdict(estimate)
 
 
-def _replayed(estimate: ParameterEstimate, replays: Sequence[Result]) -> Verdict:
-    """Compare each signal with its replay, relative to its size or to a hundredth of the noise."""
+def _replay_verdict(estimate: ParameterEstimate, replays: Sequence[Result]) -> Verdict:
+    """Verdict on the runs of the FMUs, relative to the size of each signal or a hundredth of the noise."""
     errors = [0.0]
     for experiment, fitted, replay in zip(estimate.objective.experiments, estimate.fitted, replays, strict=True):
         data, levels = experiment.measurements, experiment.deviations
@@ -71,23 +71,23 @@ def residual_tests(estimate: ParameterEstimate) -> Iterator[Verdict]:
         if lags:
             text = f"residuals of {label} are white: Ljung and Box's sum over {lags} lags"
             bound = float(chi2.isf(chance, lags))
-            yield verdict(text, error=whiteness(r, lags), tolerance=bound, reason=reason)
+            yield verdict(text, error=ljung_box(r, lags), tolerance=bound, reason=reason)
         if estimate.problem.loss == "linear" and len(r) >= _MIN_COUNT:
             text = f"residuals of {label} keep their size: Glejser's test of growth with time and signal"
-            yield verdict(text, error=growth(r, grows_with), tolerance=float(chi2.isf(chance, 2)), reason=reason)
+            yield verdict(text, error=glejser(r, grows_with), tolerance=float(chi2.isf(chance, 2)), reason=reason)
             text = f"residuals of {label} have no outlier: Grubbs's ratio of the largest to all"
-            yield verdict(text, error=largest(r), tolerance=largest_bound(len(r), chance), reason=reason)
+            yield verdict(text, error=grubbs_ratio(r), tolerance=grubbs_bound(len(r), chance), reason=reason)
 
 
-def whiteness(r: Floats, count: int) -> float:
-    """Return the statistic of Ljung and Box; for white noise chi-squared with ``count`` degrees of freedom."""
+def ljung_box(r: Floats, count: int) -> float:
+    """Statistic of Ljung and Box; for white noise chi-squared with ``count`` degrees of freedom."""
     n, lags = len(r), np.arange(1, count + 1)
     correlation = np.array([r[k:] @ r[:-k] for k in lags]) / (r @ r)
     return n * (n + 2) * float(np.sum(correlation**2 / (n - lags)))
 
 
-def growth(r: Floats, grows_with: Floats) -> float:
-    """Return the number of residuals times the squared correlation of their sizes with k regressors.
+def glejser(r: Floats, grows_with: Floats) -> float:
+    """Number of residuals times the squared correlation of their sizes with k regressors.
 
     For constant noise chi-squared with k degrees of freedom (Glejser, Journal of the American Statistical Association
     64 (1969) 316-323).
@@ -98,13 +98,13 @@ def growth(r: Floats, grows_with: Floats) -> float:
     return len(r) * float(explained @ explained / (sizes @ sizes))
 
 
-def largest(r: Floats) -> float:
-    """Return the largest deviation from the mean, divided by the standard deviation."""
+def grubbs_ratio(r: Floats) -> float:
+    """Largest deviation from the mean, divided by the standard deviation."""
     return float(np.abs(r - r.mean()).max() / np.std(r, ddof=1))
 
 
-def largest_bound(count: int, chance: float) -> float:
-    """Return the bound that normal numbers exceed with at most this probability.
+def grubbs_bound(count: int, chance: float) -> float:
+    """Bound of this ratio that normal numbers exceed with at most this probability.
 
     Grubbs, Technometrics 11 (1969) 1-21.
     """
@@ -112,14 +112,15 @@ def largest_bound(count: int, chance: float) -> float:
     return (count - 1) / count**0.5 * (square / (count - 2 + square)) ** 0.5
 
 
-def _size(estimate: ParameterEstimate) -> Verdict:
+def _chi_squared_verdict(estimate: ParameterEstimate) -> Verdict:
+    """Verdict on the sum of squares of the residuals."""
     square, freedom = 2 * estimate.minimum.cost, estimate.degrees_of_freedom
     text = f"residuals are as large as the noise: chi-squared {square:.4g} of {freedom}"
-    return _chi_squared(text, square, freedom, _FALSE_ALARM)
+    return _two_sided_verdict(text, square, freedom, _FALSE_ALARM)
 
 
-def _variances(estimate: ParameterEstimate) -> Iterator[Verdict]:
-    """Compare variances of fits to simulated measurements with those of the estimate."""
+def _variance_verdicts(estimate: ParameterEstimate) -> Iterator[Verdict]:
+    """Verdicts on the variances of fits to simulated measurements."""
     sure = np.flatnonzero(np.isfinite(estimate.standard_errors)).tolist()
     if not sure:
         return
@@ -127,18 +128,18 @@ def _variances(estimate: ParameterEstimate) -> Iterator[Verdict]:
     for i, ratio in zip(sure, ratios.tolist(), strict=True):
         name = estimate.problem.names[i]
         text = f"the variance of {name} in {_REFITS} fits to simulated measurements is {ratio:.2f} times as large"
-        yield _chi_squared(text, (_REFITS - 1) * ratio, _REFITS - 1, (1 - _VARIANCE_CONFIDENCE) / len(sure))
+        yield _two_sided_verdict(text, (_REFITS - 1) * ratio, _REFITS - 1, (1 - _VARIANCE_CONFIDENCE) / len(sure))
 
 
-def _chi_squared(claim: str, square: float, freedom: int, chance: float) -> Verdict:
-    """Return the two-sided verdict on a chi-squared number, in equivalent normal deviations."""
+def _two_sided_verdict(claim: str, square: float, freedom: int, chance: float) -> Verdict:
+    """Two-sided verdict on a chi-squared number, in equivalent normal deviations."""
     error = norm.isf(min(chi2.cdf(square, freedom), chi2.sf(square, freedom)))
     reason = f"normal deviations that have the chance {chance:g}"
     return verdict(claim, error=float(abs(error)), tolerance=float(norm.isf(chance / 2)), reason=reason)
 
 
-def _finer(estimate: ParameterEstimate) -> Verdict:
-    """Compare the values with those at a tenth of the integration tolerance."""
+def _finer_steps_verdict(estimate: ParameterEstimate) -> Verdict:
+    """Verdict on the values at a tenth of the integration tolerance."""
     errors = estimate.standard_errors
     change = np.abs(estimate.with_finer_steps().values - estimate.values) / errors
     text = "steps of a tenth of the tolerance give the same values"

@@ -12,13 +12,20 @@ import numpy as np
 from liaisons.base.arguments import shown
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.expressions.formulas import FormulaError, formula
-from liaisons.planning.goals import by_name, elements, is_expression, limits, motion_names, unit_quaternion
+from liaisons.planning.goals import (
+    by_name,
+    is_expression,
+    motion_names,
+    unit_quaternion,
+    value_range,
+    values_by_element,
+)
 from liaisons.planning.symbols import GoalSymbols
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A scalar constraint: an expression with its range."""
+    """A scalar expression that has to lie in a range."""
 
     label: str
     expression: ca.SX
@@ -28,12 +35,12 @@ class Row:
 
     @property
     def relative(self) -> ca.SX:
-        """The expression in units of its size."""
+        """The expression divided by its size."""
         return self.expression / self.size
 
     @property
     def range(self) -> str:
-        """The bounds as text."""
+        """The range as text: ``"0.5"``, or ``"(0, 1)"``."""
         return f"{self.low:g}" if self.low == self.high else f"({self.low:g}, {self.high:g})"
 
 
@@ -49,28 +56,28 @@ class GoalRows:
 
     @property
     def along(self) -> ca.SX:
-        """Cost and path rows, in units of sizes."""
+        """The cost and the rows along the motion, each divided by its size."""
         return ca.vertcat(self.cost / self.cost_size, *(row.relative for row in self.path))
 
 
 def goal_rows(symbols: GoalSymbols) -> GoalRows:
-    """Rows and cost of a goal.
+    """Constraints and cost of a goal, as expressions of the symbols.
 
     :raises PlanError: for an unknown name, or what is no range.
     """
-    start, end, path = (sized(symbols, rows(symbols)) for rows in (_start_rows, _end_rows, _path_rows))
+    start, end, path = (with_sizes(symbols, rows(symbols)) for rows in (_start_rows, _end_rows, _path_rows))
     cost = _cost(symbols)
     return GoalRows(start, end, path, cost, symbols.magnitude(cost))
 
 
-def sized(symbols: GoalSymbols, rows: Iterable[Row]) -> list[Row]:
-    """The rows, each with its size."""
+def with_sizes(symbols: GoalSymbols, rows: Iterable[Row]) -> list[Row]:
+    """The rows with the sizes of their variables, or of their expressions."""
     sizes = symbols.sizes
     return [replace(row, size=sizes.get(row.label) or symbols.magnitude(row.expression)) for row in rows]
 
 
 def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
-    """Refuse an effective mass that is singular at the start, where forces do not determine accelerations.
+    """Raise an error if the effective mass is singular at the start, where forces do not determine accelerations.
 
     :raises PlanError: naming what needs the forces.
     """
@@ -85,8 +92,8 @@ def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
         )
 
 
-def _evaluated(symbols: GoalSymbols, label: str, expression: Any) -> ca.SX:
-    """Column of values of a user's function of the variables, or of a formula."""
+def _user_values(symbols: GoalSymbols, label: str, expression: Any) -> ca.SX:
+    """Column of the values of a user's function of the variables, or of a formula."""
     try:
         value = formula(expression, symbols.signals) if isinstance(expression, str) else expression(symbols.signals)
         value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
@@ -103,14 +110,16 @@ def _evaluated(symbols: GoalSymbols, label: str, expression: Any) -> ca.SX:
     return ca.vec(value)
 
 
-def _vanishing(symbols: GoalSymbols, label: str, expression: Any) -> list[Row]:
-    value = _evaluated(symbols, label, expression)
+def _vanishing_rows(symbols: GoalSymbols, label: str, expression: Any) -> list[Row]:
+    """Rows expression = 0, one for each of its values."""
+    value = _user_values(symbols, label, expression)
     return [Row(f"{label}[{i}]", row) for i, row in enumerate(ca.vertsplit(value))]
 
 
 def _start_rows(symbols: GoalSymbols) -> list[Row]:
+    """Rows of the state, of σ and of σ̇ at the start: values and ranges of the goal, others as declared."""
     if is_expression(symbols.goal.start):
-        return _vanishing(symbols, "start", symbols.goal.start)
+        return _vanishing_rows(symbols, "start", symbols.goal.start)
     owner, start, rows = symbols.name, dict(symbols.start), []
     for name, axes in symbols.quaternions.items():
         if name in start:
@@ -122,23 +131,24 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
             continue
         value = start[name] if name in start else symbols.parameters[parameter]
         if value is not None:
-            rows.append(Row(name, symbol, *limits(owner, "start", name, value)))
+            rows.append(Row(name, symbol, *value_range(owner, "start", name, value)))
     for i, move in enumerate(symbols.goal.moves):
         default = None if move in symbols.goal.closed else symbols.initial_sigma[i]
         defaults = (default, None)
         for name, column, otherwise in zip(motion_names(move)[:2], symbols.motion[:2], defaults, strict=True):
             value = start.get(name, otherwise)
             if value is not None:
-                rows.append(Row(name, column[i], *limits(owner, "start", name, value)))
+                rows.append(Row(name, column[i], *value_range(owner, "start", name, value)))
     return rows
 
 
 def _end_rows(symbols: GoalSymbols) -> list[Row]:
+    """Rows at the end: values and ranges of the goal; for a quaternion the vector part of its rotation to the goal."""
     owner, end = symbols.name, symbols.goal.end
     if is_expression(end):
-        return _vanishing(symbols, "end", end)
+        return _vanishing_rows(symbols, "end", end)
     rows: list[Row] = []
-    for name, value in elements(f"{owner}: end", end, [v.name for v in symbols.model.variables]).items():
+    for name, value in values_by_element(f"{owner}: end", end, [v.name for v in symbols.model.variables]).items():
         if value is None:
             continue
         if name in symbols.quaternions:
@@ -147,17 +157,17 @@ def _end_rows(symbols: GoalSymbols) -> list[Row]:
             vector = ca.DM([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]) @ q  # of conjugate(goal) ⊗ q
             rows += [Row(f"{name}[{i + 1}]", vector[i]) for i in range(3)]
         else:
-            rows.append(Row(name, symbols.signals[name], *limits(owner, "end", name, value)))
+            rows.append(Row(name, symbols.signals[name], *value_range(owner, "end", name, value)))
     return rows
 
 
 def _path_rows(symbols: GoalSymbols) -> list[Row]:
-    """Rows along the motion: the bounds of the goal, and the domains of other coordinates."""
+    """Rows along the motion: the bounds of the goal, and the domains of further coordinates."""
     owner, variables = symbols.name, symbols.model.variables
     rows: dict[str, Row] = {}
-    for name, value in elements(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():
+    for name, value in values_by_element(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():
         pair = value if isinstance(value, (tuple, list, np.ndarray)) else shown(value)
-        low, high = limits(owner, "bounds", name, pair)
+        low, high = value_range(owner, "bounds", name, pair)
         rows[name] = Row(name, symbols.signals[name], low, high)
     domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}
     domains |= {s.name: s for s in symbols.component.coordinates}
@@ -176,6 +186,7 @@ def _path_rows(symbols: GoalSymbols) -> list[Row]:
 
 
 def _cost(symbols: GoalSymbols) -> ca.SX:
+    """Integrand of the cost."""
     minimize, rates = symbols.goal.minimize, symbols.motion[1]
     if minimize == "time":
         return ca.SX(1)
@@ -184,7 +195,7 @@ def _cost(symbols: GoalSymbols) -> ca.SX:
         return ca.sumsqr(symbols.forces)
     if minimize == "motion":
         return ca.bilin(symbols.mass, rates, rates) / 2
-    value = _evaluated(symbols, "minimize", minimize)
+    value = _user_values(symbols, "minimize", minimize)
     if value.shape != (1, 1):
         raise PlanError(f"{symbols.name}: minimize gives {value.shape[0]} numbers; one is wanted")
     return value

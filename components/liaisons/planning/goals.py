@@ -45,14 +45,15 @@ class Readings(Mapping[str, ca.SX]):
     """The variables of the mechanism by name, as its FMU has them: ``m.theta_dot``, ``m["theta[3]"]``."""
 
     def __init__(self, owner: str, signals: Mapping[str, ca.SX]) -> None:
+        """Take the symbols of the variables by name; ``owner`` names the mechanism in errors."""
         self._owner, self._signals = owner, signals
 
     def __getitem__(self, name: str) -> ca.SX:
         if name in self._signals:
             return self._signals[name]
-        elements = [value for element, value in self._signals.items() if element.startswith(f"{name}[")]
-        if elements:
-            return ca.vertcat(*elements)
+        values_by_element = [value for element, value in self._signals.items() if element.startswith(f"{name}[")]
+        if values_by_element:
+            return ca.vertcat(*values_by_element)
         raise PlanError(f"{self._owner} has no variable {name!r}{suggestion(name, self._signals)}")
 
     def __getattr__(self, name: str) -> ca.SX:
@@ -83,29 +84,29 @@ def duration_range(value: Any, label: str = "duration") -> tuple[float, float]:
 
 
 def motion_names(move: str) -> tuple[str, str, str]:
-    """Names of value, rate and acceleration of a coordinate."""
+    """Names of σ, σ̇ and σ̈ of a moved coordinate."""
     return port_names(move)[:3]
 
 
 def by_name(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
-    """Dictionary of names and values, of equal number."""
+    """Dictionary from names to values, of which there are as many."""
     return dict(zip(names, values, strict=True))
 
 
 def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
-    """The number ``n`` of links or elements among the parameters, if the component has one; else nothing."""
+    """Parameter ``n``, the number of links or elements, if the component has it; else an empty dictionary."""
     return {"n": values["n"]} if "n" in values and has_size(component(target)) else {}
 
 
 def move_names(mechanism: Target, moves: str | Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the moved coordinates: all active ones unless given."""
+    """Names of the moved coordinates; None stands for all active ones."""
     if moves is not None:
         return tuple(listed("moves", moves, PlanError))
     return tuple(active.name for active in getattr(component(mechanism), "actives", ()))
 
 
 def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
-    """Names of the states that end as they start; True stands for the moved coordinates."""
+    """Names of the states that end as they start; True stands for all moved coordinates."""
     if closed is True:
         return tuple(moves)
     return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
@@ -126,12 +127,12 @@ def unit_quaternion(label: str, value: Any) -> Array:
 
 
 def is_expression(value: object) -> bool:
-    """Whether a start or an end is given by an expression that has to vanish."""
+    """Whether a start or an end is a function or a formula, which has to vanish."""
     return callable(value) or isinstance(value, str)
 
 
-def number(label: str, value: Any) -> float:
-    """The value as a finite number.
+def finite_number(label: str, value: Any) -> float:
+    """The value as a float.
 
     :raises PlanError: if it is not one.
     """
@@ -139,8 +140,8 @@ def number(label: str, value: Any) -> float:
     return float(value)
 
 
-def elements(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:
-    """Values by the names of scalars; an array is given by one value for all elements, or a list.
+def values_by_element(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:
+    """Values by the names of scalars, from values by the names of scalars and arrays.
 
     :raises PlanError: unless the values have names, and lists the lengths of their arrays.
     """
@@ -157,8 +158,8 @@ def elements(label: str, values: object, variables: Sequence[str]) -> dict[str, 
     return by_element
 
 
-def limits(owner: str, label: str, name: str, value: Any) -> tuple[float, float]:
-    """A range from one number, or from two, of which None is infinite.
+def value_range(owner: str, label: str, name: str, value: Any) -> tuple[float, float]:
+    """Least and greatest value, from one number, or from two, of which None is infinite.
 
     :raises PlanError: if the value is neither, or the range is empty.
     """
@@ -169,7 +170,7 @@ def limits(owner: str, label: str, name: str, value: Any) -> tuple[float, float]
             raise PlanError(f"{label}: give a number, or two, (low, high)")
         low, high = (-np.inf if value[0] is None else value[0]), (np.inf if value[1] is None else value[1])
     else:
-        low = high = number(f"{owner}: {name}", value)
+        low = high = finite_number(f"{owner}: {name}", value)
     if not low <= high:
         raise PlanError(f"{label}: low must not exceed high")
     return float(low), float(high)

@@ -13,15 +13,15 @@ from liaisons.errors import PlanError
 from liaisons.language import Orientation
 from liaisons.planning.goals import Array, by_name, motion_names
 from liaisons.planning.problems import Problem
-from liaisons.planning.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
+from liaisons.planning.transcription import DEGREE, Arc, CollocatedTrajectory, anchor_weights
 
 _INTERVALS = 30
 """Intervals on which the integration of a loop, by six Runge-Kutta steps in each, leaves 1e-9."""
-_INVARIANT = 1e-9
+_INVARIANT_SPREAD = 1e-9
 """Spread of an end over several motions, in units of its size, below which it is invariant: the integration's error."""
-_MISSED = 1e-3
+_INVARIANT_MISS = 1e-3
 """Miss of an invariant end, in units of its size, above which it is refused."""
-_CUT_OFF = 1.3
+_EXTENSION = 1.3
 """Duration of a way that ends in motion, relative to that of the motion: it is cut off before it comes to rest."""
 _LOOPS_TRIED = 4
 """Number of loops of which the one that misses the end least becomes a start."""
@@ -31,19 +31,21 @@ _AMPLITUDES = (0.02, 0.5, 0.1, 1.5)
 
 
 def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """An endless series of starts: loops if σ is closed, else ways from start to end.
+    """Endless series of starting trajectories: loops if σ is closed, else transfers from start to end.
 
     The states of loops, and of ways under constraints, are integrated; other ways are straight lines.
 
     :param problem: in relative units.
     """
     if problem.is_loop:
-        return _loops(problem, intervals)
-    return ((_constrained_way if problem.constrained else _way)(problem, intervals, k) for k in count())
+        return _closed_guesses(problem, intervals)
+    return (
+        (_integrated_transfer if problem.constrained else _straight_transfer)(problem, intervals, k) for k in count()
+    )
 
 
 def refuse_invariants(problem: Problem) -> None:
-    """Refuse an end that some motions show to be invariant.
+    """Raise an error for a goal at the end that has one value at the end of all of several arbitrary motions.
 
     :param problem: in relative units.
     :raises PlanError: with its name.
@@ -54,13 +56,13 @@ def refuse_invariants(problem: Problem) -> None:
         return
     values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
     for k in range(1, 6):
-        trajectory = _ellipse(problem, _INTERVALS, k) if problem.is_loop else _drift(problem, k)
+        trajectory = _halton_ellipse(problem, _INTERVALS, k) if problem.is_loop else _random_transfer(problem, k)
         values = np.hstack([values, np.array(end.function(trajectory.knots[:, -1]))])
         spread = np.ptp(values, axis=1)
         off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
-        if k > 1 and not ((spread < _INVARIANT) & (off > _MISSED)).any():
+        if k > 1 and not ((spread < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)).any():
             return
-    for i in np.flatnonzero((spread < _INVARIANT) & (off > _MISSED)):
+    for i in np.flatnonzero((spread < _INVARIANT_SPREAD) & (off > _INVARIANT_MISS)):
         size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
         required = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
         how = " and comes back" if problem.is_loop else ""
@@ -70,8 +72,8 @@ def refuse_invariants(problem: Problem) -> None:
         )
 
 
-def _spread(k: int, dimension: int) -> float:
-    """The k-th number of Halton's low-discrepancy sequence in (0, 1) for a dimension."""
+def _halton(k: int, dimension: int) -> float:
+    """The k-th number of Halton's low-discrepancy sequence in (0, 1), in one of its dimensions."""
     base, value, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
     while k > 0:
         digit /= base
@@ -80,21 +82,21 @@ def _spread(k: int, dimension: int) -> float:
     return value
 
 
-def _blank(problem: Problem, intervals: int, k: int = 0) -> CollocatedTrajectory:
+def _trajectory_at_rest(problem: Problem, intervals: int, k: int = 0) -> CollocatedTrajectory:
     """A trajectory that rests at the start.
 
     A free duration is the geometric mean of its range for k = 0, else spread over the range.
     """
     low, high = problem.duration
-    T = low + (high - low) * _spread(k, 0) if k > 0 else float(np.sqrt(max(low, 1e-3 * high) * high))
+    T = low + (high - low) * _halton(k, 0) if k > 0 else float(np.sqrt(max(low, 1e-3 * high) * high))
     knots, inner = (np.repeat(problem.initial_state[:, None], m, axis=1) for m in (intervals + 1, intervals * DEGREE))
     controls = np.zeros((len(problem.moves), intervals * DEGREE))
     return CollocatedTrajectory((Arc(intervals),), np.array([T]), knots, inner, controls)
 
 
-def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    """Straight lines from start to end, with waves on the controls."""
-    trajectory = _blank(problem, intervals, k)
+def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    """Straight lines from start to end, with random waves on the controls."""
+    trajectory = _trajectory_at_rest(problem, intervals, k)
     T, start, names = trajectory.durations[0], problem.initial_state, problem.states
     knots, points = trajectory.breaks / T, trajectory.instants / T
     axes = [i for i, name in enumerate(names) if name in Orientation.quaternion]
@@ -102,6 +104,7 @@ def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     moves = {name: change[names.index(name)] for name in problem.moves if name in names}
 
     def states(u: Array) -> Array:
+        """States at fractions u of the duration."""
         rise, rate, _ = _smooth_step(u, T)
         x = start[:, None] + change[:, None] * rise
         if len(axes) == 4:  # all of them 0 where w alone is given as 0
@@ -111,29 +114,30 @@ def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
                 x[names.index(f"{name}_dot")] = by * rate
         return x
 
-    profile = _smooth_step(points, T)[problem.order]
+    profile = _smooth_step(points, T)[problem.control_order]
     controls = np.array([moves.get(name, 0.0) * profile for name in problem.moves])
-    if problem.order == 0:
+    if problem.control_order == 0:
         controls += problem.initial_sigma[:, None]
     rng = np.random.default_rng(k)
-    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max()) / T**problem.order
-    shake = size * np.array([_wave(rng, points) for _ in problem.moves])
+    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max()) / T**problem.control_order
+    shake = size * np.array([_random_waves(rng, points) for _ in problem.moves])
     return replace(trajectory, knots=states(knots), inner=states(points), controls=controls + shake)
 
 
 def _smooth_step(u: Any, T: float) -> tuple[Any, Any, Any]:
-    """The quintic from 0 to 1 that rests at both ends, with rate [1/s] and acceleration [1/s²] for the duration T."""
+    """Value, rate [1/s] and acceleration [1/s²] of the quintic from 0 to 1 that rests at both ends."""
     return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2
 
 
-def _wave(rng: np.random.Generator, u: Array) -> Array:
+def _random_waves(rng: np.random.Generator, u: Array) -> Array:
+    """Sum of three sines and cosines with random amplitudes, at fractions u of the duration."""
     a, b = rng.normal(size=(2, 3))
     k = np.pi * np.arange(1, 4)
     return a / k @ np.sin(np.outer(k, u)) + b / k @ np.cos(np.outer(k, u))
 
 
-def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Circles and ellipses of σ with integrated states: the best of some simple ones, then others over the ranges."""
+def _closed_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
+    """Loops with integrated states: the best of some simple ellipses, then others that fill the ranges of σ."""
 
     def miss(trajectory: CollocatedTrajectory) -> float:
         """Violation of the end and of the bounds."""
@@ -141,14 +145,14 @@ def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
         beyond = problem.path.violation(trajectory.evaluate(problem.path.function))
         return float(np.linalg.norm(missed) + np.max(beyond, initial=0.0))
 
-    yield min(_circles(problem, intervals), key=miss)
-    if not _has_start(problem):
-        yield from _far_circles(problem, intervals)
+    yield min(_simple_circles(problem, intervals), key=miss)
+    if not _has_sigma_start(problem):
+        yield from _opposite_circles(problem, intervals)
     for k in count(1):
-        yield min((_ellipse(problem, intervals, _LOOPS_TRIED * k + i) for i in range(_LOOPS_TRIED)), key=miss)
+        yield min((_halton_ellipse(problem, intervals, _LOOPS_TRIED * k + i) for i in range(_LOOPS_TRIED)), key=miss)
 
 
-def _ranges(problem: Problem) -> tuple[Array, Array]:
+def _sigma_ranges(problem: Problem) -> tuple[Array, Array]:
     """Middles and half widths of the ranges of σ: its bounds, else half a turn to both sides of the start."""
     start = problem.initial_state[problem.indices(problem.moves)]
     bounds = by_name(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True))
@@ -158,85 +162,93 @@ def _ranges(problem: Problem) -> tuple[Array, Array]:
     return (low + high) / 2, (high - low) / 2
 
 
-def _has_start(problem: Problem) -> bool:
-    """Whether the goal gives the start of σ."""
+def _has_sigma_start(problem: Problem) -> bool:
+    """Whether the goal has values of all σ at the start."""
     return set(problem.moves) <= set(problem.start.labels)
 
 
-def _ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+def _halton_ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    """The k-th of the ellipses that fill the ranges of σ."""
     c = len(problem.moves)
-    u = np.array([[_spread(k, 1 + 3 * i + j) for j in range(3)] for i in range(c)])
-    middles, widths = _ranges(problem)
+    u = np.array([[_halton(k, 1 + 3 * i + j) for j in range(3)] for i in range(c)])
+    middles, widths = _sigma_ranges(problem)
     radii = widths * (0.1 + 0.7 * u[:, 1])
     centres = middles + (widths - radii) * (2 * u[:, 0] - 1)
     phases = 2 * np.pi * u[:, 2]
-    if _has_start(problem):
+    if _has_sigma_start(problem):
         centres = problem.initial_state[problem.indices(problem.moves)]
     else:
-        phases -= np.angle(mixture(c) @ (radii * np.exp(1j * phases)))
-    return _loop(problem, _blank(problem, intervals, k), centres, radii, phases)
+        phases -= np.angle(anchor_weights(c) @ (radii * np.exp(1j * phases)))
+    return _ellipse(problem, _trajectory_at_rest(problem, intervals, k), centres, radii, phases)
 
 
-def _far_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
+def _opposite_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Small and large circles about shapes opposite to the start, and between, for joints that turn freely."""
-    middles, widths = _ranges(problem)
+    middles, widths = _sigma_ranges(problem)
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
     for offset, radius, sense in ((widths, 0.16, 1), (-between, 0.45, -1), (widths, 0.8, -1), (between, 0.45, 1)):
-        phases, extremal = _phases(sense, len(widths))
+        phases, extremal = _circle_phases(sense, len(widths))
         centre = middles + np.where(widths < np.pi, 0, offset)
-        yield _loop(problem, _blank(problem, intervals), centre, radius * widths, phases - extremal)
+        yield _ellipse(problem, _trajectory_at_rest(problem, intervals), centre, radius * widths, phases - extremal)
 
 
-def _phases(sense: int, size: int) -> tuple[Array, float]:
-    """Phases of circles, and that at which a weighted sum of them is extremal."""
+def _circle_phases(sense: int, size: int) -> tuple[Array, float]:
+    """Phases of the coordinates on a circle, and the phase at which their weighted sum is extremal."""
     phases: Any = sense * np.pi / 2 * np.arange(size)
-    return phases, float(np.angle(mixture(size) @ np.exp(1j * phases)))
+    return phases, float(np.angle(anchor_weights(size) @ np.exp(1j * phases)))
 
 
-def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
+def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Circles of several sizes and centres, in both senses."""
-    trajectory, start = _blank(problem, intervals), problem.initial_state[problem.indices(problem.moves)]
-    middles, _ = _ranges(problem)
+    trajectory, start = _trajectory_at_rest(problem, intervals), problem.initial_state[problem.indices(problem.moves)]
+    middles, _ = _sigma_ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
-    is_begun = _has_start(problem)
+    is_begun = _has_sigma_start(problem)
     for centre in [start] if is_begun else [start, middles, start + turns, start - turns]:
         for radius in (0.25, 0.5, 0.9, 1.4):
             for sense in (1, -1):
-                phases, extremal = _phases(sense, len(start))
+                phases, extremal = _circle_phases(sense, len(start))
                 for first in (0.0, np.pi / 2, np.pi, -np.pi / 2) if is_begun else (extremal,):
-                    yield _loop(problem, trajectory, centre, np.full(len(start), radius), phases - first)
+                    yield _ellipse(problem, trajectory, centre, np.full(len(start), radius), phases - first)
 
 
-def _loop(
+def _ellipse(
     problem: Problem, trajectory: CollocatedTrajectory, centre: Array, radius: Array, phases: Any
 ) -> CollocatedTrajectory:
-    """One round of σ on an ellipse; if the goal gives its start, the ellipse passes through ``centre``."""
-    w, shift = 2 * np.pi / trajectory.durations[0], np.cos(phases) if _has_start(problem) else 0.0
+    """One round of σ on an ellipse, which passes through ``centre`` if the goal has values of σ at the start."""
+    w, shift = 2 * np.pi / trajectory.durations[0], np.cos(phases) if _has_sigma_start(problem) else 0.0
 
     def motion(t: float) -> tuple[Array, Array, Array]:
+        """σ, σ̇ and σ̈."""
         angle = w * t - phases
         value = centre + radius * (np.cos(angle) - shift)
         return value, -radius * w * np.sin(angle), -radius * w**2 * np.cos(angle)
 
-    return _integrated_along(problem, trajectory, motion)
+    return _with_integrated_states(problem, trajectory, motion)
 
 
-def _drift(problem: Problem, k: int) -> CollocatedTrajectory:
-    """A motion from the start, small or large, to an arbitrary end at an arbitrary rate."""
-    trajectory, change = _blank(problem, _INTERVALS, k), np.random.default_rng(k).normal(size=len(problem.moves))
-    return _waves(problem, trajectory, _CUT_OFF * trajectory.durations[0], 1 + k, 10.0 ** (k % 3) * change)
+def _random_transfer(problem: Problem, k: int) -> CollocatedTrajectory:
+    """A motion from the start, small or large, to a random end at a random rate."""
+    trajectory, change = (
+        _trajectory_at_rest(problem, _INTERVALS, k),
+        np.random.default_rng(k).normal(size=len(problem.moves)),
+    )
+    return _transfer_with_waves(
+        problem, trajectory, _EXTENSION * trajectory.durations[0], 1 + k, 10.0 ** (k % 3) * change
+    )
 
 
-def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    trajectory = _blank(problem, intervals, k)
-    return _waves(problem, trajectory, trajectory.durations[0], k)
+def _integrated_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    """A motion of σ from start to end with the k-th waves, and integrated states."""
+    trajectory = _trajectory_at_rest(problem, intervals, k)
+    return _transfer_with_waves(problem, trajectory, trajectory.durations[0], k)
 
 
-def _waves(
+def _transfer_with_waves(
     problem: Problem, trajectory: CollocatedTrajectory, T: float, k: int, by: Array | None = None
 ) -> CollocatedTrajectory:
-    """A motion of σ from start to end, or by a change, with the k-th waves, which rests after the time T."""
+    """A motion of σ from start to end, or by a change, with the k-th waves; it rests after the time T."""
     start = by_name(problem.states, problem.initial_state)
     sigma = zip(problem.moves, problem.initial_sigma, strict=True)
     begin = {name: start.get(name, value) for name, value in sigma}
@@ -247,28 +259,31 @@ def _waves(
     way, w = way if by is None else by, 2 * np.pi * np.arange(1, 4) / T
 
     def motion(t: float) -> tuple[Array, Array, Array]:
+        """σ, σ̇ and σ̈."""
         rise, rate, acceleration = (way * x for x in _smooth_step(t / T, T))
         value = first + rise + waves @ (1 - np.cos(w * t))
         return value, rate + waves @ (w * np.sin(w * t)), acceleration + waves @ (w**2 * np.cos(w * t))
 
-    return _integrated_along(problem, trajectory, motion)
+    return _with_integrated_states(problem, trajectory, motion)
 
 
-def _integrated_along(
+def _with_integrated_states(
     problem: Problem, trajectory: CollocatedTrajectory, motion: Callable[[float], tuple[Array, Array, Array]]
 ) -> CollocatedTrajectory:
-    """The trajectory of a motion of σ, its states integrated through all points by a Runge-Kutta method."""
+    """The trajectory of a motion of σ, its states integrated by the midpoint rule from point to point."""
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
     names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(motion_names(move))]
     indices = [(problem.states.index(name), n, i) for name, n, i in names if name in problem.states]
 
     def put(x: Array, t: float) -> tuple[Array, Array]:
+        """State with the values of σ and σ̇ in it, and controls."""
         sigma, x = motion(t), x.copy()
         for index, n, i in indices:
             x[index] = sigma[n][i]
-        return x, sigma[problem.order]
+        return x, sigma[problem.control_order]
 
     def slope(x: Array, t: float) -> Array:
+        """Rates of the state."""
         return np.array(problem.rates(*put(x, t))).ravel()
 
     states = {0.0: put(problem.initial_state, 0.0)[0]}
@@ -278,5 +293,5 @@ def _integrated_along(
         k2 = slope(x + h / 2 * k1, t + h / 2)
         states[after] = put(x + h * slope(x + h / 2 * k2, t + h / 2), after)[0]
     knots, inner = (np.array([states[t] for t in ts]).T for ts in (trajectory.breaks, trajectory.instants))
-    controls = np.array([motion(t)[problem.order] for t in trajectory.instants]).T
+    controls = np.array([motion(t)[problem.control_order] for t in trajectory.instants]).T
     return replace(trajectory, knots=knots, inner=inner, controls=controls)

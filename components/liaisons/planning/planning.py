@@ -18,8 +18,8 @@ from liaisons.planning.goals import Cost, Expression, Goal, Value, closed_names,
 from liaisons.planning.guesses import guesses, refuse_invariants
 from liaisons.planning.plans import Plan
 from liaisons.planning.problems import Problem, problem_of
-from liaisons.planning.searching import LIMITS, Settings, refuse_singularity, search
-from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
+from liaisons.planning.searching import LIMITS, SearchSettings, refuse_singularity, search
+from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, in_si, relative
 
 _EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
 
@@ -105,20 +105,20 @@ def plan(
         clock = Clock(time_limit, show, interrupts)
         problem = problem_of(goal)
         if loops > 1:
-            goal = _one_of(goal, problem, loops)
+            goal = _goal_of_one_loop(goal, problem, loops)
             problem = problem_of(goal)
         refuse_invariants(problem.relative)
         starts = guesses(problem.relative, min(LIMITS.coarse_intervals, intervals))
         if guess is not None:
-            starts, tries = [_warm(problem, guess, intervals)], 1
-        solution = search(problem.relative, starts, clock, Settings(intervals, accuracy, tries))
+            starts, tries = [_trajectory_of_guess(problem, guess, intervals)], 1
+        solution = search(problem.relative, starts, clock, SearchSettings(intervals, accuracy, tries))
     if minimize == "motion":
         refuse_singularity(problem.relative, solution)
-    return Plan(goal, problem, in_units(problem, solution))
+    return Plan(goal, problem, in_si(problem, solution))
 
 
 def planned(path: Path | str, *, progress: bool = False) -> Plan:
-    """Plan what a file asks for.
+    """Run :func:`plan` with the arguments of a TOML file.
 
     ::
 
@@ -145,8 +145,8 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
     return plan(beside(path, mechanism), **arguments, **values, progress=progress)
 
 
-def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
-    """The goal of one of several equal loops.
+def _goal_of_one_loop(goal: Goal, problem: Problem, loops: int) -> Goal:
+    """The goal of one of several equal loops, whose changes are equal parts.
 
     :raises PlanError: if there are none, or if what one of them gains is not what the next one gains.
     """
@@ -170,8 +170,8 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
     return replace(goal, end=parts, duration=(low / loops, high / loops))
 
 
-def _warm(problem: Problem, guess: Plan, intervals: int) -> CollocatedTrajectory:
-    """Another plan on one mesh, where it has the same states."""
+def _trajectory_of_guess(problem: Problem, guess: Plan, intervals: int) -> CollocatedTrajectory:
+    """The motion of another plan, on one arc of equal intervals."""
     if not isinstance(guess, Plan) or guess.problem.states != problem.states:
         raise PlanError(f"{problem.name}: guess = {shown(guess)}: give a plan of the same coordinates and costs")
     trajectory = relative(problem, guess.solution).trajectory

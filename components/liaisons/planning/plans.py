@@ -90,7 +90,7 @@ class Plan:
 
     @property
     def switches(self) -> Array:
-        """Instants [s] at which rates or accelerations may jump."""
+        """Ends of the arcs [s], where controls may jump."""
         return np.cumsum(self.solution.trajectory.durations)[:-1]
 
     def sigma(self, t: ArrayLike) -> dict[str, Array]:
@@ -118,7 +118,7 @@ class Plan:
             powers = (nodes @ TO_POWERS.T) / h[:, None] ** POWERS
             polynomial = PPoly(powers.T[::-1].copy(), trajectory.breaks)
             begins = [first.get(name, problem.initial_sigma[i]), first.get(f"{name}_dot", 0.0)]
-            for n in reversed(range(problem.order)):
+            for n in reversed(range(problem.control_order)):
                 polynomial = polynomial.antiderivative()
                 polynomial.c[-1] += begins[n]
             polynomials[name] = polynomial
@@ -135,17 +135,19 @@ class Plan:
             that lead to the next value, so that extrapolation has an error of third order.
         """
         system, end = System(f"planned_{self.problem.name}"), self.duration
-        first = float(self._times()[1])
-        step = first if interpolate else _even(end, min(first / 10, end / _FEWEST_STEPS))
-        knots = self._knots if interpolate else self._parabolas(step)
+        first = float(self._communication_points()[1])
+        step = first if interpolate else _even_step(end, min(first / 10, end / _FEWEST_STEPS))
+        knots = self._knots if interpolate else self._equidistant_knots(step)
         tables: dict[str, Any] = {name: tabulated(*table) for name, table in knots.items()}
-        system.add(self.problem.name, self._fmu(), **self.fmu_starts, **tables)
+        system.add(self.problem.name, self._mechanism_fmu(), **self.fmu_starts, **tables)
         system.experiment = DefaultExperiment(0.0, end, step)
         return system
 
     def replay(self) -> Result:
-        """Run the motion through the FMUs; communication points are the knots."""
-        return simulate(self._fmu(), times=self._times(), tolerance=_TOLERANCE, **self._values())
+        """Simulate the FMUs; communication points are the knots."""
+        return simulate(
+            self._mechanism_fmu(), times=self._communication_points(), tolerance=_TOLERANCE, **self._values()
+        )
 
     def verify(self, time_limit: float = 60.0) -> list[Verdict]:
         """Verdicts: replay by FMUs, bounds between nodes, extremality, second-order condition, finer mesh, multipliers.
@@ -165,7 +167,8 @@ class Plan:
         free = (name for name in self.problem.states if name not in moves and not name.endswith("_dot"))
         return self.replay().plot(*(names or [*moves, *free]), path=path)
 
-    def _fmu(self) -> Any:
+    def _mechanism_fmu(self) -> Any:
+        """Path of the FMU of the mechanism."""
         return fmu_path(self.goal.component, **chain_size(self.goal.component, self.goal.values))
 
     def _values(self) -> dict[str, Any]:
@@ -181,7 +184,7 @@ class Plan:
 
     @cached_property
     def _knots(self) -> dict[str, Array]:
-        """Knots (4, n) of each operator, all at the same times: as many as the interpolation error asks for.
+        """Knots of each operator at the same times, (4, knots): as many as the interpolation error needs.
 
         The quintic through both ends of an interval differs from a polynomial of degree six by at most c₆ (h/2)⁶.
         """
@@ -192,18 +195,19 @@ class Plan:
             lost = _INTERPOLATION_ERROR * max(np.ptp(polynomial(breaks)), np.finfo(float).tiny)
             if len(polynomial.c) > 6:
                 parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 6 / lost) ** (1 / 6)))
-            ends, begins = (_derivatives(polynomial, at) for at in (h, 0 * h))
+            ends, begins = (_value_and_derivatives(polynomial, at) for at in (h, 0 * h))
             kinks[1:] |= (np.abs(ends[:, :-1] - begins[:, 1:]) * h[1:] ** [[0], [1], [2]] > lost).any(axis=0)
         kinks[0] = True  # the first knot of an interval is the last of the one before it, unless there is a kink
 
         def column(polynomial: PPoly, k: int) -> Array:
+            """Knots on the k-th interval, (4, knots)."""
             local = np.linspace(0, h[k], int(parts[k]) + 1)
-            return np.vstack([breaks[k] + local, _derivatives(polynomial, local, k)])[:, int(not kinks[k]) :]
+            return np.vstack([breaks[k] + local, _value_and_derivatives(polynomial, local, k)])[:, int(not kinks[k]) :]
 
         return {name: np.hstack([column(p, k) for k in range(h.size)]) for name, p in polynomials.items()}
 
-    def _parabolas(self, step: float) -> dict[str, Array]:
-        """Knots (4, n) of each operator at equal steps: value, rate, and the acceleration that leads to the next value.
+    def _equidistant_knots(self, step: float) -> dict[str, Array]:
+        """Knots of each operator at equal steps, (4, knots); each acceleration is that which leads to the next value.
 
         Extrapolation from a knot meets the next value, even if σ̈ jumps between them.
         """
@@ -215,8 +219,8 @@ class Plan:
             knots[move] = np.vstack([times, value, rate, acceleration])
         return knots
 
-    def _times(self) -> Array:
-        """Communication points: the knots, and one just before each jump."""
+    def _communication_points(self) -> Array:
+        """Times of the knots, and one just before each jump [s]."""
         times = next(iter(self._knots.values()))[0]
         jumps = times[:-1][np.diff(times) == 0]
         return np.unique(np.concatenate([times, jumps - JUMP_LEAD * self.duration]))
@@ -242,13 +246,13 @@ class Plan:
                 )
         solution = {k: v for k, v in vars(self.solution).items() if k != "trajectory"}
         document = {"goal": goal, "track": vars(self.solution.trajectory), "solution": solution}
-        text = json.dumps(document, default=_plain, indent=1)
+        text = json.dumps(document, default=_json_value, indent=1)
         with replacing(path) as part:
             part.write_text(text, encoding="utf-8")
 
     @classmethod
     def load(cls, path: Path | str, component: Target | None = None, *, trust: bool = False) -> Plan:
-        """Read a file of :meth:`save`.
+        """Read a plan from a file that :meth:`save` has written.
 
         :param component: the mechanism, instead of that in the file; needed if the catalogue does not have that.
         :param trust: run the Python file that the plan names; by default opening a plan runs no code.
@@ -276,20 +280,21 @@ class Plan:
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
 
 
-def _even(end: float, longest: float) -> float:
+def _even_step(end: float, longest: float) -> float:
     """A step [s] that divides the duration, if possible of whole nanoseconds, which some masters count."""
     least = math.ceil(end / longest - 1e-6)
     steps = (end / n for n in range(least, 2 * least))
     return next((round(step, 9) for step in steps if abs(step - round(step, 9)) < 1e-12), end / least)
 
 
-def _derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
-    """Value, first and second derivative (3, n) in the intervals k, at local times after their starts."""
+def _value_and_derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
+    """Value, first and second derivative at times after the starts of the intervals k, (3, n)."""
     polynomials = [polynomial, polynomial.derivative(), polynomial.derivative().derivative()]
     return np.array([sum(c * local**n for n, c in enumerate(p.c[::-1, k])) + 0 * local for p in polynomials])
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
+    """An object of a plan in terms of lists, dictionaries and numbers."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -298,7 +303,7 @@ def _plain(value: Any) -> Any:
 
 
 def _tuples(value: Any) -> Any:
-    """A value of JSON with its lists as tuples."""
+    """A value of JSON with tuples for its lists."""
     if isinstance(value, list):
         return tuple(map(_tuples, value))
     return {name: _tuples(item) for name, item in value.items()} if isinstance(value, dict) else value
@@ -308,6 +313,7 @@ def _tuples(value: Any) -> Any:
 
 
 def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
+    """The goal of a file, with another component if one is given."""
     keys = [field.name for field in fields(Goal)]
     if not isinstance(document, dict) or sorted(document) != sorted(keys):
         raise PlanError(f"goal has to have the keys {', '.join(keys)}")
@@ -329,7 +335,7 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
 
 
 def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution:
-    """A solution of a problem.
+    """The solution of a problem, from the two parts of a file.
 
     :raises PlanError: if it has other shapes, or numbers that are not finite.
     """
@@ -339,7 +345,7 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     m, n, c, path = interval_count(arcs), len(problem.states), len(problem.controls), problem.path
     points, rows = m * DEGREE, len(path.labels)
     shapes = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
-    columns = {name: _finite(name, trajectory[name], shape) for name, shape in shapes.items()}
+    columns = {name: _finite_array(name, trajectory[name], shape) for name, shape in shapes.items()}
     if not arcs or not (columns["durations"] > 0).all():
         raise PlanError("it has to have arcs with durations > 0")
     (low, high), T = problem.duration, columns["durations"].sum()
@@ -349,10 +355,10 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
     shapes = {"hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": (len(problem.end.labels),)}
-    values: dict[str, Any] = {name: _finite(name, document[name], shape) for name, shape in shapes.items()}
+    values: dict[str, Any] = {name: _finite_array(name, document[name], shape) for name, shape in shapes.items()}
     return Solution(
         trajectory=CollocatedTrajectory(arcs, **columns),
-        cost=float(_finite("cost", document["cost"], ())),
+        cost=float(_finite_array("cost", document["cost"], ())),
         status=str(document["status"]),
         finished=document["finished"] in (1, True),
         starts=document["starts"],
@@ -361,7 +367,8 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     )
 
 
-def _finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+def _finite_array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """The value as an array of finite numbers."""
     numbers = np.array(value, dtype=float)
     if numbers.shape != shape or not np.isfinite(numbers).all():
         raise PlanError(f"{name} has the shape {numbers.shape}; finite numbers of the shape {shape} are wanted")

@@ -24,10 +24,11 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import PlanError, suggestion
+from liaisons.expressions.algebra import closure, stack
 from liaisons.language import Orientation
-from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, sized
+from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, with_sizes
 from liaisons.planning.goals import Array, Goal, by_name, is_expression, motion_names, unit_quaternion
-from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols, middle
+from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols, range_middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +47,8 @@ class Rows:
         return [int(i) for i in np.flatnonzero(self.low == self.high)]
 
     def relative(self, *sizes: Array) -> Rows:
-        """The same in units of sizes, for arguments in units of sizes."""
-        function = _relative(self.function, self.sizes, *sizes)
+        """The same constraints divided by their sizes, of arguments that are divided by sizes."""
+        function = _in_units_of(self.function, self.sizes, *sizes)
         return replace(self, function=function, low=self.low / self.sizes, high=self.high / self.sizes)
 
     def violation(self, values: Array) -> Array:
@@ -73,7 +74,7 @@ class Problem:
 
     name: str  # of the component
     moves: tuple[str, ...]
-    order: int
+    control_order: int
     states: tuple[str, ...]
     controls: tuple[str, ...]
     initial_state: Array  # where it is free, as declared
@@ -102,32 +103,34 @@ class Problem:
         return [self.states.index(name) for name in names]
 
     def end_values(self, state: Array) -> Array:
-        """Values of the rows at the end."""
+        """Values of the rows at the end, (rows,), for the state there."""
         return np.array(self.end.function(state)).ravel()
 
     @cached_property
     def relative(self) -> Problem:
         """The same problem in units of its scales, so that no number in it depends on units."""
         scales, X, U = self.scales, self.scales.states, self.scales.controls
-        sizes, shape = by_name(self.states, X), U * scales.time**self.order
+        sizes, shape = by_name(self.states, X), U * scales.time**self.control_order
         low, high = self.duration
         return replace(
             self,
             initial_state=self.initial_state / X,
             terminal_state={name: value / sizes[name] for name, value in self.terminal_state.items()},
             initial_sigma=self.initial_sigma / shape,
-            rates=_relative(self.rates, X / scales.time, X, U),
-            cost=_relative(self.cost, np.array([scales.cost / scales.time]), X, U),
+            rates=_in_units_of(self.rates, X / scales.time, X, U),
+            cost=_in_units_of(self.cost, np.array([scales.cost / scales.time]), X, U),
             path=self.path.relative(X, U),
             start=self.start.relative(X),
             end=self.end.relative(X),
             duration=(low / scales.time, high / scales.time),
-            mass=_relative(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
+            mass=_in_units_of(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
+    """A candidate for a state of the problem."""
+
     name: str
     symbol: ca.SX
     rate: ca.SX
@@ -143,56 +146,62 @@ def problem_of(goal: Goal) -> Problem:
     rows = goal_rows(symbols)
     if any(row.label.endswith(("_force", "_power")) for row in rows.path):
         refuse_singular_mass(symbols, "bounds on forces")
-    _refuse_excluded(symbols, rows)
-    _refuse_momenta(symbols, rows.end)
-    order = _order(symbols, rows)
+    _refuse_ends_out_of_bounds(symbols, rows)
+    _refuse_rest_of_moving(symbols, rows.end)
+    order = _control_order(symbols, rows)
     if order == 0:
         rows = replace(rows, start=[row for row in rows.start if row.label not in goal.moves])
     if order == 2 and symbols.depends(rows.along, symbols.motion[2]):
         rows = replace(rows, start=[*rows.start, *_rows_at_rest(symbols, {row.label for row in rows.start})])
     elif order == 2:
         _refuse_impulses(symbols, rows)
-    states = _states(symbols, order)
-    closed = _closed(symbols, {state.name for state in states})
-    conserved = _conserved(symbols, states, rows.start) - set(closed)
-    needed = _needed(symbols, [state for state in states if state.name not in conserved], rows, closed)
-    return _problem(symbols, rows, order, closed, [state for state in states if state.name in needed])
+    states = _candidate_states(symbols, order)
+    closed = _closed_states(symbols, {state.name for state in states})
+    conserved = _conserved_states(symbols, states, rows.start) - set(closed)
+    needed = _needed_states(symbols, [state for state in states if state.name not in conserved], rows, closed)
+    return _problem_in_states(symbols, rows, order, closed, [state for state in states if state.name in needed])
 
 
-def _problem(symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[_State]) -> Problem:
-    goal, candidates = symbols.goal, _states(symbols, order)
+def _problem_in_states(
+    symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[_State]
+) -> Problem:
+    """The problem in some of the states; the others keep their initial values."""
+    goal, candidates = symbols.goal, _candidate_states(symbols, order)
     initial = _initial_values(symbols, candidates, rows.start)
     names = tuple(state.name for state in states)
     constants = [state for state in candidates if state.name not in names]
     X, U = ca.vertcat(*(state.symbol for state in states)), symbols.motion[order]
-    absent = ca.vertcat(ca.SX(0, 1), *symbols.motion[order + 1 :])
+    absent = stack(symbols.motion[order + 1 :])
     fixed = ca.vertcat(absent, *(state.symbol for state in constants))
     values = ca.SX(ca.DM([0.0] * absent.numel() + [initial[state.name] for state in constants]))
     controls = tuple(motion_names(move)[order] for move in goal.moves)
 
     def substituted(expression: ca.SX) -> ca.SX:
+        """An expression with numbers for the other states."""
         return ca.cse(ca.densify(ca.substitute(ca.SX(expression), fixed, values)))
 
     def function(label: str, expression: ca.SX, *arguments: ca.SX) -> ca.Function:
+        """Function of state and controls, or of other arguments."""
         return ca.Function(label, arguments or [X, U], [substituted(expression)])
 
     def compiled(label: str, candidates: Iterable[Row], *arguments: ca.SX) -> Rows:
-        chosen = [r for r in candidates if _changes(symbols, r, substituted(r.expression), arguments, label)]
+        """Rows that a plan can change, as one function."""
+        chosen = [r for r in candidates if _can_change(symbols, r, substituted(r.expression), arguments, label)]
         low, high, sizes = (np.array([getattr(row, name) for row in chosen]) for name in ("low", "high", "size"))
-        rows = function(label, ca.vertcat(ca.SX(0, 1), *(row.expression for row in chosen)), *arguments)
+        rows = function(label, stack(row.expression for row in chosen), *arguments)
         return Rows(tuple(row.label for row in chosen), rows, low, high, sizes)
 
     path = compiled("path", rows.path, X, U)
     if goal.minimize == "time" and path.function.jac_sparsity(0, 1).nnz() == 0:
         raise PlanError(f"{symbols.name}: minimize = 'time' would take none: bound {', '.join(controls)}, or forces")
-    _refuse_controls(symbols, rows, U, controls)
+    _refuse_ends_of_controls(symbols, rows, U, controls)
     ranges = {row.label: (row.low, row.high) for row in rows.start if row.expression.is_symbolic()}
-    initial = {name: middle(ranges.get(name), initial[name]) for name in names}
+    initial = {name: range_middle(ranges.get(name), initial[name]) for name in names}
     constraints = ("constraints", "non_holonomic", "rheonomic_constraints")
     return Problem(
         name=symbols.name,
         moves=goal.moves,
-        order=order,
+        control_order=order,
         states=names,
         controls=controls,
         initial_state=np.array([*initial.values()]),
@@ -218,7 +227,8 @@ def _problem(symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str]
     )
 
 
-def _states(symbols: GoalSymbols, order: int) -> list[_State]:
+def _candidate_states(symbols: GoalSymbols, order: int) -> list[_State]:
+    """States of the mechanism, and as many of σ and its rates as the order of control."""
     columns = [(symbols.state_names, symbols.state, symbols.rates, symbols.state_sizes)]
     names = [*zip(*map(motion_names, symbols.goal.moves), strict=True)]
     columns += [(names[n], *symbols.motion[n : n + 2], symbols.motion_sizes[n]) for n in range(order)]
@@ -230,28 +240,29 @@ def _states(symbols: GoalSymbols, order: int) -> list[_State]:
 
 
 def _rows_at_rest(symbols: GoalSymbols, given: set[str]) -> list[Row]:
-    """Rows σ̇ = 0 at the start, unless the goal gives these rates."""
+    """Rows σ̇ = 0 at the start, of the rates for which the goal has no values."""
     goal = symbols.goal
     if is_expression(goal.start):
         return []
     rates = [(i, f"{name}_dot") for i, name in enumerate(goal.moves) if name not in goal.closed]
-    return sized(symbols, (Row(rate, symbols.motion[1][i]) for i, rate in rates if rate not in given))
+    return with_sizes(symbols, (Row(rate, symbols.motion[1][i]) for i, rate in rates if rate not in given))
 
 
-def _order(symbols: GoalSymbols, rows: GoalRows) -> int:
-    """The order of control, see the table of the module."""
+def _control_order(symbols: GoalSymbols, rows: GoalRows) -> int:
+    """Number of the derivative of σ that is controlled, by the table of the module."""
     value, rate, acceleration = symbols.motion
     declared = set(symbols.goal.moves) - set(symbols.start)  # where σ would start if it could not jump at once
     start = (row for row in rows.start if row.label not in declared)
     ends = ca.vertcat(*(row.relative for row in (*start, *rows.end)))
     along = ca.vertcat(symbols.relative_rates, rows.along)
-    curved = symbols.depends(symbols.slope(symbols.relative_rates, rate), rate)
+    curved = symbols.depends(symbols.scaled_jacobian(symbols.relative_rates, rate), rate)
     if curved or symbols.depends(ca.vertcat(ends, along), acceleration) or symbols.depends(ends, rate):
         return 2
     return int(bool(symbols.goal.closed) or symbols.depends(along, rate) or symbols.depends(ends, value))
 
 
-def _closed(symbols: GoalSymbols, states: set[str]) -> list[str]:
+def _closed_states(symbols: GoalSymbols, states: set[str]) -> list[str]:
+    """Names of the states that end as they start, σ̇ of closed σ among them."""
     goal = symbols.goal
     for name in goal.closed:
         if name not in states:
@@ -261,7 +272,7 @@ def _closed(symbols: GoalSymbols, states: set[str]) -> list[str]:
 
 
 def _initial_values(symbols: GoalSymbols, states: list[_State], start: list[Row]) -> dict[str, float]:
-    """Values of all states at the start."""
+    """Initial values of all states by name."""
     values = {state.name: 0.0 for state in states}
     first = symbols.evaluate(symbols.initial_state, 0.0).ravel()
     values |= by_name(symbols.state_names, map(float, first))
@@ -270,6 +281,7 @@ def _initial_values(symbols: GoalSymbols, states: list[_State], start: list[Row]
 
 
 def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[Row]) -> dict[str, float]:
+    """Values of states at the end by name; quaternions have the sign that is nearer to the start."""
     rows = (row for row in end if row.label in initial)
     terminal = {row.label: float(np.clip(initial[row.label], row.low, row.high)) for row in rows}
     given = symbols.goal.end
@@ -281,31 +293,27 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
     return terminal
 
 
-def _conserved(symbols: GoalSymbols, states: list[_State], start: list[Row]) -> set[str]:
-    """Names of the states that start at a number and have no rate."""
+def _conserved_states(symbols: GoalSymbols, states: list[_State], start: list[Row]) -> set[str]:
+    """Names of the states with a number at the start whose rate vanishes."""
     started = {row.label for row in start if row.low == row.high}
     relative = {state.name: state.rate * (symbols.time / state.size) for state in states if state.name in started}
     return {name for name, rate in relative.items() if symbols.vanishes(rate)}
 
 
-def _needed(symbols: GoalSymbols, states: list[_State], rows: GoalRows, closed: list[str]) -> set[str]:
-    """Names of the states on which constraints and cost depend, directly or by the rates of others."""
-    expressions = ca.vertcat(rows.along, *(row.relative for row in rows.end))
-    pending = [state for state in states if state.name in closed or symbols.depends(expressions, state.symbol)]
-    needed: set[str] = set()
-    while pending:
-        state = pending.pop()
-        needed.add(state.name)
-        rate = state.rate * (symbols.time / state.size)
-        more = (other for other in states if other.name not in needed and other not in pending)
-        pending += [other for other in more if symbols.depends(rate, other.symbol)]
+def _needed_states(symbols: GoalSymbols, states: list[_State], rows: GoalRows, closed: list[str]) -> set[str]:
+    """Names of the states on which constraints and cost depend, directly or through rates."""
+    column = stack(state.symbol for state in states)
+    uses = symbols.dependencies(stack(state.rate * (symbols.time / state.size) for state in states), column)
+    first = symbols.dependencies(ca.vertcat(rows.along, *(row.relative for row in rows.end)), column).any(axis=0)
+    first |= [state.name in closed for state in states]
+    needed = {states[i].name for i in closure(uses, first)}
     if not needed:
         raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.moves)} can change is part of the goal")
     return needed
 
 
-def _changes(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: Iterable[ca.SX], label: str) -> bool:
-    """Whether a plan can change a row.
+def _can_change(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: Iterable[ca.SX], label: str) -> bool:
+    """Whether a row depends on what a plan chooses.
 
     :raises PlanError: if a row at the end is constant, and outside of its range.
     """
@@ -320,8 +328,8 @@ def _changes(symbols: GoalSymbols, row: Row, expression: ca.SX, arguments: Itera
     return False
 
 
-def _refuse_excluded(symbols: GoalSymbols, rows: GoalRows) -> None:
-    """Refuse starts and ends outside of the bounds."""
+def _refuse_ends_out_of_bounds(symbols: GoalSymbols, rows: GoalRows) -> None:
+    """Raise an error for values at the start or at the end that lie outside of their bounds."""
     bounds = {row.label: row for row in rows.path}
     for label, ends in (("start", rows.start), ("end", rows.end)):
         for row in ends:
@@ -332,8 +340,8 @@ def _refuse_excluded(symbols: GoalSymbols, rows: GoalRows) -> None:
                 )
 
 
-def _refuse_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, names: tuple[str, ...]) -> None:
-    """Refuse rows at start and end that depend on controls, which may take any value at a single instant."""
+def _refuse_ends_of_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, names: tuple[str, ...]) -> None:
+    """Raise an error for rows at start and end that depend on controls, which may take any value at an instant."""
     for label, ends in (("start", rows.start), ("end", rows.end)):
         for row in ends:
             if symbols.depends(row.relative, controls):
@@ -344,13 +352,13 @@ def _refuse_controls(symbols: GoalSymbols, rows: GoalRows, controls: ca.SX, name
 
 
 def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
-    """Refuse given rates that may jump: ever shorter impulses cost ever less, so that there is no optimum."""
+    """Raise an error for values of rates that may jump: shorter impulses cost less, so that there is no optimum."""
     moves = symbols.goal.moves
     rates = [f"{name}_dot" for name in moves]
     given = [row.label for row in (*rows.start, *rows.end) if row.label in rates]
-    through = [item.name for item in getattr(symbols.component, "rheonomic_constraints", ()) if item.name in moves]
-    if given or through:
-        name = (given or through)[0].removesuffix("_dot")
+    rheonomic = [item.name for item in getattr(symbols.component, "rheonomic_constraints", ()) if item.name in moves]
+    if given or rheonomic:
+        name = (given or rheonomic)[0].removesuffix("_dot")
         free = f", or leave {name}_dot free" if given else ""
         raise PlanError(
             f"{symbols.name}: {name}_dot may jump at no cost, so that no motion is the best: bound or weigh "
@@ -358,8 +366,8 @@ def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
         )
 
 
-def _refuse_momenta(symbols: GoalSymbols, end: list[Row]) -> None:
-    """Refuse an end at rest where a momentum is conserved."""
+def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
+    """Raise an error for an end at rest where a momentum that is not 0 is conserved."""
     still = {row.label for row in end if row.low == row.high == 0}
     starts = symbols.start_parameters
     axes = {rate for orientation in getattr(symbols.component, "orientations", ()) for rate in orientation.rates}
@@ -378,6 +386,7 @@ def _refuse_momenta(symbols: GoalSymbols, end: list[Row]) -> None:
 
 
 def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, Array], dict[str, float]]:
+    """Function (state, controls) -> start values of the FMU."""
     values = {name: value for name, value in symbols.goal.values.items() if name != "n"}
 
     def starts(X: Array, U: Array) -> dict[str, float]:
@@ -387,8 +396,8 @@ def _fmu_starts(symbols: GoalSymbols, signals: ca.Function) -> Callable[[Array, 
     return starts
 
 
-def _relative(function: ca.Function, value: Array, *sizes: Array) -> ca.Function:
-    """A function in units of a size, with arguments in units of sizes."""
+def _in_units_of(function: ca.Function, value: Array, *sizes: Array) -> ca.Function:
+    """A function divided by sizes, of arguments that are divided by sizes."""
     arguments = [ca.SX.sym(f"x{i}", size.size) for i, size in enumerate(sizes)]
     result = function(*(x * ca.DM(size) for x, size in zip(arguments, sizes, strict=True)))
     return ca.Function(function.name(), arguments, [ca.densify(result / ca.DM(value))])

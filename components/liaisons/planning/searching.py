@@ -29,7 +29,7 @@ from liaisons.planning.transcription import (
     path_rates,
     solve,
 )
-from liaisons.planning.verifying import NOTHING, hamiltonian_scale
+from liaisons.planning.verifying import MULTIPLIER_ERROR, hamiltonian_scale
 
 
 @dataclass(frozen=True)
@@ -46,35 +46,35 @@ class Limits:
     agreeing_starts: int = 2
     """Number of starts with one optimum that end the search; one more if the duration is free, two if σ is closed, for
     there optima compete."""
-    similar: float = 1e-3
+    similar_cost: float = 1e-3
     """Costs on coarse meshes that differ by less may belong to one optimum: blurred switches change them."""
-    worse: float = 5e-2
+    higher_cost: float = 5e-2
     """Solutions whose cost is higher by more on a coarse mesh are not refined: fifty times what blurs can change."""
-    same: float = 1e-6
+    same_cost: float = 1e-6
     """Costs on one mesh that differ by less belong to one optimum: IPOPT ends at 1e-10."""
-    margin: float = 4.0
+    refinement_change: float = 4.0
     """Refinement of a solution changes its cost by at most this many times as much as that of the best one,"""
-    least_margin: float = 1e-4
+    least_refinement_change: float = 1e-4
     """and by at most this part of the cost, if that is more."""
     at_bound: float = 1e-4
     """Distance from a bound, relative to the range, below which a row is active: IPOPT's barrier leaves less."""
     most_intervals: int = 100
     """Most intervals of a refined mesh, ten times the coarse one: of order 10 its error is 1e-10 of that."""
-    hamiltonian: float = 1e-6
+    hamiltonian_variation: float = 1e-6
     """Variation of the Hamiltonian, relative to its terms, that the verdict on a plan allows."""
-    no_extremal: float = 1e-3
+    extremal_variation: float = 1e-3
     """Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
     singular_mass: float = 1e-3
     """An effective mass below this part of the greatest vanishes at a point nearby, which no mesh resolves."""
-    feasible: float = 1e-6
+    feasible_residual: float = 1e-6
     """Residual of the equations, and miss of the end, below which an unfinished iterate is a motion."""
-    reached: float = 1e-6
+    reached_miss: float = 1e-6
     """Miss of the end, in units of sizes, below which IPOPT can reach it from the nearest end."""
-    blurred: float = 3e-2
+    blurred_miss: float = 3e-2
     """Miss of the end, in units of sizes, that a coarse mesh may cause by a switch: a third of an interval."""
-    follows: float = 1e-5
+    integration_difference: float = 1e-5
     """Difference between knots and integrated states on a mesh that resolves the motion: the root of 1e-10 of IPOPT."""
-    follows_roughly: float = 0.1
+    rough_integration_difference: float = 0.1
     """The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
     corrections: int = 6
     """Most insertions and removals of arcs: each takes as long as a start."""
@@ -86,7 +86,7 @@ LIMITS = Limits()
 
 
 @dataclass(frozen=True)
-class Settings:
+class SearchSettings:
     """Arguments of a search.
 
     :ivar intervals: of the first mesh of a refinement.
@@ -99,8 +99,10 @@ class Settings:
     tries: int | None
 
 
-def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Clock, settings: Settings) -> Solution:
-    """The best solution from as many starts as the time allows.
+def search(
+    problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Clock, settings: SearchSettings
+) -> Solution:
+    """The best solution of a problem, from as many starts as agree or as the time allows.
 
     Every candidate that may be the best is refined, so that more starts give nothing worse.
 
@@ -119,10 +121,9 @@ def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Cloc
     for trajectory in islice(starts, settings.tries or LIMITS.most_starts):
         candidate = _solve_start(problem, trajectory, settings.intervals, clock)
         if candidate.succeeded:
-            rough += [] if any(_is_same(candidate, one) for one in rough) else [candidate]
-            optima += (
-                [] if any(_difference(candidate.cost, cost) <= LIMITS.similar for cost in optima) else [candidate.cost]
-            )
+            rough += [] if any(_is_same_optimum(candidate, one) for one in rough) else [candidate]
+            if all(_difference(candidate.cost, cost) > LIMITS.similar_cost for cost in optima):
+                optima.append(candidate.cost)
         elif candidate.finished:
             failures.append(candidate)
         elif not rough and _is_feasible(problem, candidate) and _is_accepted(problem, candidate, settings):
@@ -139,18 +140,18 @@ def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Cloc
         raise KeyboardInterrupt
     for solution in rejected:
         refuse_singularity(problem, solution)
-    raise PlanError(_obstacle(problem, failures, rejected))
+    raise PlanError(_failure_text(problem, failures, rejected))
 
 
 def _is_feasible(problem: Problem, solution: Solution) -> bool:
-    """Whether an unfinished iterate satisfies the equations and the end."""
-    return solution.residual < LIMITS.feasible and end_miss(problem, solution) < LIMITS.feasible
+    """Whether an unfinished iterate satisfies the equations and reaches the end."""
+    return solution.residual < LIMITS.feasible_residual and end_miss(problem, solution) < LIMITS.feasible_residual
 
 
 def _refine_all(
-    problem: Problem, rough: list[Solution], settings: Settings, clock: Clock, *, stopped: bool
+    problem: Problem, rough: list[Solution], settings: SearchSettings, clock: Clock, *, stopped: bool
 ) -> tuple[Solution | None, list[Solution]]:
-    """The best refined solution, and those that the equations do not follow.
+    """The best refined solution, and the solutions that the differential equations do not have.
 
     Whether one is refined depends on earlier starts alone, so that more starts only add candidates.  When the time is
     over, the unrefined ones compete, too.
@@ -163,62 +164,63 @@ def _refine_all(
         if clock.is_over or stopped:
             rest = [*([best] if best else []), *(replace(other, finished=False) for other in rough[k:])]
             accepted = (other for other in rest if _is_accepted(problem, other, settings))
-            return min(accepted, key=lambda other: _rank(problem, other), default=None), rejected
-        if best is not None and one.cost > best.cost + LIMITS.worse * abs(best.cost):
+            return min(accepted, key=lambda other: _sort_key(problem, other), default=None), rejected
+        if best is not None and one.cost > best.cost + LIMITS.higher_cost * abs(best.cost):
             continue
         first = _on_first_mesh(problem, one, settings, clock)
-        if any(_is_same(first, other) for other in on_first_meshes) or (best and first.cost > best.cost + margin):
+        if any(_is_same_optimum(first, other) for other in on_first_meshes) or (
+            best and first.cost > best.cost + margin
+        ):
             continue
         on_first_meshes.append(first)
         candidate = _refine(problem, first, settings.accuracy, clock) if first.finished else first
         if not _is_accepted(problem, candidate, settings):
             rejected.append(candidate)
-        elif best is None or _rank(problem, candidate) < _rank(problem, best):
+        elif best is None or _sort_key(problem, candidate) < _sort_key(problem, best):
             best = candidate
-            margin = max(LIMITS.margin * abs(best.cost - first.cost), LIMITS.least_margin * abs(best.cost))
+            margin = max(
+                LIMITS.refinement_change * abs(best.cost - first.cost), LIMITS.least_refinement_change * abs(best.cost)
+            )
     return best, rejected
 
 
 def _difference(cost: float, other: float) -> float:
     """Relative difference of two costs."""
-    return abs(cost - other) / max(abs(cost), abs(other), NOTHING)
+    return abs(cost - other) / max(abs(cost), abs(other), MULTIPLIER_ERROR)
 
 
-def _is_same(one: Solution, other: Solution) -> bool:
-    """Whether two solutions on one mesh belong to one optimum."""
-    return len(one.trajectory.arcs) == len(other.trajectory.arcs) and _difference(one.cost, other.cost) <= LIMITS.same
+def _is_same_optimum(one: Solution, other: Solution) -> bool:
+    """Whether two solutions on one mesh have one optimum."""
+    return (
+        len(one.trajectory.arcs) == len(other.trajectory.arcs) and _difference(one.cost, other.cost) <= LIMITS.same_cost
+    )
 
 
-def _rank(problem: Problem, solution: Solution) -> tuple[bool, float]:
-    """Key of an order that has extremals first, then the least cost: coarse meshes undercut what is possible."""
+def _sort_key(problem: Problem, solution: Solution) -> tuple[bool, float]:
+    """Sort key of solutions: extremals first, then the lower cost, for coarse meshes undercut what is possible."""
     variation = np.ptp(solution.hamiltonian)
-    return bool(variation > LIMITS.no_extremal * hamiltonian_scale(problem, solution)), solution.cost
+    return bool(variation > LIMITS.extremal_variation * hamiltonian_scale(problem, solution)), solution.cost
 
 
-def _is_accepted(problem: Problem, solution: Solution, settings: Settings) -> bool:
-    """Whether the equations lead from knot to knot; without refinement only ``verify`` answers that."""
-    tolerance = LIMITS.follows if solution.finished else LIMITS.follows_roughly
-    return settings.accuracy is None or _follows_equations(problem, solution, tolerance)
+def _is_accepted(problem: Problem, solution: Solution, settings: SearchSettings) -> bool:
+    """Whether the differential equations lead from knot to knot; true without refinement."""
+    tolerance = LIMITS.integration_difference if solution.finished else LIMITS.rough_integration_difference
+    return settings.accuracy is None or _satisfies_equations(problem, solution, tolerance)
 
 
 def _solve_start(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
-    """The solution from a start; if IPOPT finds none, its iterate nearest to the end."""
+    """The solution from a start; if IPOPT has none, its iterate nearest to the end."""
     candidate = _solve_by_nearest_end(problem, trajectory, clock)
     coarse = interval_count(trajectory.arcs)
-    if (
-        candidate.succeeded
-        or not candidate.finished
-        or coarse >= intervals
-        or end_miss(problem, candidate) > LIMITS.blurred
-    ):
+    if candidate.ends_search or coarse >= intervals or end_miss(problem, candidate) > LIMITS.blurred_miss:
         return candidate
     return _solve_by_nearest_end(problem, trajectory.on((Arc(intervals),), trajectory.durations), clock)
 
 
 def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -> Solution:
-    """The solution from a start, if need be from the motion to the nearest end that IPOPT reaches."""
+    """The solution from a start, by way of the nearest end that IPOPT reaches if there is none directly."""
     candidate = solve(problem, trajectory, clock)
-    if candidate.succeeded or not candidate.finished:
+    if candidate.ends_search:
         return candidate
     low, high = problem.duration
     T = float(trajectory.durations.sum())
@@ -229,14 +231,14 @@ def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, cl
         trajectory = nearest.trajectory
         if not nearest.finished:
             return nearest
-    if end_miss(problem, nearest) < LIMITS.reached:
+    if end_miss(problem, nearest) < LIMITS.reached_miss:
         candidate = solve(problem, trajectory, clock)
-        if candidate.succeeded or not candidate.finished:
+        if candidate.ends_search:
             return candidate
     arcs, durations = _arcs(_active_patterns(problem, nearest), nearest.trajectory)
-    if low < high and len(arcs) > 1 and end_miss(problem, nearest) < LIMITS.blurred:
+    if low < high and len(arcs) > 1 and end_miss(problem, nearest) < LIMITS.blurred_miss:
         candidate = solve(problem, trajectory.on(arcs, durations), clock)
-        if candidate.succeeded or not candidate.finished:
+        if candidate.ends_search:
             return candidate
     return replace(nearest, status=candidate.status)
 
@@ -246,8 +248,8 @@ def end_miss(problem: Problem, solution: Solution) -> float:
     return float(np.linalg.norm(problem.end.violation(problem.end_values(solution.trajectory.knots[:, -1]))))
 
 
-def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock: Clock) -> Solution:
-    """The same optimum on the first mesh of the settings; the coarse solution if it is not found there."""
+def _on_first_mesh(problem: Problem, rough: Solution, settings: SearchSettings, clock: Clock) -> Solution:
+    """The same optimum on the first mesh of the settings; the coarse solution where that is not solved."""
     trajectory = rough.trajectory
     if len(trajectory.arcs) == 1 and trajectory.arcs[0].intervals < settings.intervals:
         finer = trajectory.on((Arc(settings.intervals),), trajectory.durations)
@@ -264,14 +266,14 @@ def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock:
 
 
 def _refine(problem: Problem, solution: Solution, accuracy: float | None, clock: Clock) -> Solution:
-    """The same motion with switching arcs, on meshes twice as fine each until its Hamiltonian is constant."""
+    """The same motion with switching arcs, on meshes twice as fine each, until its Hamiltonian is constant."""
     solution = _insert_arcs(problem, solution, clock)
     while accuracy is not None and solution.finished:
         trajectory = solution.trajectory
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
-        tolerance = max(accuracy * hamiltonian_scale(problem, solution), NOTHING)
+        tolerance = max(accuracy * hamiltonian_scale(problem, solution), MULTIPLIER_ERROR)
         is_extremal = np.ptp(solution.hamiltonian) <= tolerance
-        if interval_count(arcs) > LIMITS.most_intervals or (is_extremal and _follows_equations(problem, solution)):
+        if interval_count(arcs) > LIMITS.most_intervals or (is_extremal and _satisfies_equations(problem, solution)):
             break
         finer = solve(problem, trajectory.on(arcs, trajectory.durations), clock, near=True)
         if not finer.succeeded:
@@ -281,7 +283,7 @@ def _refine(problem: Problem, solution: Solution, accuracy: float | None, clock:
 
 
 def _insert_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
-    """The same motion with an arc between any two switches of its controls, whose instants become unknowns.
+    """The same motion with an arc between any two switches of its controls, whose durations are unknowns.
 
     Vanishing arcs are removed, and arcs are inserted where the Hamiltonian is less at another bound.  Where no such
     solution is better, the given one is returned.
@@ -308,8 +310,10 @@ def _insert_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution
             break
         undercut = 0.0
         if len(best.trajectory.arcs) == 1:
-            undercut = LIMITS.worse if _rank(problem, candidate) < _rank(problem, best) else LIMITS.similar
-        if candidate.cost <= best.cost + undercut * max(abs(best.cost), NOTHING):
+            undercut = (
+                LIMITS.higher_cost if _sort_key(problem, candidate) < _sort_key(problem, best) else LIMITS.similar_cost
+            )
+        if candidate.cost <= best.cost + undercut * max(abs(best.cost), MULTIPLIER_ERROR):
             best = candidate
         patterns = _optimal_patterns(problem, candidate)
         if patterns is None:
@@ -319,14 +323,14 @@ def _insert_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution
 
 
 def _join_arcs(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Array]:
-    """Arcs and their durations, neighbours with the same active bounds as one."""
+    """Arcs and durations; neighbours with the same active bounds become one."""
     groups = [list(group) for _, group in groupby(pieces, key=lambda piece: piece[0].active_bounds)]
     arcs = tuple(replace(group[0][0], intervals=interval_count([arc for arc, _ in group])) for group in groups)
     return arcs, np.array([sum(T for _, T in group) for group in groups])
 
 
 def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
-    """Whether arcs leave nothing to optimise: because none has an active bound, or because bounds fix all controls."""
+    """Whether arcs leave nothing to optimise: none has an active bound, or bounds determine all controls."""
     if len(arcs) == 1 and not arcs[0].active_bounds:
         return True
     unknown = len(arcs) - (problem.duration[0] == problem.duration[1])
@@ -336,15 +340,15 @@ def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
 
 
 def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
-    """Whether no σ would jump from bound to bound between two arcs, as where a coarse mesh blurs a motion."""
-    moved = {i for i, label in enumerate(problem.path.labels) if label in problem.moves and problem.order > 0}
+    """Whether no held coordinate would have to jump to another bound between two arcs."""
+    moved = {i for i, label in enumerate(problem.path.labels) if label in problem.moves and problem.control_order > 0}
     return not any(
         i in moved and dict(b.active_bounds).get(i, x) != x for a, b in pairwise(arcs) for i, x in a.active_bounds
     )
 
 
-def _optimal_patterns(problem: Problem, solution: Solution) -> list[_Pattern] | None:
-    """Active bounds at each point by Pontryagin's principle, those of least H; None if the solution has them."""
+def _optimal_patterns(problem: Problem, solution: Solution) -> list[_ActiveBounds] | None:
+    """Active bounds at each point by least Hamiltonian; None if they are those of the solution."""
     trajectory, path = solution.trajectory, problem.path
     held = [arc.active_bounds for arc in trajectory.arcs for _ in range(arc.intervals * DEGREE)]
     better = [dict(now) for now in held]
@@ -355,7 +359,7 @@ def _optimal_patterns(problem: Problem, solution: Solution) -> list[_Pattern] | 
         is_controlled = np.arange(len(problem.controls))[:, None] == problem.controls.index(label)
         sides = (replace(trajectory, controls=np.where(is_controlled, x, trajectory.controls)) for x in ends)
         low, high = (side.hamiltonian(problem, solution.adjoints) for side in sides)
-        least = LIMITS.hamiltonian * np.abs(high - low).max()
+        least = LIMITS.hamiltonian_variation * np.abs(high - low).max()
         for now, more in zip(better, high - low, strict=True):
             if i in now and abs(more) > least:
                 now[i] = ends[0] if more > 0 else ends[1]
@@ -363,38 +367,41 @@ def _optimal_patterns(problem: Problem, solution: Solution) -> list[_Pattern] | 
     return required if required != held else None
 
 
-_Pattern = tuple[tuple[int, float], ...]
+_ActiveBounds = tuple[tuple[int, float], ...]
 """Rows of the path with the bounds at which they are held."""
 
 
-def _active_patterns(problem: Problem, solution: Solution) -> list[_Pattern]:
+def _active_patterns(problem: Problem, solution: Solution) -> list[_ActiveBounds]:
     """Active bounds at each point, of rows that controls can hold; short runs take those of their neighbours."""
     path = problem.path
     reached = [function.jac_sparsity(0, 1).row() for function in (path.function, path_rates(problem))]
-    by_controls = {i for rows in reached[: 1 + (problem.order > 0)] for i in rows}  # directly, or by their rates
+    by_controls = {
+        i for rows in reached[: 1 + (problem.control_order > 0)] for i in rows
+    }  # directly, or by their rates
     holdable = [i for i, label in enumerate(path.labels) if label in problem.moves or i in by_controls]
     span = np.where(np.isfinite(path.high - path.low), path.high - path.low, 1.0)
 
-    def held(column: Array) -> _Pattern:
+    def held(column: Array) -> _ActiveBounds:
+        """Active bounds at one point."""
         ends = ((i, float(bound)) for i in holdable for bound in (path.low[i], path.high[i]))
         rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= LIMITS.at_bound * span[i]]
         return tuple(rows[: len(problem.controls)])
 
     patterns = [held(column) for column in solution.trajectory.evaluate(path.function).T]
-    lengths = np.array([length for _, length in _runs(patterns)])
+    lengths = np.array([length for _, length in _consecutive(patterns)])
     lasting = np.flatnonzero(np.repeat(lengths >= min(3, lengths.max()), lengths))
     nearest = np.abs(np.arange(len(patterns))[:, None] - lasting).argmin(axis=1)
     return [patterns[lasting[i]] for i in nearest]
 
 
-def _runs(patterns: list[_Pattern]) -> list[tuple[_Pattern, int]]:
-    """Runs of equal patterns: each pattern with its number of consecutive points."""
+def _consecutive(patterns: list[_ActiveBounds]) -> list[tuple[_ActiveBounds, int]]:
+    """Consecutive equal patterns: each with its number of points."""
     return [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
 
 
-def _arcs(patterns: list[_Pattern], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
+def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
     """Arcs with constant active bounds, and their durations."""
-    runs = _runs(patterns)
+    runs = _consecutive(patterns)
     cuts = np.cumsum([length for _, length in runs])[:-1]
     instants, total = trajectory.instants, trajectory.breaks[-1]
     edges = np.array([0.0, *((instants[cuts - 1] + instants[cuts]) / 2), total])
@@ -407,12 +414,12 @@ def _arcs(patterns: list[_Pattern], trajectory: CollocatedTrajectory) -> tuple[t
 
 
 def refuse_singularity(problem: Problem, solution: Solution) -> None:
-    """Refuse a motion through a singularity of the effective mass, where a coordinate moves at no cost.
+    """Raise an error for a motion through a singularity of the effective mass, where a coordinate moves at no cost.
 
     :raises PlanError: with instant and coordinate, unless the mesh resolves the motion.
     """
     trajectory, count = solution.trajectory, len(problem.moves)
-    if np.ptp(solution.hamiltonian) <= LIMITS.hamiltonian * hamiltonian_scale(problem, solution):
+    if np.ptp(solution.hamiltonian) <= LIMITS.hamiltonian_variation * hamiltonian_scale(problem, solution):
         return
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
@@ -426,16 +433,20 @@ def refuse_singularity(problem: Problem, solution: Solution) -> None:
     )
 
 
-def _obstacle(problem: Problem, failures: list[Solution], rejected: list[Solution]) -> str:
-    """Why there is no plan: the nearest end that was reached, and the active bounds."""
+def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Solution]) -> str:
+    """Text of the error: the nearest end that was reached, and the active bounds."""
     if not failures and not rejected:
         return f"{problem.name}: no motion was found in time; raise time_limit"
     end, X, path = problem.end, problem.end.sizes, problem.path
     if not failures:
         nearest = rejected[0]
-        reached = problem.end_values(_integrated(problem, nearest, from_start=True)[:, -1])
+        reached = problem.end_values(_integrated_knots(problem, nearest, from_start=True)[:, -1])
         off = end.violation(reached)
-        rows = np.flatnonzero(off > LIMITS.follows) if (off > LIMITS.follows).any() else np.arange(off.size)
+        rows = (
+            np.flatnonzero(off > LIMITS.integration_difference)
+            if (off > LIMITS.integration_difference).any()
+            else np.arange(off.size)
+        )
         names = ", ".join(end.labels[i] for i in rows) or "what has to close"
         return (
             f"{problem.name}: the end was not reached: what {', '.join(problem.moves)} can do does not lead there, "
@@ -444,7 +455,7 @@ def _obstacle(problem: Problem, failures: list[Solution], rejected: list[Solutio
     nearest = min(failures, key=lambda one: end_miss(problem, one))
     reached = problem.end_values(nearest.trajectory.knots[:, -1])
     required = np.clip(reached, end.low, end.high) * X
-    missed_rows = np.flatnonzero(end.violation(reached) > LIMITS.reached)
+    missed_rows = np.flatnonzero(end.violation(reached) > LIMITS.reached_miss)
     wrong = [f"{end.labels[i]} = {reached[i] * X[i]:.6g} instead of {required[i]:.6g}" for i in missed_rows]
     if not wrong:
         return (
@@ -467,22 +478,26 @@ def _obstacle(problem: Problem, failures: list[Solution], rejected: list[Solutio
 # ---- integration of the equations ----------------------------------------------------------------------------------
 
 
-def _follows_equations(problem: Problem, solution: Solution, tolerance: float = LIMITS.follows) -> bool:
-    """Whether integration of the equations from knot to knot agrees with the mesh."""
+def _satisfies_equations(
+    problem: Problem, solution: Solution, tolerance: float = LIMITS.integration_difference
+) -> bool:
+    """Whether the integrated equations agree with all knots of a solution."""
     knots = solution.trajectory.knots[:, 1:]
-    return bool(np.max(np.abs(_integrated(problem, solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance)
+    return bool(
+        np.max(np.abs(_integrated_knots(problem, solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance
+    )
 
 
-def _integrated(problem: Problem, solution: Solution, *, from_start: bool = False) -> Array:
-    """Integrated states at the ends of the intervals, each from its first knot, or all from the first one."""
+def _integrated_knots(problem: Problem, solution: Solution, *, from_start: bool = False) -> Array:
+    """Integrated states at the ends of the intervals, each from the knot before, or all from the first one."""
     trajectory = solution.trajectory
-    m, step, lengths = trajectory.knots.shape[1] - 1, _interval(problem), np.diff(trajectory.breaks)[None]
+    m, step, lengths = trajectory.knots.shape[1] - 1, _interval_integrator(problem), np.diff(trajectory.breaks)[None]
     columns, first = (step.mapaccum(m), 1) if from_start else (step.map(m), m)
     return np.array(columns(trajectory.knots[:, :first], trajectory.controls, lengths))
 
 
 @lru_cache(maxsize=2)
-def _interval(problem: Problem) -> ca.Function:
+def _interval_integrator(problem: Problem) -> ca.Function:
     """Function (state, controls at the collocation points, length) -> state at the end of an interval."""
     n, c = len(problem.states), len(problem.controls)
     z, p = ca.MX.sym("z", n + 1), ca.MX.sym("p", c * DEGREE + 1)  # state and part of the interval; its length and U

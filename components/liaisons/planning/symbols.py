@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from liaisons.base.arguments import finite, shown
 from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
+from liaisons.expressions.algebra import stack
 from liaisons.language import Chain, Mechanism, Orientation
 from liaisons.library import component, model
 from liaisons.mechanics import Model
@@ -25,11 +26,11 @@ from liaisons.planning.goals import (
     Readings,
     by_name,
     chain_size,
-    elements,
+    finite_number,
     is_expression,
-    limits,
     motion_names,
-    number,
+    value_range,
+    values_by_element,
 )
 
 ROUNDING = 1e-10
@@ -43,8 +44,8 @@ class GoalSymbols:
     goal: Goal
     component: Any
     model: Model
-    parameters: Mapping[str, float]
-    inputs: Mapping[str, Any]
+    parameters: dict[str, float]
+    inputs: dict[str, Any]
     start: Mapping[str, Any]  # values of the goal, by scalars and orientations; nothing if it is an expression
     start_parameters: Mapping[str, str]  # parameters that are start values, by coordinates and rates
     initial_sigma: Array
@@ -63,48 +64,48 @@ class GoalSymbols:
 
     @property
     def arguments(self) -> list[ca.SX]:
-        """State, σ, σ̇ and σ̈."""
+        """Symbols of the state, of σ, σ̇ and σ̈."""
         return [self.state, *self.motion]
 
     @property
     def moved(self) -> dict[str, ca.SX]:
-        """Elements of σ, σ̇, σ̈ by the names of an FMU."""
+        """Symbols of σ, σ̇ and σ̈ by the names of the FMU's variables."""
         columns = zip(
             map(ca.vertsplit, self.motion), zip(*map(motion_names, self.goal.moves), strict=True), strict=True
         )
         return {name: x for symbols, names in columns for name, x in zip(names, symbols, strict=True)}
 
     @property
-    def _arguments(self) -> tuple[Any, ...]:
-        """Time, states, inputs and parameters of the model's functions."""
+    def _model_arguments(self) -> tuple[Any, ...]:
+        """Arguments of the model's functions: time, states, inputs and parameters."""
         y = ca.vertcat(self.state, 0, 0)
-        return 0, y, column({**self.inputs, **self.moved}), column(self.parameters)
+        return 0, y, stack((self.inputs | self.moved).values()), stack(self.parameters.values())
 
     @cached_property
     def rates(self) -> ca.SX:
-        """Rates of the state."""
-        return ca.densify(self.model.derivatives(*self._arguments)[: len(self.state_names)])
+        """Rates of the state, as expressions."""
+        return ca.densify(self.model.derivatives(*self._model_arguments)[: len(self.state_names)])
 
     @cached_property
     def initial_state(self) -> ca.SX:
-        """The state at the start, its start values being symbols of their own."""
-        inputs = {**self.inputs, **{move: self.moved[move] for move in self.goal.moves}}
+        """The state at the start, as an expression of symbols for its start values."""
+        inputs = self.inputs | {move: self.moved[move] for move in self.goal.moves}
         for move in self.goal.moves:
             _, rate, acceleration = motion_names(move)
-            inputs |= {rate: number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
+            inputs |= {rate: finite_number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
         states = zip(self.state_names, ca.vertsplit(self.state), strict=True)
         own = {self.start_parameters[name]: x for name, x in states if name in self.start_parameters}
-        first = self.model.start(0, column(inputs), column({**self.parameters, **own}))[0]
+        first = self.model.start(0, stack(inputs.values()), stack((self.parameters | own).values()))[0]
         return ca.densify(first[: len(self.state_names)])
 
     @cached_property
     def signals(self) -> Readings:
-        """All variables by name."""
+        """All variables of the FMU by name, as expressions."""
         memory = ca.DM.zeros(len(self.model.memory), 1)
-        z = ca.vertsplit(self.model.outputs_function(*self._arguments, memory))
+        z = ca.vertsplit(self.model.outputs_function(*self._model_arguments, memory))
         signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
         signals |= by_name(self.state_names, ca.vertsplit(self.state))
-        values = {**self.inputs, **self.moved, **self.parameters}
+        values = self.inputs | self.moved | self.parameters
         return Readings(self.name, signals | {name: ca.SX(value) for name, value in values.items()})
 
     @property
@@ -120,12 +121,12 @@ class GoalSymbols:
 
     @property
     def initial_sigma_sizes(self) -> Array:
-        """Sizes of σ at the start: its absolute values, so that nearby states keep the signs."""
+        """Absolute values of σ at the start, so that nearby states keep the signs; where it is 0 its size."""
         return np.where(self.initial_sigma == 0, self.motion_sizes[0], np.abs(self.initial_sigma))
 
     @property
     def relative_rates(self) -> ca.SX:
-        """Rates of the state in units of their sizes."""
+        """Rates of the state divided by their sizes."""
         return self.rates / (self.state_sizes / self.time)
 
     @property
@@ -161,47 +162,47 @@ class GoalSymbols:
         function = ca.Function("evaluate", self.arguments, [expression])
         return np.atleast_2d(np.array(function(*points)))
 
-    def slope(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
-        """Derivatives with respect to symbols in units of their sizes."""
+    def scaled_jacobian(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
+        """Derivatives of an expression by symbols that are divided by their sizes."""
         columns = zip(self.arguments, (self.state_sizes, *self.motion_sizes), strict=True)
         pairs = [pair for column, sizes in columns for pair in zip(ca.vertsplit(column), sizes, strict=True)]
         sizes = {symbol.name(): float(value) for symbol, value in pairs}
         return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[x.name()] for x in ca.vertsplit(symbols)]))
 
-    def acts(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
-        """Numerical sparsity of the Jacobian (rows, symbols), so that terms may cancel.
+    def dependencies(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
+        """Sparsity of the Jacobian (rows, symbols) in numbers at nearby states, for terms may cancel.
 
         :param expression: in units of its size.
         """
-        slope = self.slope(expression, symbols)
-        if slope.nnz() == 0:
-            return np.zeros(slope.shape, dtype=bool)
-        slope = ca.densify(slope)
-        return np.any([np.abs(self.evaluate(slope, 0.3, seed)) > ROUNDING for seed in range(1, 4)], axis=0)
+        scaled_jacobian = self.scaled_jacobian(expression, symbols)
+        if scaled_jacobian.nnz() == 0:
+            return np.zeros(scaled_jacobian.shape, dtype=bool)
+        scaled_jacobian = ca.densify(scaled_jacobian)
+        return np.any([np.abs(self.evaluate(scaled_jacobian, 0.3, seed)) > ROUNDING for seed in range(1, 4)], axis=0)
 
     def depends(self, expression: ca.SX, symbols: ca.SX) -> bool:
         """Whether an expression depends on any of the symbols.
 
         :param expression: in units of its size.
         """
-        return bool(self.acts(expression, symbols).any())
+        return bool(self.dependencies(expression, symbols).any())
 
     def vanishes(self, expression: ca.SX) -> bool:
-        """Whether an expression, in units of its size, is 0 everywhere."""
+        """Whether an expression, divided by its size, is 0 at all nearby states."""
         everything = ca.vertcat(*self.motion, self.state)
         return not self.depends(expression, everything) and abs(self.evaluate(expression, 0.3).item()) < ROUNDING
 
     def magnitude(self, expression: ca.SX) -> float:
-        """Size of a scalar: median norm of its value and its gradient at states around the start."""
-        slope = self.slope(expression, ca.vertcat(*self.arguments))
-        column = ca.densify(ca.horzcat(expression, slope))
+        """Size of a scalar: median norm of its value and its gradient at nearby states."""
+        scaled_jacobian = self.scaled_jacobian(expression, ca.vertcat(*self.arguments))
+        column = ca.densify(ca.horzcat(expression, scaled_jacobian))
         values = np.array([np.linalg.norm(self.evaluate(column, 0.5, seed)) for seed in range(1, 10)])
         finite_ones = values[np.isfinite(values)]
         return float(np.median(finite_ones)) or 1.0 if finite_ones.size else 1.0
 
 
 def goal_symbols(goal: Goal) -> GoalSymbols:
-    """Symbols of a goal's mechanism, and their values at the start.
+    """Symbols of the mechanism of a goal, with their values at the start.
 
     :raises PlanError: for an unknown name, with the nearest one, or a value that is not allowed.
     """
@@ -212,14 +213,14 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     remedy = "plan for a mechanism without them, and simulate this one with that motion"
     refuse_contacts(declared, "what is planned or held", remedy, PlanError)
     flat = model(declared, **chain_size(goal.component, goal.values)).flat()
-    _check_moves(goal, name, flat)
-    parameters, inputs = _values(goal, declared, flat)
+    _refuse_moves(goal, name, flat)
+    parameters, inputs = _parameters_and_inputs(goal, declared, flat)
     own = {name for parameter in declared.parameters for name in parameter.names}
     start_parameters = {re.sub(r"_0(\[\d+\])?$", r"\1", name): name for name in parameters if name not in own}
     states = tuple(state.name for state in flat.states[:-2])
     quaternions = {orientation.name: orientation.quaternion for orientation in getattr(declared, "orientations", ())}
     given = {} if is_expression(goal.start) else goal.start
-    start = elements(f"{name}: start", given, [v.name for v in flat.variables])
+    start = values_by_element(f"{name}: start", given, [v.name for v in flat.variables])
     rates = set(start_parameters) - set(states)
     moved = {end for move in goal.moves for end in motion_names(move)[:2]}
     variables_at_start = {*states, *rates, *moved, *quaternions}
@@ -228,8 +229,8 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
             raise PlanError(f"{name}: start has no {key!r}{suggestion(key, variables_at_start)}")
     for key in moved & start.keys():
         if start[key] is not None:
-            limits(name, "start", key, start[key])
-    parameters |= {start_parameters[rate]: number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
+            value_range(name, "start", key, start[key])
+    parameters |= {start_parameters[rate]: finite_number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
     for key in states:
         if key in start_parameters and isinstance(start.get(key), (int, float)):
             parameters[start_parameters[key]] = float(start[key])
@@ -243,19 +244,19 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         inputs=inputs,
         start=start,
         start_parameters=start_parameters,
-        initial_sigma=np.array([middle(start.get(move), inputs[move]) for move in goal.moves]),
+        initial_sigma=np.array([range_middle(start.get(move), inputs[move]) for move in goal.moves]),
         quaternions=quaternions,
         state_names=states,
-        sizes={name: _size(base, unit) for name, unit in units.items()},
-        time=_size(base, "s"),
-        energy=_size(base, "J"),
+        sizes={name: _unit_size(base, unit) for name, unit in units.items()},
+        time=_unit_size(base, "s"),
+        energy=_unit_size(base, "J"),
         state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
         motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in motion_names("sigma")),  # type: ignore[arg-type]
     )
 
 
-def middle(value: Any, default: float) -> float:
-    """The middle of a range, as far as it is finite; a number itself; None gives the default."""
+def range_middle(value: Any, default: float) -> float:
+    """The middle of a range, as far as it is finite; a number itself; the default for None."""
     if value is None:
         return default
     if isinstance(value, (tuple, list)):
@@ -264,12 +265,8 @@ def middle(value: Any, default: float) -> float:
     return float(value)
 
 
-def column(values: Mapping[str, Any]) -> ca.SX:
-    """Values below each other; (0, 1) if there are none."""
-    return ca.vertcat(ca.SX(0, 1), *values.values())
-
-
-def _check_moves(goal: Goal, owner: str, flat: Model) -> None:
+def _refuse_moves(goal: Goal, owner: str, flat: Model) -> None:
+    """Raise an error unless the moved coordinates are active ones, each named once."""
     actives = [active.value for active in flat.active]
     if not actives:
         raise PlanError(f"{owner} has no active coordinate: there is nothing that an operator could move")
@@ -282,8 +279,8 @@ def _check_moves(goal: Goal, owner: str, flat: Model) -> None:
         raise PlanError(f"{owner}: moves = {shown(list(goal.moves))}: name each coordinate once")
 
 
-def _values(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], dict[str, Any]]:
-    """Values of parameters and inputs: those of the goal, others as declared."""
+def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], dict[str, Any]]:
+    """Values of parameters and of inputs by name: those of the goal, others as declared."""
     owner = declared.__name__
     parameters, inputs = ({v.name: v.starts[0] for v in group} for group in (flat.parameters, flat.inputs))
     moved = {name for move in goal.moves for name in motion_names(move)}
@@ -304,7 +301,7 @@ def _values(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], d
 
 
 def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Array:
-    """Sizes of the base units that bring all numbers of a goal nearest to 1, by least squares of logarithms.
+    """Sizes of the base units at which the numbers of a goal are nearest to 1, by least squares of logarithms.
 
     Divided by them, the quantities of a goal are the same in all units, and so is the plan.  Zero, infinity and pure
     numbers do not count.
@@ -330,6 +327,6 @@ def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]
     return np.exp(np.linalg.lstsq(exponents, np.array([*logarithms.values()]), rcond=None)[0])
 
 
-def _size(base: Array, unit: str) -> float:
-    """Size of a quantity with a unit."""
+def _unit_size(base: Array, unit: str) -> float:
+    """Size of a quantity with a unit, from those of the base units."""
     return 1.0 if unit == ANY else float(np.prod(base ** np.array(powers(unit), dtype=float)))

@@ -27,11 +27,11 @@ from liaisons.planning.problems import Problem, Rows
 DEGREE = 5
 """Collocation points in an interval: of order 10 at its ends."""
 
-_ACTIVE = 1e-7
+_ACTIVE_DISTANCE = 1e-7
 """Distance from a bound, in units of the row's size, below which a row is active at a solution of IPOPT."""
 _MOST_ITERATIONS = 400
-_GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-_STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
+_SUCCESSES = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+_STOPS = ("User_Requested_Stop", "NonIpopt_Exception_Thrown", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
 
 
 POINTS = np.array(ca.collocation_points(DEGREE, "legendre"))
@@ -47,7 +47,7 @@ B = (1 / (POWERS + 1)) @ TO_POWERS
 
 @dataclass(frozen=True)
 class Arc:
-    """A smooth part of the motion: its number of equal intervals, and the rows of the path held at a bound."""
+    """A part of a mesh: its number of equal intervals, and the rows of the path that are held at a bound."""
 
     intervals: int
     active_bounds: tuple[tuple[int, float], ...] = ()
@@ -106,6 +106,7 @@ class CollocatedTrajectory:
         return CollocatedTrajectory(arcs, durations, knots, inner, resampled(self.controls, instants, blank.instants))
 
 
+@dataclass(frozen=True, eq=False)
 class Clock:
     """Time limit of all solutions together, with progress and interrupts.
 
@@ -114,36 +115,38 @@ class Clock:
     :param interrupts: interrupts from the keyboard, collected because CasADi swallows exceptions.
     """
 
-    def __init__(
-        self,
-        limit: float = 60.0,
-        show: Callable[[float], None] = lambda _: None,
-        interrupts: Sequence[int] = (),
-    ) -> None:
-        self._limit, self._show, self._interrupts = limit, show, interrupts
-        self._end = time.perf_counter() + limit
+    limit: float = 60.0
+    show: Callable[[float], None] | None = None
+    interrupts: Sequence[int] = ()
+    begin: float = field(default_factory=time.perf_counter, init=False)
+
+    @property
+    def elapsed(self) -> float:
+        """Elapsed time [s], at most the limit."""
+        return min(self.limit, time.perf_counter() - self.begin)
+
+    @property
+    def remaining(self) -> float:
+        """Remaining time [s], at least 0.01."""
+        return max(1e-2, self.limit - self.elapsed)
 
     @property
     def is_interrupted(self) -> bool:
         """Whether there was an interrupt from the keyboard."""
-        return len(self._interrupts) > 0
-
-    @property
-    def left(self) -> float:
-        """Remaining time [s], at least 0.01."""
-        return max(1e-2, self._end - time.perf_counter())
+        return len(self.interrupts) > 0
 
     @property
     def is_over(self) -> bool:
         """Whether no time is left, or the user interrupted."""
-        return self.is_interrupted or time.perf_counter() >= self._end
+        return self.is_interrupted or self.elapsed >= self.limit
 
     def tick(self, _iteration: int) -> None:
-        """Show the time of an iteration.
+        """Show the elapsed time.
 
         :raises KeyboardInterrupt: after an interrupt, to end IPOPT.
         """
-        self._show(self._limit - max(0.0, self._end - time.perf_counter()))
+        if self.show is not None:
+            self.show(self.elapsed)
         if self.is_interrupted:
             raise KeyboardInterrupt
 
@@ -166,10 +169,15 @@ class Solution:
     @property
     def succeeded(self) -> bool:
         """Whether IPOPT reports success."""
-        return self.status in _GOOD
+        return self.status in _SUCCESSES
+
+    @property
+    def ends_search(self) -> bool:
+        """Whether no further attempt is needed, or none has time."""
+        return self.succeeded or not self.finished
 
 
-def in_units(problem: Problem, solution: Solution) -> Solution:
+def in_si(problem: Problem, solution: Solution) -> Solution:
     """A solution of the relative problem in SI units."""
     return _scaled(problem, problem, solution, 1)
 
@@ -180,12 +188,13 @@ def relative(problem: Problem, solution: Solution) -> Solution:
 
 
 def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> Solution:
-    """A solution multiplied by powers of the scales, with the active bounds of the other problem."""
+    """A solution multiplied by a power of the scales, with the active bounds of the other problem."""
     scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
     X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
 
     def held(i: int, bound: float) -> tuple[int, float]:
+        """The active bound as the other problem has it."""
         return i, float(to.path.low[i] if bound == path.low[i] else to.path.high[i])
 
     trajectory, (low, high) = solution.trajectory, to.duration
@@ -240,9 +249,9 @@ def solve(
     :param shift: displacement of the end.
     :param near: start with a small barrier, because the guess is close to the solution.
     """
-    program = _constrained(problem, guess, soft=soft, shift=shift)
+    program = _constrained_program(problem, guess, soft=soft, shift=shift)
     opti, constraints = program.opti, program.constraints
-    status = _run(opti, near=near, most=200 if soft else 100 if near else _MOST_ITERATIONS, clock=clock)
+    status = _run_ipopt(opti, near=near, most=200 if soft else 100 if near else _MOST_ITERATIONS, clock=clock)
 
     def value(expression: Any, *shape: int) -> Array:
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
@@ -270,43 +279,43 @@ def solve(
         adjoints=adjoints,
         end_multipliers=multipliers,
         residual=float(np.abs(value(program.residuals, -1)).max()),
-        finished=status not in _STOPPED and not clock.is_interrupted,
+        finished=status not in _STOPS and not clock.is_interrupted,
     )
 
 
-def _constrained(
+def _constrained_program(
     problem: Problem, guess: CollocatedTrajectory, *, soft: bool = False, shift: Array | None = None
 ) -> _Program:
-    """The program with cost and constraints; the parameters are those of :func:`solve`."""
-    program = _collocated(problem, guess)
+    """The nonlinear program with cost and constraints; arguments are those of :func:`solve`."""
+    program = _collocated_program(problem, guess)
     opti, constraints = program.opti, program.constraints
     constraints["equations"] = program.residuals == 0
     opti.subject_to(constraints["equations"])
     _bound_durations(opti, problem, guess, program)
     _bound_path(opti, problem, guess.arcs, program)
-    _within(opti, problem.start, problem.start.function(program.knots[:, 0]))
+    _constrain_rows(opti, problem.start, problem.start.function(program.knots[:, 0]))
     for i in problem.closed:
         opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
     _fix_phase(opti, problem, program)
-    _smooth(opti, problem, guess.arcs, program)
+    _lower_control_degree(opti, problem, guess.arcs, program)
     end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
     if soft:
         opti.minimize(ca.sumsqr(end - ca.fmin(ca.fmax(end, problem.end.low), problem.end.high)))
         return program
-    constraints["end"] = _within(opti, problem.end, end)
+    constraints["end"] = _constrain_rows(opti, problem.end, end)
     opti.minimize(program.cost)
     return program
 
 
 def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | None:
-    """Eigenvalues of the reduced Hessian at a solution, the least first; None if IPOPT leaves the solution.
+    """Eigenvalues of the reduced Hessian at a solution, ascending; None if IPOPT leaves the solution.
 
     The Hessian is that of the Lagrangian, in the L2 norm of the controls: states follow from controls by the linearised
     equations, and its directions are those in which active constraints do not change.
     """
     trajectory = solution.trajectory
-    opti = _constrained(problem, trajectory).opti
-    if _run(opti, near=True, most=_MOST_ITERATIONS, clock=clock, barrier=1e-5) not in _GOOD:
+    opti = _constrained_program(problem, trajectory).opti
+    if _run_ipopt(opti, near=True, most=_MOST_ITERATIONS, clock=clock, barrier=1e-5) not in _SUCCESSES:
         return None
     x, g, value = opti.x, opti.g, opti.debug.value
     hessian, _ = ca.hessian(opti.f + ca.dot(opti.lam_g, g), x)
@@ -315,7 +324,7 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | Non
     n, c = len(problem.states), len(problem.controls)
     m = trajectory.knots.shape[1] - 1
     equations = n * m * (DEGREE + 1)
-    bound = np.minimum(np.abs(row - low), np.abs(row - high)) <= _ACTIVE
+    bound = np.minimum(np.abs(row - low), np.abs(row - high)) <= _ACTIVE_DISTANCE
     active = np.flatnonzero(bound[equations:]) + equations
     follow = slice(n, n + equations)  # knots but the first, and points inside
     free = np.r_[0:n, n + equations : x.numel()]
@@ -325,23 +334,23 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | Non
     Z[free, np.arange(free.size)] = 1
     Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
     Z /= weight
-    tangent = null_space(J[active] @ Z, rcond=_ACTIVE) if active.size else np.eye(free.size)
+    tangent = null_space(J[active] @ Z, rcond=_ACTIVE_DISTANCE) if active.size else np.eye(free.size)
     return np.asarray(np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent), dtype=float)
 
 
 def _bound_durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
-    """Keep unknown durations positive, and their sum in its range."""
+    """Constrain unknown durations to be positive, and their sum to its range."""
     if program.durations.is_constant():
         return
     low, high = problem.duration
     total = float(guess.durations.sum())
     opti.subject_to(ca.vec(program.durations) >= 1e-6 * total)
     whole = ca.sum2(program.durations)
-    opti.subject_to(_bounded(opti, low, whole, high) if low < high else whole == low)
+    opti.subject_to(_range_constraint(opti, low, whole, high) if low < high else whole == low)
 
 
-def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
-    """Unknowns, and residuals of the equations."""
+def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Program:
+    """The nonlinear program without constraints: unknowns, residuals of the equations and cost."""
     arcs = guess.arcs
     m = interval_count(arcs)
     n, c, points = len(problem.states), len(problem.controls), m * DEGREE
@@ -374,7 +383,7 @@ def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
     )
 
 
-def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
+def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
     """Run IPOPT, and return its status."""
     ipopt = {
         "print_level": 0,
@@ -386,7 +395,7 @@ def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float =
         "acceptable_iter": 25,
         "bound_relax_factor": 0.0,
         "max_iter": most,
-        "max_wall_time": clock.left,
+        "max_wall_time": clock.remaining,
     }
     stay = {"mu_init": barrier, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
     opti.callback(clock.tick)  # also keeps the last iterate at an interrupt
@@ -399,12 +408,12 @@ def _run(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float =
     return str(opti.stats()["return_status"])
 
 
-def _within(opti: ca.Opti, rows: Rows, values: Any) -> Any:
+def _constrain_rows(opti: ca.Opti, rows: Rows, values: Any) -> Any:
     """Constrain rows to their ranges; return the constraint of the equalities, if there are any."""
     equalities = rows.equalities
     for i in range(len(rows.labels)):
         if i not in equalities:
-            opti.subject_to(_bounded(opti, rows.low[i], values[i], rows.high[i]))
+            opti.subject_to(_range_constraint(opti, rows.low[i], values[i], rows.high[i]))
     if not equalities:
         return None
     constraint = values[equalities] == rows.low[equalities]
@@ -412,14 +421,15 @@ def _within(opti: ca.Opti, rows: Rows, values: Any) -> Any:
     return constraint
 
 
-def _bounded(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
+def _range_constraint(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
+    """The constraint low <= value <= high."""
     if np.isinf(low):
         return value <= high
     return value >= low if np.isinf(high) else opti.bounded(low, value, high)
 
 
 def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
-    """Constrain rows of the path to their ranges or bounds at the collocation points; states also at the knots.
+    """Constrain the rows of the path at the collocation points, states at the knots, too, and hold those of an arc.
 
     A moved coordinate is held at its bound by its control, a function of states by its rate: each has its value at the
     start of the arc, and no rate along it.
@@ -434,54 +444,54 @@ def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _
         held = dict(arc.active_bounds)
         for i, label in enumerate(problem.path.labels):
             low, high = problem.path.low[i], problem.path.high[i]
-            if i in held and label in problem.moves and problem.order > 0:
-                begin = {label: held[i], f"{label}_dot": 0.0} if problem.order == 2 else {label: held[i]}
+            if i in held and label in problem.moves and problem.control_order > 0:
+                begin = {label: held[i], f"{label}_dot": 0.0} if problem.control_order == 2 else {label: held[i]}
                 for name in begin.keys() - (given if first == 0 else set()):
                     opti.subject_to(program.knots[problem.states.index(name), first] == begin[name])
                 opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
                 continue
             row = ca.vec(program.path[i, inner])
-            if i in held and problem.order > 0 and i not in instant:
+            if i in held and problem.control_order > 0 and i not in instant:
                 begin = problem.path.function(program.knots[:, first], program.controls[:, first * DEGREE])
                 opti.subject_to(begin[i] == held[i])
                 opti.subject_to(ca.vec(rates[i, inner]) == 0)
                 continue
-            opti.subject_to(row == held[i] if i in held else _bounded(opti, low, row, high))
+            opti.subject_to(row == held[i] if i in held else _range_constraint(opti, low, row, high))
             if label in problem.states and i not in held:
                 between = program.knots[problem.states.index(label), max(first, 1) : last]
                 if between.numel():
-                    opti.subject_to(_bounded(opti, low, ca.vec(between), high))
+                    opti.subject_to(_range_constraint(opti, low, ca.vec(between), high))
         first = last
 
 
 def path_rates(problem: Problem) -> ca.Function:
-    """d/dt of the rows of the path, as far as they depend on states."""
+    """Time derivatives of the rows of the path, as far as they depend on states."""
     X, U = ca.SX.sym("X", len(problem.states)), ca.SX.sym("U", len(problem.controls))
     rows = problem.path.function(X, U)
     return ca.Function("path_rates", [X, U], [ca.densify(ca.jtimes(rows, X, problem.rates(X, U)))])
 
 
 def _fix_phase(opti: ca.Opti, problem: Problem, program: _Program) -> None:
-    """Fix the phase of a loop whose start is free: it starts where a weighted sum of σ is extremal."""
+    """Constrain the phase of a loop with a free start, which begins where a weighted sum of σ is extremal."""
     closed = {problem.states[i] for i in problem.closed}
-    if problem.order == 0 or not problem.is_loop or closed & set(problem.start.labels):
+    if problem.control_order == 0 or not problem.is_loop or closed & set(problem.start.labels):
         return
-    if problem.order == 1:
+    if problem.control_order == 1:
         rates = program.controls[:, :DEGREE] @ TO_POWERS[0]
     else:
         rates = program.knots[problem.indices(f"{name}_dot" for name in problem.moves), 0]
-    opti.subject_to(ca.dot(mixture(len(problem.moves)), rates) == 0)
+    opti.subject_to(ca.dot(anchor_weights(len(problem.moves)), rates) == 0)
 
 
-def _smooth(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
-    """Lower the degree of the controls by one if the cost depends on states only.
+def _lower_control_degree(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
+    """Constrain the degree of the controls to be lower by one if the cost depends on states only.
 
     Otherwise the controls are not unique: multiples of the Legendre polynomial of degree ``DEGREE``, which vanishes at
     all points, cost nothing if they alternate from interval to interval.
     """
     if [problem.cost.jac_sparsity(0, k).nnz() > 0 for k in (0, 1)] != [True, False]:
         return
-    highest = TO_POWERS[-1]
+    leading = TO_POWERS[-1]
     first = 0
     for arc in arcs:
         inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
@@ -489,9 +499,9 @@ def _smooth(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Prog
         held = [problem.path.labels[i] for i, _ in arc.active_bounds]
         if set(held) <= set(problem.moves):  # else all may be needed to hold the row
             for i in (i for i, name in enumerate(problem.moves) if name not in held):
-                opti.subject_to(highest[None, :] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0)
+                opti.subject_to(leading[None, :] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0)
 
 
-def mixture(count: int) -> Array:
-    """Weights of a sum of σ that is not constant even if one coordinate is at a bound."""
+def anchor_weights(count: int) -> Array:
+    """Weights of a sum of σ that varies even where one coordinate is at a bound."""
     return np.power(0.6, np.arange(count))

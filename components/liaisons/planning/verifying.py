@@ -13,16 +13,16 @@ from liaisons.planning.problems import Problem, Rows
 from liaisons.planning.transcription import Array, Clock, Solution, curvature, interval_count, solve
 from liaisons.results import Result
 
-NOTHING = 1e-10
+MULTIPLIER_ERROR = 1e-10
 """Error of IPOPT's multipliers; smaller numbers count as 0."""
-_RELATIVE = 1e-6
-_FLAT = 1e-7
+_LAW_TOLERANCE = 1e-6
+_ZERO_CURVATURE = 1e-7
 """Eigenvalues of the reduced Hessian below this, relative to the largest, count as 0."""
-_SLOPE = 1e-4
+_SLOPE_TOLERANCE = 1e-4
 """Tolerance of the slope of the cost, relative to the multipliers."""
-_TURNS = 3
+_DIRECTION_ITERATIONS = 3
 """Iterations that turn the displacement of the end until the multipliers are constant."""
-_SHIFT = 1e-4
+_END_SHIFT = 1e-4
 """Displacement of the end, in units of sizes, whose cost is compared with the multipliers."""
 
 
@@ -40,53 +40,55 @@ def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock)
     )
     ended = verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0)
 
-    finer = cache(partial(_finer, problem, solution, clock))
+    finer = cache(partial(_on_finer_mesh, problem, solution, clock))
     claims = [
         ended,
-        *_replayed(problem, replay),
-        *_law(problem, solution),
-        _curved(problem, (lambda: solution, finer), clock),
+        *_replay_verdicts(problem, replay),
+        *_hamiltonian_verdicts(problem, solution),
+        _second_order_verdict(problem, (lambda: solution, finer), clock),
     ]
-    return [*claims, *_meshes(problem, solution, finer, clock)]
+    return [*claims, *_cost_verdicts(problem, solution, finer, clock)]
 
 
-def _finer(problem: Problem, solution: Solution, clock: Clock) -> Solution:
-    """The solution on a mesh half as fine again."""
+def _on_finer_mesh(problem: Problem, solution: Solution, clock: Clock) -> Solution:
+    """The solution on a mesh with half as many intervals more."""
     trajectory = solution.trajectory
     arcs = (replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in trajectory.arcs)
     return solve(problem, trajectory.on(tuple(arcs), trajectory.durations), clock, near=True)
 
 
-def _curved(problem: Problem, meshes: Iterable[Callable[[], Solution]], clock: Clock) -> Verdict:
-    """The second-order condition on one of the meshes: a coarse one may add negative curvature of its own."""
+def _second_order_verdict(problem: Problem, meshes: Iterable[Callable[[], Solution]], clock: Clock) -> Verdict:
+    """Verdict on the curvature on the first of the meshes that has no negative one: coarse meshes may add some."""
     eigenvalues = None
     for solution in meshes:
         eigenvalues = None if clock.is_over else curvature(problem, solution(), clock)
-        if eigenvalues is None or not eigenvalues.size or _least(eigenvalues) >= -_FLAT:
+        if eigenvalues is None or not eigenvalues.size or _least_eigenvalue(eigenvalues) >= -_ZERO_CURVATURE:
             break
-    why = f"of the largest; what is less than {_FLAT:g} cannot be told from 0"
+    why = f"of the largest; what is less than {_ZERO_CURVATURE:g} cannot be told from 0"
     text = "a local minimum: the reduced Hessian is positive definite"
     if eigenvalues is None:
-        return verdict(text, error=np.nan, tolerance=_FLAT, reason=why)
+        return verdict(text, error=np.nan, tolerance=_ZERO_CURVATURE, reason=why)
     if not eigenvalues.size:
         return verdict("a local minimum: constraints leave nothing free", error=0.0, tolerance=0.0)
-    least = _least(eigenvalues)
-    if least < _FLAT:
+    least = _least_eigenvalue(eigenvalues)
+    if least < _ZERO_CURVATURE:
         text = "second-order condition: no direction has negative curvature (some have none)"
-    return verdict(text, error=max(0.0, -least), tolerance=_FLAT, reason=why)
+    return verdict(text, error=max(0.0, -least), tolerance=_ZERO_CURVATURE, reason=why)
 
 
-def _least(eigenvalues: Array) -> float:
+def _least_eigenvalue(eigenvalues: Array) -> float:
+    """The least eigenvalue relative to the greatest absolute one."""
     return float(eigenvalues[0] / max(np.abs(eigenvalues).max(), np.finfo(float).tiny))
 
 
-def _replayed(problem: Problem, replay: Result) -> Iterator[Verdict]:
+def _replay_verdicts(problem: Problem, replay: Result) -> Iterator[Verdict]:
+    """Verdicts on the run of the FMUs: end, closed states, energy and bounds."""
     scales = problem.scales
     X = np.array([replay[name] for name in problem.states]) / scales.states[:, None]
     U = np.array([replay[name] for name in problem.controls]) / scales.controls[:, None]
     yield verdict(
         "replayed through the FMUs, the end is reached",
-        error=_violation(problem.end, np.array(problem.end.function(X[:, -1]))),
+        error=_relative_violation(problem.end, np.array(problem.end.function(X[:, -1]))),
         tolerance=1e-8,
         reason="solver tolerance 1e-12; what is left is the mesh's",
     )
@@ -99,15 +101,15 @@ def _replayed(problem: Problem, replay: Result) -> Iterator[Verdict]:
     balance = float(np.max(np.abs(replay["energy_balance"]))) / scale
     yield verdict("the energy gained is the operators' work", error=balance, tolerance=1e-7, reason="relative")
     if problem.path.labels:
-        error = _violation(problem.path, np.array(problem.path.function.map(X.shape[1])(X, U)))
+        error = _relative_violation(problem.path, np.array(problem.path.function.map(X.shape[1])(X, U)))
         yield verdict("bounds are kept between the nodes", error=error, tolerance=1e-6, reason="relative")
 
 
-def _law(problem: Problem, solution: Solution) -> Iterator[Verdict]:
+def _hamiltonian_verdicts(problem: Problem, solution: Solution) -> Iterator[Verdict]:
     """Verdicts on the Hamiltonian, which is constant along an extremal, and 0 if the duration is free."""
     trajectory, path = solution.trajectory, problem.path
     H = solution.hamiltonian / hamiltonian_scale(problem, solution)
-    why = f"relative to its terms, or {NOTHING:g}; an extremal that the mesh resolves keeps it to 1e-8"
+    why = f"relative to its terms, or {MULTIPLIER_ERROR:g}; an extremal that the mesh resolves keeps it to 1e-8"
     yield verdict("the Hamiltonian is constant", error=float(np.ptp(H)), tolerance=1e-6, reason=why)
     (low, high), T = problem.duration, trajectory.durations.sum()
     if low < T * (1 - 1e-9) and high * (1 - 1e-9) > T:
@@ -118,7 +120,7 @@ def _law(problem: Problem, solution: Solution) -> Iterator[Verdict]:
     values = trajectory.evaluate(path.function)
     room = np.minimum(values - path.low[:, None], path.high[:, None] - values)
     is_free = np.all(np.abs(still) < 1e-12) and np.all(room > 1e-6)
-    if problem.order == 1 and is_free and np.all(running > 0):
+    if problem.control_order == 1 and is_free and np.all(running > 0):
         speed = np.sqrt(running)
         error = float(np.ptp(speed) / np.mean(speed))
         yield verdict("the Θ-speed is constant: a geodesic", error=error, tolerance=1e-6, reason="relative")
@@ -128,14 +130,19 @@ def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
     """Mean size of the terms of the Hamiltonian."""
     running = solution.trajectory.evaluate(problem.cost).ravel()
     rates = solution.trajectory.evaluate(problem.rates)
-    return max(NOTHING / _RELATIVE, float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))))
+    return max(
+        MULTIPLIER_ERROR / _LAW_TOLERANCE,
+        float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))),
+    )
 
 
-def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution], clock: Clock) -> Iterator[Verdict]:
+def _cost_verdicts(
+    problem: Problem, solution: Solution, finer: Callable[[], Solution], clock: Clock
+) -> Iterator[Verdict]:
     """Verdicts on the costs of a finer mesh and of displaced ends."""
     trajectory = solution.trajectory
     second = finer()
-    scale = max(NOTHING / _RELATIVE, abs(solution.cost))
+    scale = max(MULTIPLIER_ERROR / _LAW_TOLERANCE, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
     fine, coarse = (interval_count(each.trajectory.arcs) for each in (second, solution))
     text = f"a mesh of {fine} intervals costs the same as one of {coarse}"
@@ -144,14 +151,16 @@ def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution],
     size = float(np.linalg.norm(gradient))
     if size > 0:
         # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
-        by = _SHIFT * min(1.0, scale / size)
+        by = _END_SHIFT * min(1.0, scale / size)
 
         def beside(parts: int) -> Solution:
+            """The solution with a displaced end."""
             shift = parts * by * direction / np.linalg.norm(direction)
             return solve(problem, trajectory, clock, near=True, shift=shift)
 
         @cache
         def cost(parts: int) -> float:
+            """Its cost; not-a-number if it is not solved."""
             shifted = beside(parts)
             return shifted.cost if shifted.succeeded else np.nan
 
@@ -163,27 +172,29 @@ def _meshes(problem: Problem, solution: Solution, finer: Callable[[], Solution],
         least = max(size, 1e-3 * scale)
         kink = ", on one side: the cost of the end has a kink"
         text, slope = "another end costs what the multipliers say, dJ/d(end)", (cost(1) - cost(-1)) / (2 * by)
-        if not abs(slope - size) <= _SLOPE * least:  # beyond one side no solution is near, or the slope jumps here
+        if (
+            not abs(slope - size) <= _SLOPE_TOLERANCE * least
+        ):  # beyond one side no solution is near, or the slope jumps here
             slopes = np.array([one_sided(parts) for parts in (1, -1, 2, -2)])
             off = np.abs(slopes - size)
             if np.isfinite(off).any():
                 slope = slopes[np.nanargmin(off)]
             sides = [np.nanmax(off[i::2], initial=-np.inf) for i in (0, 1)]
-            if np.isfinite(sides).all() and max(sides) > _SLOPE * least:
+            if np.isfinite(sides).all() and max(sides) > _SLOPE_TOLERANCE * least:
                 text += kink
         error = abs(slope - size)
         if (
-            error > _SLOPE * least
+            error > _SLOPE_TOLERANCE * least
         ):  # of many optima the cheapest one for this end is another, with multipliers of its own
-            for _ in range(_TURNS):
+            for _ in range(_DIRECTION_ITERATIONS):
                 direction = direction + gradient - beside(-1).end_multipliers
             cost.cache_clear()
             error = abs(one_sided(-1) - float(gradient @ direction) / float(np.linalg.norm(direction)))
             text = text.removesuffix(kink) + kink
-        yield verdict(text, error=error / least, tolerance=_SLOPE, reason="relative")
+        yield verdict(text, error=error / least, tolerance=_SLOPE_TOLERANCE, reason="relative")
 
 
-def _violation(rows: Rows, values: Array) -> float:
+def _relative_violation(rows: Rows, values: Array) -> float:
     """Greatest distance of values from their ranges, relative to bounds above 1."""
     ends = np.where(np.isfinite([rows.low, rows.high]), np.abs([rows.low, rows.high]), 0).max(axis=0)
     return float(np.max(rows.violation(values) / np.maximum(1.0, ends)[:, None], initial=0.0))
