@@ -73,9 +73,8 @@ def test_van_der_pol_has_the_derivatives_of_its_variational_equations(
     assert_allclose(derivatives, expected, atol=tolerance * np.abs(expected).max())
     if not exact:
         assert isinstance(motion, FmuMotion)
-        errors, estimated = np.abs(derivatives - expected).max(axis=1), motion.errors(motion.values)
-        assert (errors <= estimated + 1e-8).all()
-        assert (estimated[:, 0] < 1e-7).all()  # by mu: the tolerance of runs, 1e-10, over the least difference, 1e-3
+        errors = np.abs(derivatives - expected).max(axis=1)
+        assert (errors[:, 0] < 1e-7).all()  # by mu: the tolerance of runs, 1e-10, over the least difference, 1e-3
 
 
 def test_sensitivities_of_fmus(made: Made) -> None:

@@ -88,11 +88,7 @@ class FmuMotion:
 
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         """Signals, and their derivatives by the values, (signals, times, values); not-a-number beside events."""
-        return self._evaluated(values)[:2]
-
-    def errors(self, values: ArrayLike) -> Floats:
-        """Estimated errors of derivatives by differences of runs, (signals, values); 0 for directional derivatives."""
-        return self._evaluated(values)[2]
+        return self._evaluated(values)
 
     def adjoint(self, values: ArrayLike, weights: ArrayLike | Callable[[Floats], ArrayLike]) -> tuple[Floats, Floats]:
         """Signals, and derivatives of their weighted sum by the values, (values,)."""
@@ -146,14 +142,14 @@ class FmuMotion:
         points = np.unique([*asked, *apart])
         return points[(self.start_time <= points) & (points <= self.times[-1])]
 
-    def _evaluated(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats, Floats]:
-        """Signals, their derivatives by the values, and the errors of these."""
+    def _evaluated(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats]:
+        """Signals, and their derivatives by the values."""
         numbers = np.asarray(values, dtype=float)
         changes = np.diag(np.where(numbers == 0, 1.0, np.abs(numbers)))[: len(numbers) * derive]
         return (self._by_runs if self.method == "differences" else self._by_equations)(numbers, changes)
 
-    def _by_runs(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
-        """Signals, differences of runs, and their errors; not-a-number where an event lies between the runs."""
+    def _by_runs(self, values: Floats, changes: Floats) -> tuple[Floats, Floats]:
+        """Signals, and differences of runs; not-a-number where an event lies between the runs."""
         discrete = self._discrete_variables()
 
         def run(values: Floats) -> Floats:
@@ -164,7 +160,7 @@ class FmuMotion:
             return result.values[:, np.searchsorted(result.time, self.times)]
 
         count, middle = len(self.signals), run(values)
-        signals, columns, errors = middle[:count], list[Floats](), list[Floats]()
+        signals, columns = middle[:count], list[Floats]()
         beside = np.zeros(len(self.times), dtype=bool)
         for change in changes:
             runs: dict[float, Floats] = {0.0: middle}
@@ -177,7 +173,6 @@ class FmuMotion:
 
             unit = change.sum()
             column, error = extrapolated(displaced, _RUN_SIZES, unit)
-            error = np.abs(error)
             if all({h, -h} <= runs.keys() for h in _RUN_SIZES):  # half of what those to both sides differ by, at h = 0
                 sides = [(displaced(h) - 2 * signals + displaced(-h)) / (2 * h * unit) for h in _RUN_SIZES]
                 coarse, fine = (2 * small - large for large, small in pairwise(sides))
@@ -188,11 +183,9 @@ class FmuMotion:
             wrong = error > np.where(switched, _SWITCHED_ERROR, _SMOOTH_ERROR) * size + noise
             beside |= wrong.any(axis=0)
             columns.append(np.where(wrong, np.nan, column))
-            errors.append(np.where(wrong, 0.0, error).max(axis=1))
         if beside.any():
             self._warn_of_events(values, discrete, self.times[beside])
-        shape = len(columns), *signals.shape
-        return signals, np.moveaxis(np.reshape(columns, shape), 0, 2), np.reshape(errors, shape[:2]).T
+        return signals, np.moveaxis(np.reshape(columns, (len(columns), *signals.shape)), 0, 2)
 
     def _discrete_variables(self) -> list[str]:
         """Names of integers and Booleans, which tell the mode of an FMU and the number of events."""
@@ -224,8 +217,8 @@ class FmuMotion:
         listed_times = ", ".join(f"{time:g}" for time in times[:3]) + more
         logger.warning("%s: derivatives are not-a-number at t = %s s: %s", self.name, listed_times, text)
 
-    def _by_equations(self, values: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
-        """Signals, their derivatives from the variational equations, and errors of 0."""
+    def _by_equations(self, values: Floats, changes: Floats) -> tuple[Floats, Floats]:
+        """Signals, and their derivatives from the variational equations."""
         with ExitStack() as stack:
             equations = stack.enter_context(self.equations(values))
             neighbours = [
@@ -268,7 +261,7 @@ class FmuMotion:
                     z = states_on_way[:, -1].reshape(z.shape)
                 recorded[end] = calculate(end, z, end)[states:]
         result = np.stack([recorded[time] for time in self.times.tolist()], axis=1)
-        return result[..., 0], result[..., 1:], np.zeros((len(result), len(changes)))
+        return result[..., 0], result[..., 1:]
 
 
 def fmu_motion(

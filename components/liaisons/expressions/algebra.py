@@ -8,23 +8,25 @@ from itertools import pairwise
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 
-def stack(expressions: Iterable[ca.SX]) -> ca.SX:
+def stack(expressions: Iterable[ca.SX | float]) -> ca.SX:
     """Column of scalars or columns; (0, 1) for none."""
     rows = list(expressions)
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
 
-def closure(uses: NDArray[np.bool_], first: NDArray[np.bool_]) -> list[int]:
+def closure(uses: NDArray[np.bool_], first: ArrayLike) -> list[int]:
     """Indices of the first variables, and of all that these use, directly or through others.
 
     :param uses: whether a variable, by row, uses another one, by column.
+    :param first: whether a variable is among the first.
     """
-    while (more := first | uses[first].any(axis=0)).sum() > first.sum():
-        first = more
-    return np.flatnonzero(first).tolist()
+    reached = np.asarray(first, dtype=bool)
+    while (more := reached | uses[reached].any(axis=0)).sum() > reached.sum():
+        reached = more
+    return np.flatnonzero(reached).tolist()
 
 
 def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:

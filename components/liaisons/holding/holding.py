@@ -249,7 +249,7 @@ def _hold_along(motion: Plan, step_size: float | None, criterion: _Criterion) ->
     D = [sampled.directions(*point) for point in trajectory.points]
     steps, costs = in_directions(steps, D), criterion.costs(sampled, D)
     R = criterion.effort * np.eye(len(motion.goal.moves))
-    full_state, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
+    transition, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
         y, planned = trajectory.states[: len(sampled.names), -1], trajectory.motion[:, :, [-1, -1]]
         at_rest = in_directions(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
@@ -260,17 +260,17 @@ def _hold_along(motion: Plan, step_size: float | None, criterion: _Criterion) ->
         after = end and end[0][0]
         solution = end and riccati_recursion(steps, costs[:-1], R, end[1])
     elif returns:
-        V, U = reachable_subspace(full_state - np.eye(len(full_state)), inputs)
-        _refuse_uncontrolled_growth(sampled, D[-1], U, full_state)
+        V, U = reachable_subspace(transition - np.eye(len(transition)), inputs)
+        _refuse_uncontrolled_growth(sampled, D[-1], U, transition)
         solution = periodic_riccati(steps, costs[:-1], R)
     else:
-        V, U = reachable_subspace(np.zeros_like(full_state), inputs)
+        V, U = reachable_subspace(np.zeros_like(transition), inputs)
         solution = riccati_recursion(steps, costs[:-1], R, costs[-1])
     if solution is None or after is None:
         raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
     gains, constant = [*solution[0], after], _constant_directions(steps)
     loop = transition_matrix(steps, gains)
-    fixed = np.eye(len(full_state))[:, constant]
+    fixed = np.eye(len(transition))[:, constant]
     left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _states_along(sampled, D[0], constant)
     conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)

@@ -175,17 +175,17 @@ class SampledMechanism:
         values = by_name(states, self.start) | sigma | dict(self._extents)
         far = {u: max(abs(values.get(q, 0.0)) for q in units if units[q] == u) or 1.0 for u in inertia} | {"rad": 1.0}
         first = "rad" if "rad" in mean else next(iter(mean), "rad")
-        full_state = mean.get(first, 1.0) * far[first] ** 2
-        by_unit = {u: np.sqrt(full_state / mean[u]) if u in mean else x for u, x in far.items()}
+        inertia_size = mean.get(first, 1.0) * far[first] ** 2
+        by_unit = {u: np.sqrt(inertia_size / mean[u]) if u in mean else x for u, x in far.items()}
         coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
         coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal}
         changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()])
         momenta = {
-            name: float(size) if size > 0 else full_state / self.time
+            name: float(size) if size > 0 else inertia_size / self.time
             for name, size in zip(states, changes.max(axis=0), strict=True)
             if name not in coordinates and name not in Orientation.quaternion
         }
-        return coordinates, momenta, float(full_state / self.time**2)
+        return coordinates, momenta, float(inertia_size / self.time**2)
 
     @property
     def cyclic(self) -> list[str]:

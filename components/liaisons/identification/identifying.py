@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from liaisons.base.arguments import chosen, finite, listed, merged, named, positive, shown, whole
+from liaisons import interface
+from liaisons.base.arguments import as_path, chosen, finite, listed, merged, named, positive, shown, whole
 from liaisons.base.array_names import split
+from liaisons.base.files import beside, toml_arguments
 from liaisons.cosim import System
 from liaisons.ensembles.right_hand_sides import operator_models, settable, smooth_model
 from liaisons.errors import IdentificationError, suggestion
@@ -24,6 +28,8 @@ from liaisons.mechanics import Model
 
 Range = tuple[float | None, float | None]
 Data = Any
+
+_EXAMPLES = {"subject": '"Pendulum"', "data": '"measured.csv"', "unknown": '["length", "theta_0"]'}
 
 
 def identify(
@@ -141,6 +147,28 @@ def identify(
         words = "give other start values, or segments of multiple shooting"
         raise IdentificationError(f"{model.name}: {message} {words}", fit)
     return fit
+
+
+def identified(path: Path | str) -> Fit:
+    """Run :func:`liaisons.identify` with the arguments of a TOML file.
+
+    ::
+
+        subject = "Pendulum"
+        data = "measured.csv"
+        unknown = ["length", "friction", "theta_0"]
+        noise = { theta = 0.01 }
+        start_values = { friction = 0.1 }
+
+    :param path: the file; relative paths in it start from its folder.
+    :raises IdentificationError: for invalid TOML, an unknown key, and as :func:`liaisons.identify` does.
+    """
+    path = as_path("path", path, IdentificationError)
+    keys = {*inspect.signature(identify).parameters} - {"keywords"}
+    arguments = toml_arguments(path, keys, _EXAMPLES, IdentificationError)
+    subject = beside(path, str(arguments.pop("subject")))
+    data = [beside(path, name) for name in listed(f"{path}: data", arguments.pop("data"), IdentificationError)]
+    return identify(interface.System.from_ssp(subject) if subject.endswith(".ssp") else subject, data, **arguments)
 
 
 class _Unknowns:

@@ -138,16 +138,14 @@ class Plan:
         first = float(self._communication_points()[1])
         step = first if interpolate else _even_step(end, min(first / 10, end / _FEWEST_STEPS))
         knots = self._knots if interpolate else self._equidistant_knots(step)
-        tables: dict[str, Any] = {name: tabulated(*table) for name, table in knots.items()}
-        system.add(self.problem.name, self._mechanism_fmu(), **self.fmu_starts, **tables)
+        system.add(self.problem.name, self._mechanism_fmu(), **self.fmu_starts, **_tables(knots))
         system.experiment = DefaultExperiment(0.0, end, step)
         return system
 
     def replay(self) -> Result:
         """Simulate the FMUs; communication points are the knots."""
-        return simulate(
-            self._mechanism_fmu(), times=self._communication_points(), tolerance=_TOLERANCE, **self._values()
-        )
+        values = {**self.fmu_starts, **_tables(self._knots)}
+        return simulate(self._mechanism_fmu(), times=self._communication_points(), tolerance=_TOLERANCE, **values)
 
     def verify(self, time_limit: float = 60.0) -> list[Verdict]:
         """Verdicts: replay by FMUs, bounds between nodes, extremality, second-order condition, finer mesh, multipliers.
@@ -170,10 +168,6 @@ class Plan:
     def _mechanism_fmu(self) -> Any:
         """Path of the FMU of the mechanism."""
         return fmu_path(self.goal.component, **chain_size(self.goal.component, self.goal.values))
-
-    def _values(self) -> dict[str, Any]:
-        """Start values of the mechanism, and the operators by moved coordinates."""
-        return self.fmu_starts | {name: tabulated(*table) for name, table in self._knots.items()}
 
     @property
     def fmu_starts(self) -> dict[str, Any]:
@@ -278,6 +272,11 @@ class Plan:
         word = "" if self.finished else ", not proved: it was stopped on the way"
         moves = ", ".join(self.problem.moves)
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
+
+
+def _tables(knots: Mapping[str, Array]) -> dict[str, Any]:
+    """Operators that perform the motions between knots, by moved coordinates."""
+    return {name: tabulated(*columns) for name, columns in knots.items()}
 
 
 def _even_step(end: float, longest: float) -> float:

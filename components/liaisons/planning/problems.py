@@ -304,8 +304,8 @@ def _needed_states(symbols: GoalSymbols, states: list[_State], rows: GoalRows, c
     """Names of the states on which constraints and cost depend, directly or through rates."""
     column = stack(state.symbol for state in states)
     uses = symbols.dependencies(stack(state.rate * (symbols.time / state.size) for state in states), column)
-    first = symbols.dependencies(ca.vertcat(rows.along, *(row.relative for row in rows.end)), column).any(axis=0)
-    first |= [state.name in closed for state in states]
+    acting = symbols.dependencies(ca.vertcat(rows.along, *(row.relative for row in rows.end)), column)
+    first = np.any([*acting, [state.name in closed for state in states]], axis=0)
     needed = {states[i].name for i in closure(uses, first)}
     if not needed:
         raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.moves)} can change is part of the goal")
