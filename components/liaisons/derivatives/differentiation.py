@@ -232,10 +232,10 @@ class _Signals(dict[str, Any]):
 
 def _indices(name: str, names: tuple[str, ...]) -> list[int]:
     """Indices of a name, or of the elements of an array, among names."""
-    found = [number for number, other in enumerate(names) if name in (other, split(other)[0])]
-    if not found:
+    indices = [number for number, other in enumerate(names) if name in (other, split(other)[0])]
+    if not indices:
         raise UnknownSignalError(f"there is no {name!r}{suggestion(name, names)}")
-    return [names.index(name)] if name in names else found
+    return [names.index(name)] if name in names else indices
 
 
 def _times(start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None) -> ArrayLike:

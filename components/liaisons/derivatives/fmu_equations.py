@@ -8,10 +8,9 @@ from ctypes import c_double
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, Self, TypeAlias, cast, final
+from typing import Any, Literal, Self, cast, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.base.array_names import suffixed
 from liaisons.base.folders import passing_folder
@@ -24,9 +23,9 @@ from liaisons.cosim.instances.model_exchange import ModelExchange
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure.components import SystemComponent
+from liaisons.derivatives.steps import Floats
 from liaisons.errors import LiaisonsError, RefusedError, SimulationError
 
-Floats: TypeAlias = NDArray[np.float64]
 Method = Literal["directional derivatives", "differences"]
 """How derivatives are calculated: by the FMU, or from values at points near each other."""
 

@@ -169,7 +169,7 @@ class DifferentiableMotion:
         """The same motion with the steps that are taken at some values, wherever events come in the same order."""
         k = self._checked(values)
         segments = self._segments(k)
-        return replace(self, frozen_steps=(_order(segments), self._step_ends(k, segments)))
+        return replace(self, frozen_steps=(_sequence(segments), self._step_ends(k, segments)))
 
     # ---- the run
 
@@ -284,7 +284,7 @@ class DifferentiableMotion:
         key = b"" if frozen and not self.functions.events.numel_out(0) else k.tobytes()
         if key not in self._latest:
             segments, chunks = self._segments(k), list[Steps]()
-            ends = frozen if order == _order(segments) else self._step_ends(k, segments)
+            ends = frozen if order == _sequence(segments) else self._step_ends(k, segments)
             most = max(1, _CHUNK_NUMBERS // (METHOD.stages + 1) // self.functions.states)
             for segment, own in zip(segments, ends, strict=True):
                 steps = steps_of(segment, own)
@@ -321,8 +321,8 @@ class DifferentiableMotion:
         time, slope = event
         sides = time - _margin(time), time + _margin(time)
         before, after = (self.table[row] for row in self._row(np.array(sides)))
-        then, now = (f.prescribed(*point).full() for point in ((sides[0], k, before), (sides[1], k, after)))
-        for name, change, value in zip(f.prescribed_names, now - then, then, strict=True):
+        previous, now = (f.prescribed(*point).full() for point in ((sides[0], k, before), (sides[1], k, after)))
+        for name, change, value in zip(f.prescribed_names, now - previous, previous, strict=True):
             if abs(change[0]) > ROUNDING_OF_INPUTS * (1 + abs(value[0])) and name in f.carrying:
                 raise SimulationError(
                     f"{self.name}: {name} jumps at t = {time:g} s and carries states along, which is not differentiated"
@@ -346,7 +346,7 @@ def recorded_times(times: ArrayLike, start_time: float) -> Floats:
     return array
 
 
-def _order(segments: Sequence[Segment]) -> list[tuple[bool, bytes]]:
+def _sequence(segments: Sequence[Segment]) -> list[tuple[bool, bytes]]:
     """The order in which events, recorded times and breaks follow each other; motions of one order have like steps."""
     return [(segment.event is None, segment.records.tobytes()) for segment in segments]
 

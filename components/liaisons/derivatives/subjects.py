@@ -147,14 +147,10 @@ def _is_file(subject: object) -> TypeGuard[str | Path]:
 def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
     """The model, and start values of a file that differ from the declared ones."""
     starts: Mapping[str, float] = {}
-    if isinstance(subject, System):
-        declared: Any = flattening.composed(subject)
-    elif _is_file(subject):
-        declared, starts = flattening.model_of(subject)
-    else:
-        declared = subject if isinstance(subject, Model) else component(cast("Target", subject))
+    if _is_file(subject):
+        subject, starts = flattening.model_of(subject)
     remedy = "give its class or .fmu file, whose runs are differentiated"
-    model = smooth_model(declared, "a motion with exact derivatives", remedy)
+    model = smooth_model(subject, "a motion with exact derivatives", remedy)
     settings = settable(model, {}).values() if starts else ()
     return model, {v.name: starts[v.name] for v in settings if starts[v.name] != v.start}
 
@@ -180,10 +176,10 @@ def _refuse_inputs(model: Model, driven: Mapping[str, Any], moving: Mapping[str,
 
     :raises ComponentError: and :class:`SimulationError` for the last one.
     """
-    known = [v.name for v in model.inputs]
+    names = [v.name for v in model.inputs]
     for name, polynomial in driven.items():
-        if name not in known:
-            raise ComponentError(f"inputs: {model.name} has no input {name!r}{suggestion(name, known)}")
+        if name not in names:
+            raise ComponentError(f"inputs: {model.name} has no input {name!r}{suggestion(name, names)}")
         if name in moving:
             raise ComponentError(f"inputs: {name} is moved by an operator, too; leave one out")
         shape = np.shape(getattr(polynomial, "c", ()))

@@ -151,6 +151,7 @@ def _integrate(advance: Advance, each: Floats, start: Floats, time: Floats, *, s
     size = min(_CHUNK, -(-len(lanes) // (_TASKS * threads)))
 
     def advance_chunk(begin: int) -> None:
+        """Integrate some blocks from one recorded time to the next, through all of them."""
         chunk = slice(begin, begin + size)
         for k, (begin_time, end_time) in enumerate(pairwise(time)):
             states = records[k, chunk].copy()

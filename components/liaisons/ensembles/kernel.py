@@ -83,14 +83,14 @@ def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: 
     lines.append(f"    double time, f[S * N * D]{'' if keeps else ', at[N * D]'};")
     for stage, row in enumerate(tableau.rows):
         last = stage == tableau.stages
-        at = f"(kept + {stage} * N * D)" if keeps else "at" if any(row) and (projects or not last) else "y"
-        if last or at != "y":
-            lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{at}[i] = {_state_code(row, 'N * D')}"))
+        state = f"(kept + {stage} * N * D)" if keeps else "at" if any(row) and (projects or not last) else "y"
+        if last or state != "y":
+            lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{state}[i] = {_state_code(row, 'N * D')}"))
         lines.append(f"    time = clipped(t + C[{stage}] * h, limits);")
         if not last:
-            lines.append(f"    rates(&time, k, s, {at}, f + {stage} * N * D);")
+            lines.append(f"    rates(&time, k, s, {state}, f + {stage} * N * D);")
         elif projects:
-            lines.append(f"    project(&time, k, s, {at}, y);")
+            lines.append(f"    project(&time, k, s, {state}, y);")
     return head_code(equations, tableau, width) + "\n".join([*lines, "}\n"])
 
 

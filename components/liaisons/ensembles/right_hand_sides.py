@@ -16,10 +16,11 @@ import casadi as ca
 import numpy as np
 
 from liaisons.base.arguments import named
+from liaisons.cosim import System
 from liaisons.errors import ComponentError, InvalidValueError, LiaisonsError, suggestion
 from liaisons.expressions.algebra import closure, stack
 from liaisons.language import Component, Operator, Variable
-from liaisons.library import Target, component
+from liaisons.library import Target, component, flattening
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model, refuse_contacts, refuse_samples
 
@@ -69,16 +70,18 @@ def flat_model(declared: type[Component]) -> Model:
 
 
 def smooth_model(
-    subject: Model | type[Component], task: str, remedy: str, error: type[LiaisonsError] = ComponentError
+    subject: Target | Model | System, task: str, remedy: str, error: type[LiaisonsError] = ComponentError
 ) -> Model:
-    """The model of a component without contacts and samples, its arrays element by element.
+    """The model of a component or a system without contacts and samples, its arrays element by element.
 
     :param task: what needs it, for the error; ``remedy``: what the user may do instead.
     :raises LiaisonsError: if there are contacts or samples.
     """
+    equations = flattening.composed(subject) if isinstance(subject, System) else subject
+    declared = equations if isinstance(equations, Model) else component(equations)
     for refuse in (refuse_contacts, refuse_samples):
-        refuse(subject, task, remedy, error)
-    return subject.flat() if isinstance(subject, Model) else flat_model(subject)
+        refuse(declared, task, remedy, error)
+    return declared.flat() if isinstance(declared, Model) else flat_model(declared)
 
 
 def operator_models(
@@ -175,7 +178,7 @@ def right_hand_side(
     rates = _scalars(model.derivatives, t, y, u, k)[0]
     projected = None if model.project is None else _scalars(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
-    conditions, begun = (_scalars(model.conditions, *at)[0] for at in ((t, y, u, k), at_start))
+    conditions, begun = (_scalars(model.conditions, *point)[0] for point in ((t, y, u, k), at_start))
     domains = [(v, bound) for v in model.inputs for bound in _domain_gaps(v, inputs[v.name]) if v.name not in symbol_of]
     conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))

@@ -390,7 +390,6 @@ def _controller(
     starts = {parameter: float(symbols.parameters[parameter]) for parameter in symbols.start_parameters.values()}
     for i, m in enumerate(sampled.moves):
         starts |= by_name(motion_names(m), map(float, trajectory.motion[i, :, 0]))
-    at = trajectory.states[:, 0], trajectory.motion[:, :, 0], prediction.directions
     return Controller(
         name=sampled.name,
         component=symbols.goal.component,
@@ -407,17 +406,17 @@ def _controller(
         energy=sampled.energy,
         time=sampled.time,
         starts=starts,
-        perturbations=_perturbations(sampled, *at, starts),
+        perturbations=_perturbations(sampled, trajectory, prediction.directions, starts),
     )
 
 
 def _perturbations(
-    sampled: SampledMechanism, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
+    sampled: SampledMechanism, trajectory: ReferenceTrajectory, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
     """Start values, as differences, that span the directions of deviation."""
     parameters, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
-        rates = sampled.rate_derivatives(reference, sigma, directions)
+        rates = sampled.rate_derivatives(*next(trajectory.points), directions)
         names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
         columns = np.vstack([sizes * directions, rates]).T.tolist()
         keys = [parameters.get(name, name) for name in names]
@@ -482,10 +481,10 @@ def _quantities(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
     return {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
 
 
-def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None) -> None:
+def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: Array | None = None) -> None:
     """Raise an error for bounds that regulators cannot keep.
 
-    :param at: σ and its rates (moves, 3), which have to lie inside.
+    :param point: σ and its rates (moves, 3), which have to lie inside.
     :raises PlanError: if they cannot.
     """
     quantities = _quantities(sampled)
@@ -493,11 +492,11 @@ def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], at: Arr
         if name not in quantities:
             raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(quantities)}")
         i, n = quantities[name]
-        held = () if at is None or n == 3 else (at[i, n],)
+        held = () if point is None or n == 3 else (point[i, n],)
         low, high = _finite_ends(pair) if isinstance(pair, (tuple, list)) and len(pair) == 2 else (0.0, 0.0)
         if not all(a < b for a, b in pairwise((low, *held, high))):
-            order = " < ".join(["low", *(f"{x:g}" for x in held), "high"])
-            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with {order}")
+            chain = " < ".join(["low", *(f"{x:g}" for x in held), "high"])
+            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with {chain}")
 
 
 def _constant_directions(steps: Sequence[Step]) -> list[int]:

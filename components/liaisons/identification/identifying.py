@@ -23,7 +23,7 @@ from liaisons.identification.minimising import LOSSES
 from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, values_near
 from liaisons.identification.searching import estimated
 from liaisons.language import Variable
-from liaisons.library import Target, component, flattening
+from liaisons.library import Target
 from liaisons.mechanics import Model
 
 Range = tuple[float | None, float | None]
@@ -99,7 +99,7 @@ def identify(
     finite("start_time", start_time, IdentificationError)
     if segments is not None:
         whole("segments", segments, IdentificationError)
-    model = _model(subject)
+    model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
     experiments = measurements(data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing)
     for experiment in experiments:
         if experiment.inputs and experiment.times[0] > start_time:
@@ -259,13 +259,6 @@ class _Unknowns:
             finite(f"prior: mean of {name}", mean, IdentificationError)
             positive(f"prior: standard deviation of {name}", deviation, IdentificationError)
             yield Prior(i, mean, deviation)
-
-
-def _model(subject: Target | Model | System) -> Model:
-    """The equations of the subject, arrays element by element."""
-    equations = flattening.composed(subject) if isinstance(subject, System) else subject
-    declared = equations if isinstance(equations, Model) else component(equations)
-    return smooth_model(declared, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
 
 
 def _started_output(name: str) -> str:

@@ -20,10 +20,10 @@ from liaisons.base.files import csv_cells
 from liaisons.base.units import in_si
 from liaisons.cosim.structure.knots import curve, knots
 from liaisons.errors import IdentificationError, suggestion
+from liaisons.identification.determinacy import Floats
 from liaisons.mechanics.model import Model
 from liaisons.results import Result
 
-Floats = NDArray[np.float64]
 _Columns = list[tuple[str, str, Sequence[Any]]]
 """Heading, unit and cells of each column."""
 

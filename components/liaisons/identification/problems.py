@@ -9,15 +9,12 @@ from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.base.array_names import split
 from liaisons.derivatives.subjects import Motion, motion_of
-from liaisons.identification.determinacy import NullSpace
+from liaisons.identification.determinacy import Floats, NullSpace
 from liaisons.identification.measurements import Measurements
 from liaisons.library import Target
-
-Floats = NDArray[np.float64]
 
 TIME_OFFSET = "time_offset"
 _NEGLIGIBLE = 1e-6

@@ -50,8 +50,8 @@ def refuse_invariants(problem: Problem) -> None:
     :param problem: in relative units.
     :raises PlanError: with its name.
     """
-    end, given = problem.end, set(problem.start.labels)
-    started = {state for state in problem.states if state in given or state in problem.moves}
+    end, initial_labels = problem.end, set(problem.start.labels)
+    started = {state for state in problem.states if state in initial_labels or state in problem.moves}
     if not end.labels or len(started) < len(problem.states):
         return
     values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
@@ -253,14 +253,14 @@ def _transfer_with_waves(
     sigma = zip(problem.moves, problem.initial_sigma, strict=True)
     begin = {name: start.get(name, value) for name, value in sigma}
     first = np.array([*begin.values()])
-    way = np.array([problem.terminal_state.get(name, x) for name, x in begin.items()]) - first
-    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(way).max())
-    waves = size * np.random.default_rng(k).normal(size=(way.size, 3)) / np.arange(1, 4) ** 2
-    way, w = way if by is None else by, 2 * np.pi * np.arange(1, 4) / T
+    change = np.array([problem.terminal_state.get(name, x) for name, x in begin.items()]) - first
+    size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max())
+    waves = size * np.random.default_rng(k).normal(size=(change.size, 3)) / np.arange(1, 4) ** 2
+    change, w = change if by is None else by, 2 * np.pi * np.arange(1, 4) / T
 
     def motion(t: float) -> tuple[Array, Array, Array]:
         """σ, σ̇ and σ̈."""
-        rise, rate, acceleration = (way * x for x in _smooth_step(t / T, T))
+        rise, rate, acceleration = (change * x for x in _smooth_step(t / T, T))
         value = first + rise + waves @ (1 - np.cos(w * t))
         return value, rate + waves @ (w * np.sin(w * t)), acceleration + waves @ (w**2 * np.cos(w * t))
 

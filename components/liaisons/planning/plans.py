@@ -189,7 +189,7 @@ class Plan:
             lost = _INTERPOLATION_ERROR * max(np.ptp(polynomial(breaks)), np.finfo(float).tiny)
             if len(polynomial.c) > 6:
                 parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 6 / lost) ** (1 / 6)))
-            ends, begins = (_value_and_derivatives(polynomial, at) for at in (h, 0 * h))
+            ends, begins = (_value_and_derivatives(polynomial, local) for local in (h, 0 * h))
             kinks[1:] |= (np.abs(ends[:, :-1] - begins[:, 1:]) * h[1:] ** [[0], [1], [2]] > lost).any(axis=0)
         kinks[0] = True  # the first knot of an interval is the last of the one before it, unless there is a kink
 

@@ -239,13 +239,13 @@ def _candidate_states(symbols: GoalSymbols, order: int) -> list[_State]:
     ]
 
 
-def _rows_at_rest(symbols: GoalSymbols, given: set[str]) -> list[Row]:
+def _rows_at_rest(symbols: GoalSymbols, labels: set[str]) -> list[Row]:
     """Rows σ̇ = 0 at the start, of the rates for which the goal has no values."""
     goal = symbols.goal
     if is_expression(goal.start):
         return []
     rates = [(i, f"{name}_dot") for i, name in enumerate(goal.moves) if name not in goal.closed]
-    return with_sizes(symbols, (Row(rate, symbols.motion[1][i]) for i, rate in rates if rate not in given))
+    return with_sizes(symbols, (Row(rate, symbols.motion[1][i]) for i, rate in rates if rate not in labels))
 
 
 def _control_order(symbols: GoalSymbols, rows: GoalRows) -> int:
@@ -284,10 +284,10 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
     """Values of states at the end by name; quaternions have the sign that is nearer to the start."""
     rows = (row for row in end if row.label in initial)
     terminal = {row.label: float(np.clip(initial[row.label], row.low, row.high)) for row in rows}
-    given = symbols.goal.end
+    end_values = symbols.goal.end if isinstance(symbols.goal.end, Mapping) else {}
     for name, axes in symbols.quaternions.items():
-        if isinstance(given, Mapping) and given.get(name) is not None and set(axes) <= set(initial):
-            goal = unit_quaternion(f"{symbols.name}: {name}", given[name])
+        if end_values.get(name) is not None and set(axes) <= set(initial):
+            goal = unit_quaternion(f"{symbols.name}: {name}", end_values[name])
             sign = -1.0 if goal @ [initial[axis] for axis in axes] < 0 else 1.0
             terminal |= by_name(axes, sign * goal)
     return terminal
@@ -355,11 +355,11 @@ def _refuse_impulses(symbols: GoalSymbols, rows: GoalRows) -> None:
     """Raise an error for values of rates that may jump: shorter impulses cost less, so that there is no optimum."""
     moves = symbols.goal.moves
     rates = [f"{name}_dot" for name in moves]
-    given = [row.label for row in (*rows.start, *rows.end) if row.label in rates]
+    labels = [row.label for row in (*rows.start, *rows.end) if row.label in rates]
     rheonomic = [item.name for item in getattr(symbols.component, "rheonomic_constraints", ()) if item.name in moves]
-    if given or rheonomic:
-        name = (given or rheonomic)[0].removesuffix("_dot")
-        free = f", or leave {name}_dot free" if given else ""
+    if labels or rheonomic:
+        name = (labels or rheonomic)[0].removesuffix("_dot")
+        free = f", or leave {name}_dot free" if labels else ""
         raise PlanError(
             f"{symbols.name}: {name}_dot may jump at no cost, so that no motion is the best: bound or weigh "
             f"{name}_ddot, or bound {name}_force{free}"

@@ -29,7 +29,7 @@ from liaisons.planning.transcription import (
     path_rates,
     solve,
 )
-from liaisons.planning.verifying import MULTIPLIER_ERROR, hamiltonian_scale
+from liaisons.planning.verifying import HAMILTONIAN_VARIATION, MULTIPLIER_ERROR, hamiltonian_scale
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,6 @@ class Limits:
     """Distance from a bound, relative to the range, below which a row is active: IPOPT's barrier leaves less."""
     most_intervals: int = 100
     """Most intervals of a refined mesh, ten times the coarse one: of order 10 its error is 1e-10 of that."""
-    hamiltonian_variation: float = 1e-6
-    """Variation of the Hamiltonian, relative to its terms, that the verdict on a plan allows."""
     extremal_variation: float = 1e-3
     """Variation of the Hamiltonian on the finest mesh above which a solution ranks behind the extremals."""
     singular_mass: float = 1e-3
@@ -324,9 +322,9 @@ def _insert_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution
 
 def _join_arcs(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Array]:
     """Arcs and durations; neighbours with the same active bounds become one."""
-    groups = [list(group) for _, group in groupby(pieces, key=lambda piece: piece[0].active_bounds)]
-    arcs = tuple(replace(group[0][0], intervals=interval_count([arc for arc, _ in group])) for group in groups)
-    return arcs, np.array([sum(T for _, T in group) for group in groups])
+    runs = [list(run) for _, run in groupby(pieces, key=lambda piece: piece[0].active_bounds)]
+    arcs = tuple(replace(run[0][0], intervals=interval_count([arc for arc, _ in run])) for run in runs)
+    return arcs, np.array([sum(T for _, T in run) for run in runs])
 
 
 def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
@@ -359,7 +357,7 @@ def _optimal_patterns(problem: Problem, solution: Solution) -> list[_ActiveBound
         is_controlled = np.arange(len(problem.controls))[:, None] == problem.controls.index(label)
         sides = (replace(trajectory, controls=np.where(is_controlled, x, trajectory.controls)) for x in ends)
         low, high = (side.hamiltonian(problem, solution.adjoints) for side in sides)
-        least = LIMITS.hamiltonian_variation * np.abs(high - low).max()
+        least = HAMILTONIAN_VARIATION * np.abs(high - low).max()
         for now, more in zip(better, high - low, strict=True):
             if i in now and abs(more) > least:
                 now[i] = ends[0] if more > 0 else ends[1]
@@ -396,7 +394,7 @@ def _active_patterns(problem: Problem, solution: Solution) -> list[_ActiveBounds
 
 def _consecutive(patterns: list[_ActiveBounds]) -> list[tuple[_ActiveBounds, int]]:
     """Consecutive equal patterns: each with its number of points."""
-    return [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
+    return [(pattern, len(list(run))) for pattern, run in groupby(patterns)]
 
 
 def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
@@ -419,7 +417,7 @@ def refuse_singularity(problem: Problem, solution: Solution) -> None:
     :raises PlanError: with instant and coordinate, unless the mesh resolves the motion.
     """
     trajectory, count = solution.trajectory, len(problem.moves)
-    if np.ptp(solution.hamiltonian) <= LIMITS.hamiltonian_variation * hamiltonian_scale(problem, solution):
+    if np.ptp(solution.hamiltonian) <= HAMILTONIAN_VARIATION * hamiltonian_scale(problem, solution):
         return
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))

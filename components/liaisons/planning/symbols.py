@@ -219,8 +219,8 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     start_parameters = {re.sub(r"_0(\[\d+\])?$", r"\1", name): name for name in parameters if name not in own}
     states = tuple(state.name for state in flat.states[:-2])
     quaternions = {orientation.name: orientation.quaternion for orientation in getattr(declared, "orientations", ())}
-    given = {} if is_expression(goal.start) else goal.start
-    start = values_by_element(f"{name}: start", given, [v.name for v in flat.variables])
+    values = {} if is_expression(goal.start) else goal.start
+    start = values_by_element(f"{name}: start", values, [v.name for v in flat.variables])
     rates = set(start_parameters) - set(states)
     moved = {end for move in goal.moves for end in motion_names(move)[:2]}
     variables_at_start = {*states, *rates, *moved, *quaternions}
@@ -282,7 +282,9 @@ def _refuse_moves(goal: Goal, owner: str, flat: Model) -> None:
 def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], dict[str, Any]]:
     """Values of parameters and of inputs by name: those of the goal, others as declared."""
     owner = declared.__name__
-    parameters, inputs = ({v.name: v.starts[0] for v in group} for group in (flat.parameters, flat.inputs))
+    parameters, inputs = (
+        {v.name: v.starts[0] for v in declared_variables} for declared_variables in (flat.parameters, flat.inputs)
+    )
     moved = {name for move in goal.moves for name in motion_names(move)}
     variables = {p.name: p.variable("parameter", "fixed") for p in declared.parameters}
     variables |= {v.name: v for v in flat.inputs if v.name not in variables}
@@ -309,11 +311,11 @@ def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]
     :param values: of parameters and inputs.
     :returns: one size a base unit, in the order of :data:`liaisons.base.units.Powers`.
     """
-    groups: list[Any] = [group for group in (goal.bounds, goal.start, goal.end) if isinstance(group, Mapping)]
+    dictionaries: list[Any] = [names for names in (goal.bounds, goal.start, goal.end) if isinstance(names, Mapping)]
     quantities = [
         (value, units[name])
-        for group in (*groups, values)
-        for name, entries in group.items()
+        for names in (*dictionaries, values)
+        for name, entries in names.items()
         for value in (entries if isinstance(entries, (tuple, list)) else [entries])
         if name in units and isinstance(value, (int, float))
     ]

@@ -30,6 +30,7 @@ DEGREE = 5
 _ACTIVE_DISTANCE = 1e-7
 """Distance from a bound, in units of the row's size, below which a row is active at a solution of IPOPT."""
 _MOST_ITERATIONS = 400
+"""Of IPOPT, without a solution nearby: those that converge take 50 to 200."""
 _SUCCESSES = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _STOPS = ("User_Requested_Stop", "NonIpopt_Exception_Thrown", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
 
@@ -99,8 +100,9 @@ class CollocatedTrajectory:
         states = np.hstack([self.knots, self.inner])[:, order]
 
         def resampled(rows: Array, own: Array, other: Array) -> Array:
-            at = other / scale * self.breaks[-1]
-            return np.array([np.interp(at, own, row) for row in rows]).reshape(len(rows), -1)
+            """Rows at other times."""
+            own_times = other / scale * self.breaks[-1]
+            return np.array([np.interp(own_times, own, row) for row in rows]).reshape(len(rows), -1)
 
         knots, inner = (resampled(states, times[order], other) for other in (blank.breaks, blank.instants))
         return CollocatedTrajectory(arcs, durations, knots, inner, resampled(self.controls, instants, blank.instants))
@@ -187,7 +189,7 @@ def relative(problem: Problem, solution: Solution) -> Solution:
     return _scaled(problem, problem.relative, solution, -1)
 
 
-def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> Solution:
+def _scaled(problem: Problem, target: Problem, solution: Solution, power: int) -> Solution:
     """A solution multiplied by a power of the scales, with the active bounds of the other problem."""
     scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
     X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
@@ -195,11 +197,11 @@ def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> So
 
     def held(i: int, bound: float) -> tuple[int, float]:
         """The active bound as the other problem has it."""
-        return i, float(to.path.low[i] if bound == path.low[i] else to.path.high[i])
+        return i, float(target.path.low[i] if bound == path.low[i] else target.path.high[i])
 
-    trajectory, (low, high) = solution.trajectory, to.duration
+    trajectory, (low, high) = solution.trajectory, target.duration
     if low == high:
-        time = low / float(trajectory.durations.sum())  # to the last digit
+        time = low / float(trajectory.durations.sum())  # target the last digit
     return replace(
         solution,
         trajectory=CollocatedTrajectory(
@@ -254,6 +256,7 @@ def solve(
     status = _run_ipopt(opti, near=near, most=200 if soft else 100 if near else _MOST_ITERATIONS, clock=clock)
 
     def value(expression: Any, *shape: int) -> Array:
+        """Value of an expression at the last iterate."""
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
 
     n, c, m = len(problem.states), len(problem.controls), program.knots.shape[1] - 1
@@ -436,7 +439,7 @@ def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _
     """
     start, instant = problem.start, set(problem.path.function.jac_sparsity(0, 1).row())  # rows with controls
     rates = path_rates(problem).map(program.inner.shape[1])(program.inner, program.controls)
-    given = {start.labels[i] for i in start.equalities}
+    initial_labels = {start.labels[i] for i in start.equalities}
     first = 0
     for arc in arcs:
         last = first + arc.intervals
@@ -446,7 +449,7 @@ def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _
             low, high = problem.path.low[i], problem.path.high[i]
             if i in held and label in problem.moves and problem.control_order > 0:
                 begin = {label: held[i], f"{label}_dot": 0.0} if problem.control_order == 2 else {label: held[i]}
-                for name in begin.keys() - (given if first == 0 else set()):
+                for name in begin.keys() - (initial_labels if first == 0 else set()):
                     opti.subject_to(program.knots[problem.states.index(name), first] == begin[name])
                 opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
                 continue

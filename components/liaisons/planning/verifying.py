@@ -15,7 +15,8 @@ from liaisons.results import Result
 
 MULTIPLIER_ERROR = 1e-10
 """Error of IPOPT's multipliers; smaller numbers count as 0."""
-_LAW_TOLERANCE = 1e-6
+HAMILTONIAN_VARIATION = 1e-6
+"""Variation of the Hamiltonian, relative to its terms, that the verdict allows: a resolved extremal has 1e-8."""
 _ZERO_CURVATURE = 1e-7
 """Eigenvalues of the reduced Hessian below this, relative to the largest, count as 0."""
 _SLOPE_TOLERANCE = 1e-4
@@ -110,11 +111,11 @@ def _hamiltonian_verdicts(problem: Problem, solution: Solution) -> Iterator[Verd
     trajectory, path = solution.trajectory, problem.path
     H = solution.hamiltonian / hamiltonian_scale(problem, solution)
     why = f"relative to its terms, or {MULTIPLIER_ERROR:g}; an extremal that the mesh resolves keeps it to 1e-8"
-    yield verdict("the Hamiltonian is constant", error=float(np.ptp(H)), tolerance=1e-6, reason=why)
+    yield verdict("the Hamiltonian is constant", error=float(np.ptp(H)), tolerance=HAMILTONIAN_VARIATION, reason=why)
     (low, high), T = problem.duration, trajectory.durations.sum()
     if low < T * (1 - 1e-9) and high * (1 - 1e-9) > T:
         error = abs(float(np.mean(H)))
-        yield verdict("it is 0, for the duration is free", error=error, tolerance=1e-6, reason=why)
+        yield verdict("it is 0, for the duration is free", error=error, tolerance=HAMILTONIAN_VARIATION, reason=why)
     running = trajectory.evaluate(problem.cost).ravel()
     still = replace(trajectory, controls=np.zeros_like(trajectory.controls)).evaluate(problem.rates)
     values = trajectory.evaluate(path.function)
@@ -131,7 +132,7 @@ def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
     running = solution.trajectory.evaluate(problem.cost).ravel()
     rates = solution.trajectory.evaluate(problem.rates)
     return max(
-        MULTIPLIER_ERROR / _LAW_TOLERANCE,
+        MULTIPLIER_ERROR / HAMILTONIAN_VARIATION,
         float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))),
     )
 
@@ -142,7 +143,7 @@ def _cost_verdicts(
     """Verdicts on the costs of a finer mesh and of displaced ends."""
     trajectory = solution.trajectory
     second = finer()
-    scale = max(MULTIPLIER_ERROR / _LAW_TOLERANCE, abs(solution.cost))
+    scale = max(MULTIPLIER_ERROR / HAMILTONIAN_VARIATION, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
     fine, coarse = (interval_count(each.trajectory.arcs) for each in (second, solution))
     text = f"a mesh of {fine} intervals costs the same as one of {coarse}"
