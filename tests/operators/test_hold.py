@@ -489,7 +489,7 @@ def test_jumps_are_announced_from_parameters_and_from_a_file(most: int, monkeypa
     name = "Pendulum_pivot_x.next_event_time"
     jumps, samples = (
         system.simulate(times=regulator.times(3.0), coupling="gauss-seidel", record=name)
-        for system in (regulator._system({}), regulator.system())
+        for system in (regulator._connected_system({}), regulator.system())
     )
     np.testing.assert_allclose(jumps[name][jumps.time < 2], 2, rtol=1e-12)
     assert np.all(jumps[name][jumps.time >= 2] > 1e29)
@@ -522,7 +522,7 @@ def test_a_regulator_refuses_steps_that_miss_its_samples() -> None:
         run = equilibrium.system(start_values=start).simulate(0.4, step, tolerance=1e-11)  # it stops at samples, too
         assert abs(run["Pendulum.theta"][-1] - ends[0]) < abs(ends[0] - ends[2]) * 10
         with pytest.raises(LiaisonsError, match="each sample has to be a communication point: choose a communication"):
-            equilibrium._system(start).simulate(0.4, step)
+            equilibrium._connected_system(start).simulate(0.4, step)
 
 
 def test_a_time_optimal_plan_is_held_with_the_step_that_it_chooses() -> None:

@@ -332,7 +332,7 @@ def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch, 
         run(*arguments, **options)
         return "User_Requested_Stop"
 
-    monkeypatch.setattr(transcription, "_run", stopped)
+    monkeypatch.setattr(transcription, "_run_ipopt", stopped)
     motion = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, **CAT)
     assert not motion.finished
     assert not motion.proved

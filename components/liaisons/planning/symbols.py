@@ -282,9 +282,7 @@ def _refuse_moves(goal: Goal, owner: str, flat: Model) -> None:
 def _parameters_and_inputs(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], dict[str, Any]]:
     """Values of parameters and of inputs by name: those of the goal, others as declared."""
     owner = declared.__name__
-    parameters, inputs = (
-        {v.name: v.starts[0] for v in declared_variables} for declared_variables in (flat.parameters, flat.inputs)
-    )
+    parameters, inputs = ({v.name: v.starts[0] for v in own} for own in (flat.parameters, flat.inputs))
     moved = {name for move in goal.moves for name in motion_names(move)}
     variables = {p.name: p.variable("parameter", "fixed") for p in declared.parameters}
     variables |= {v.name: v for v in flat.inputs if v.name not in variables}
