@@ -51,9 +51,9 @@ class Readings(Mapping[str, ca.SX]):
     def __getitem__(self, name: str) -> ca.SX:
         if name in self._signals:
             return self._signals[name]
-        values_by_element = [value for element, value in self._signals.items() if element.startswith(f"{name}[")]
-        if values_by_element:
-            return ca.vertcat(*values_by_element)
+        elements = [value for element, value in self._signals.items() if element.startswith(f"{name}[")]
+        if elements:
+            return ca.vertcat(*elements)
         raise PlanError(f"{self._owner} has no variable {name!r}{suggestion(name, self._signals)}")
 
     def __getattr__(self, name: str) -> ca.SX:
