@@ -25,14 +25,13 @@ from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
 from liaisons.planning.goals import Array, Goal, by_name, motion_names, unit_quaternion
 from liaisons.planning.symbols import goal_symbols
+from liaisons.planning.transcription import runge_kutta
 
 _POWERS = np.arange(6)
 _DERIVATIVE = ca.DM(np.diag(_POWERS[1:], 1))
 """Derivative of a polynomial: a row of powers times this matrix."""
 _HERMITE = coefficients(3)
 """Quintic Hermite interpolation: value, rate and acceleration at 0 and 1 -> coefficients."""
-_SUBSTEPS = 32
-"""Runge-Kutta steps in a communication step: of order four, they leave 1e-10."""
 
 
 class SampledMechanism:
@@ -272,7 +271,7 @@ class SampledMechanism:
         forced = slopes[:, 1 + n :] @ ca.kron(bases @ p[:, c:-1], ca.DM.eye(c))
         change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
         rate = ca.vertcat(H * ca.horzcat(slopes[:, 0], change), ca.horzcat(1, ca.MX(1, n + 6 * c)))
-        return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _SUBSTEPS)
+        return runge_kutta(z, p, rate)
 
     def _linearized_step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
         """The mechanism's states after a step, and its matrices A and B."""

@@ -27,6 +27,7 @@ from liaisons.planning.transcription import (
     Solution,
     interval_count,
     path_rates,
+    runge_kutta,
     solve,
 )
 from liaisons.planning.verifying import HAMILTONIAN_VARIATION, MULTIPLIER_ERROR, hamiltonian_scale
@@ -76,8 +77,6 @@ class Limits:
     """The same on coarse meshes; a solution that the differential equations do not have differs by its own size."""
     corrections: int = 6
     """Most insertions and removals of arcs: each takes as long as a start."""
-    substeps: int = 32
-    """Runge-Kutta steps in an interval: of order four, they leave 1e-8 of what a mesh of order 10 resolves."""
 
 
 LIMITS = Limits()
@@ -501,6 +500,6 @@ def _interval_integrator(problem: Problem) -> ca.Function:
     z, p = ca.MX.sym("z", n + 1), ca.MX.sym("p", c * DEGREE + 1)  # state and part of the interval; its length and U
     U, powers = ca.reshape(p[1:], c, DEGREE), ca.vertcat(*(z[n] ** k for k in range(DEGREE)))
     rates = p[0] * problem.rates(z[:n], U @ (ca.DM(TO_POWERS.T) @ powers))
-    end = ca.simpleRK(ca.Function("rate", [z, p], [ca.vertcat(rates, 1)]), LIMITS.substeps)
+    end = runge_kutta(z, p, ca.vertcat(rates, 1))
     X, U, h = ca.MX.sym("X", n), ca.MX.sym("U", c, DEGREE), ca.MX.sym("h")
     return ca.Function("interval", [X, U, h], [end(ca.vertcat(X, 0), ca.vertcat(h, ca.vec(U)), 1)[:n]])

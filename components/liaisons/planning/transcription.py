@@ -29,6 +29,8 @@ DEGREE = 5
 
 _ACTIVE_DISTANCE = 1e-7
 """Distance from a bound, in units of the row's size, below which a row is active at a solution of IPOPT."""
+_SUBSTEPS = 32
+"""Runge-Kutta steps in an interval or a communication step: of order four, they leave 1e-10 of a smooth motion."""
 _MOST_ITERATIONS = 400
 """Of IPOPT, without a solution nearby: those that converge take 50 to 200."""
 _SUCCESSES = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -465,6 +467,11 @@ def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _
                 if between.numel():
                     opti.subject_to(_range_constraint(opti, low, ca.vec(between), high))
         first = last
+
+
+def runge_kutta(z: ca.MX, p: ca.MX, rate: ca.MX) -> ca.Function:
+    """Function (z, p, duration) -> z after the duration, by steps of the classical Runge-Kutta method."""
+    return ca.simpleRK(ca.Function("rate", [z, p], [ca.densify(rate)]), _SUBSTEPS)
 
 
 def path_rates(problem: Problem) -> ca.Function:
