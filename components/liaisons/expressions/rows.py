@@ -148,25 +148,6 @@ def leading(name: str, original: RowProgram, count: int) -> RowProgram:
     )
 
 
-def dependencies(original: RowProgram, result: int, argument: int) -> list[set[int]]:
-    """Entries of an argument that each entry of a result depends on."""
-    entries_of: dict[int, set[int]] = {key(x): {i} for i, x in enumerate(scalars(original.arguments[argument].entries))}
-
-    def read(expression: ca.SX) -> set[int]:
-        return set().union(*(entries_of.get(symbol, set()) for symbol in keys(expression)))
-
-    for step in original.steps:
-        for symbol, expression in zip(scalars(step.symbols), scalars(step.read)[-step.symbols.numel() :], strict=True):
-            entries_of[key(symbol)] = read(expression)
-        if isinstance(step, Carry):
-            symbols = list(zip(*map(scalars, (step.symbols, step.last, step.start, step.following)), strict=True))
-            for _ in symbols:  # the longest path of a dependence
-                for symbol, last, start, following in symbols:
-                    entries_of[key(symbol)] |= read(start) | read(following)
-                    entries_of[key(last)] = entries_of[key(symbol)]
-    return [read(entry) for entry in scalars(original.results[result].entries)]
-
-
 def _constants(step: Step) -> list[tuple[ca.SX, ca.SX]]:
     """Symbols of constants, with their values; carried ones are constant if no link changes them."""
     if not isinstance(step, Carry):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from itertools import chain
 from typing import Any
 
@@ -12,31 +14,47 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack
 
 from liaisons.base.array_names import split
-from liaisons.expressions.rows import RowProgram, dependencies
-from liaisons.fmu.layout import TIME
+from liaisons.expressions.row_functions import row_function
+from liaisons.fmu.layout import TIME, scalar_count
 from liaisons.language import Variable
+from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
 
 Pattern = NDArray[np.bool_]
 
+_LINKS = 12
+"""Links of a chain in which each variable depends on all that it depends on in a longer one."""
+
 
 def while_running(model: Model) -> Pattern:
     """Which outputs depend on which of time, states, inputs and parameters."""
-    programs = _programs(model)
-    if programs:
-        return _between_entries(programs["outputs"], 0, range(4))
-    groups = {0: (TIME,), 1: shown_states(model), 2: model.inputs, 3: model.parameters}
-    return _between_variables(model.outputs_function, model.outputs, groups)
+    m = _shortened(model)
+    groups = {0: (TIME,), 1: shown_states(m), 2: m.inputs, 3: m.parameters}
+    return _between_variables(m.outputs_function, m.outputs, groups)
 
 
 def at_start(model: Model) -> Pattern:
     """Which outputs depend on which of time, inputs and parameters at initialization."""
-    programs = _programs(model)
-    if not programs:
-        return _between_variables(initial(model), model.outputs, {0: (TIME,), 1: model.inputs, 2: model.parameters})
-    on_motion = _between_entries(programs["outputs"], 0, (1, 4))
-    of_motion = np.vstack([_between_entries(programs["start"], result, range(3)) for result in range(2)])
-    return _between_entries(programs["outputs"], 0, (0, 2, 3)) | (on_motion @ of_motion)
+    m = _shortened(model)
+    return _between_variables(initial(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
+
+
+@lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
+def _shortened(model: Model) -> Model:
+    """The model of a chain with few links; any other model itself."""
+    if not model.programs:
+        return model
+    name_of = {name.removesuffix("_function"): name for name in SIGNATURES}
+    functions = {name_of[p.name]: row_function(replace(p, n=_LINKS)) for p in model.programs}
+
+    def shortened(variables: Iterable[Variable]) -> tuple[Variable, ...]:
+        return tuple(
+            replace(v, start=None, dimension=replace(v.dimension, count=_LINKS)) if v.dimension else v
+            for v in variables
+        )
+
+    groups = {name: shortened(getattr(model, name)) for name in ("parameters", "inputs", "outputs")}
+    return replace(model, **functions, **groups)
 
 
 def initial(model: Model) -> ca.Function:
@@ -73,12 +91,9 @@ def _between_variables(
 
 def coupled(model: Model) -> int:
     """How many of the first numbers of y any of dy/dt depends on; behind them are integrals along the motion."""
-    if model.programs:
-        rates = _programs(model)["derivatives"]
-        rows = np.flatnonzero(_between_entries(rates, 0, [1]).any(axis=0))
-        return rates.arguments[1].offsets(rates.n)[rows.max(initial=-1) + 1]
-    columns = between_numbers(model.derivatives, [1]).nonzero()[1]
-    return int(columns.max(initial=-1)) + 1
+    m, states = _shortened(model), shown_states(model)
+    columns = _between_variables(m.derivatives, shown_states(m), {1: shown_states(m)}).nonzero()[1]
+    return scalar_count(states[: columns.max(initial=-1) + 1])
 
 
 def shown_states(model: Model) -> tuple[Variable, ...]:
@@ -89,14 +104,11 @@ def shown_states(model: Model) -> tuple[Variable, ...]:
 
 def states_that_jump(model: Model) -> set[str]:
     """States that an impact or a jump of the inputs changes, e.g. the work of an impulse."""
-    states = shown_states(model)
-    programs = _programs(model)
     if model.contacts:  # momenta and work by impacts, coordinates by rounding
-        return {state.name for state in states if state.name.rpartition(".")[2] != "dissipated"}
-    if programs:
-        pattern = _between_entries(programs["jump"], 0, (1, 2))
-    else:
-        pattern = _between_variables(model.jump, states, {1: states, 2: model.inputs})
+        return {state.name for state in model.states if state.name.rpartition(".")[2] != "dissipated"}
+    m = _shortened(model)
+    states = shown_states(m)
+    pattern = _between_variables(m.jump, states, {1: states, 2: m.inputs})
     pattern[np.diag_indices(len(states))] = False
     return {state.name for state, row in zip(states, pattern, strict=True) if row.any()}
 
@@ -114,21 +126,6 @@ def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
     outputs = [variable.name for variable in model.outputs for _ in range(variable.count)]
     changing = {v.name for v in model.outputs if v.variability == "discrete" and v.causality == "output"}
     return changing, changing | {outputs[row] for row in rows}
-
-
-def _programs(model: Model) -> dict[str, RowProgram]:
-    return {program.name: program for program in model.programs}
-
-
-def _between_entries(program: RowProgram, result: int, arguments: Iterable[int]) -> Pattern:
-    """Which variables of a result depend on which variables of some arguments, side by side."""
-    pieces = []
-    for argument in arguments:
-        piece = np.zeros((program.results[result].entries.numel(), program.arguments[argument].entries.numel()), bool)
-        for row, entries in enumerate(dependencies(program, result, argument)):
-            piece[row, list(entries)] = True
-        pieces.append(piece)
-    return np.hstack(pieces)
 
 
 def _call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
