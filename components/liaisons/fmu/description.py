@@ -7,7 +7,7 @@ construction; of very many numbers they are left out, which FMI defines as "all"
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, repeat
 from typing import Literal
 
@@ -35,6 +35,8 @@ from liaisons.language.variables import Dimension, Variable
 from liaisons.mechanics.model import Model
 
 Backend = Literal["native", "python"]
+Knowns = tuple[Sequence[Variable], csr_array | None]
+"""Variables, and which unknowns depend on which of them; None: dependencies are not written."""
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
@@ -207,12 +209,49 @@ def nominals(model: Model) -> dict[str, list[float]]:
     return {state.name: [next(usable) for _ in range(state.count)] for state in shown_states(model)}
 
 
-def unknowns(model: Model) -> tuple[list[str], list[str], list[str]]:
-    """Names of the outputs, of the derivatives of the states, and of the unknowns at initialization."""
+def unknowns(
+    model: Model,
+    titles: Sequence[str],
+    attribute: str,
+    references: Mapping[str, Iterable[int]],
+    *,
+    running: Knowns,
+    starting: Knowns,
+) -> Iterator[list[str]]:
+    """Yield the elements of outputs, of derivatives, of unknowns at initialization, and of event indicators.
+
+    :param titles: names of the elements of each group.
+    :param attribute: holds the reference of an unknown.
+    :param references: of the numbers of each variable.
+    :param running: what the groups but the third may depend on; ``starting`` is that of the third.
+    """
     outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
     rates = [state.derivative for state in model.states]
-    first = {*outputs, *rates, *(state.name for state in model.states)}
-    return outputs, rates, [v.name for v in model.outputs if v.name in first or v.causality == "calculatedParameter"]
+    at_start = {*outputs, *rates, *(state.name for state in model.states)}
+    initial = [v.name for v in model.outputs if v.name in at_start or v.causality == "calculatedParameter"]
+    at_events, initially = decided_at_events(model)
+    groups = (
+        (outputs, running, at_events),
+        (rates, running, at_events),
+        (initial, starting, initially),
+        (model.indicators, running, at_events),
+    )
+
+    def numbers(names: Iterable[str]) -> list[int]:
+        return [reference for name in names for reference in references[name]]
+
+    first = min(numbers(variable.name for variable in model.outputs), default=0)
+    for title, (names, (variables, pattern), decided) in zip(titles, groups, strict=False):
+        columns, from_all = np.array(numbers(variable.name for variable in variables)), {*numbers(decided)}
+        lines: list[str] = []
+        for unknown in numbers(names):
+            attributes = {attribute: str(unknown)}
+            if pattern is not None:
+                start, end = pattern.indptr[unknown - first : unknown - first + 2]
+                some = columns if unknown in from_all else columns[pattern.indices[start:end]]
+                attributes["dependencies"] = " ".join(map(str, sorted(some)))
+            lines += element(title, attributes)
+        yield lines
 
 
 # ---- variables -------------------------------------------------------------------------------------------------
@@ -256,49 +295,11 @@ def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]
 
 
 def _structure(model: Model) -> Iterator[str]:
-    references_of = _references(model)
-
-    def numbers(names: Iterable[str]) -> list[int]:
-        return [reference for name in names for reference in references_of[name]]
-
-    states = numbers(state.name for state in model.states)
-    parameters, inputs = (numbers(v.name for v in variables) for variables in (model.parameters, model.inputs))
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
-    at_events, initially = map(numbers, decided_at_events(model))
-    running = states + inputs, between_numbers(model.outputs_function, (1, 2)) if sparse else None, at_events
-    starting = parameters + inputs, between_numbers(initial(model), (2, 1)) if sparse else None, initially
-    first = first_reference(model) + len(parameters) + len(inputs)
-    titles = {"Outputs": running, "Derivatives": running, "InitialUnknowns": starting}
-    for (title, (knowns, pattern, decided)), names in zip(titles.items(), unknowns(model), strict=True):
-        if names:
-            rows = {"first": first, "knowns": knowns, "pattern": pattern, "decided": decided}
-            yield from element(title, {}, unknown_elements("Unknown", "index", numbers(names), **rows))
-
-
-def unknown_elements(
-    title: str,
-    attribute: str,
-    references: list[int],
-    *,
-    first: int,
-    knowns: list[int],
-    pattern: csr_array | None,
-    decided: Container[int] = (),
-) -> Iterator[str]:
-    """Elements of unknowns with their dependencies.
-
-    :param attribute: holds the reference of an unknown.
-    :param references: of the unknowns.
-    :param first: reference of the first row of the pattern.
-    :param knowns: references of its columns.
-    :param pattern: which unknowns depend on which knowns; None: no dependencies are written.
-    :param decided: references of unknowns that events decide, from all knowns.
-    """
-    columns = np.array(knowns)
-    for unknown in references:
-        attributes = {attribute: str(unknown)}
-        if pattern is not None:
-            start, end = pattern.indptr[unknown - first : unknown - first + 2]
-            some = columns if unknown in decided else columns[pattern.indices[start:end]]
-            attributes["dependencies"] = " ".join(map(str, sorted(some)))
-        yield from element(title, attributes)
+    states, parameters, inputs = shown_states(model), model.parameters, model.inputs
+    running = (*states, *inputs), between_numbers(model.outputs_function, (1, 2)) if sparse else None
+    starting = (*parameters, *inputs), between_numbers(initial(model), (2, 1)) if sparse else None
+    groups = unknowns(model, ["Unknown"] * 3, "index", _references(model), running=running, starting=starting)
+    for title, lines in zip(("Outputs", "Derivatives", "InitialUnknowns"), groups, strict=True):
+        if lines:
+            yield from element(title, {}, lines)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 
 from scipy.sparse import csr_array
 
-from liaisons.fmu.dependencies import at_start, decided_at_events, shown_states, states_that_jump, while_running
+from liaisons.fmu.dependencies import at_start, shown_states, states_that_jump, while_running
 from liaisons.fmu.description import (
     default_experiment,
     general_attributes,
@@ -19,7 +20,6 @@ from liaisons.fmu.description import (
     size_attributes,
     start_attribute,
     unit_definitions,
-    unknown_elements,
     unknowns,
 )
 from liaisons.fmu.jumps import states_moved_along
@@ -109,22 +109,9 @@ def _references(model: Model) -> dict[str, int]:
 
 
 def _structure(model: Model) -> Iterator[str]:
-    references = _references(model)
-    first = references[model.outputs[0].name] if model.outputs else 0
     running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model))
     starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model))
-    at_events, initially = decided_at_events(model)
-    groups = (
-        ("Output", *running, at_events),
-        ("ContinuousStateDerivative", *running, at_events),
-        ("InitialUnknown", *starting, initially),
-        ("EventIndicator", *running, at_events),
-    )
-    for (title, variables, pattern, decided), names in zip(groups, (*unknowns(model), model.indicators), strict=True):
-        rows = {
-            "first": first,
-            "knowns": [references[variable.name] for variable in variables],
-            "pattern": pattern,
-            "decided": {references[name] for name in decided},
-        }
-        yield from unknown_elements(title, "valueReference", [references[name] for name in names], **rows)
+    titles = ("Output", "ContinuousStateDerivative", "InitialUnknown", "EventIndicator")
+    references = {name: [reference] for name, reference in _references(model).items()}
+    groups = unknowns(model, titles, "valueReference", references, running=running, starting=starting)
+    yield from chain.from_iterable(groups)
