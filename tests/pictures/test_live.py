@@ -29,7 +29,7 @@ from liaisons.live import live_page
 from liaisons.pictures import Picture
 from liaisons.pictures.camera import Camera
 from liaisons.pictures.frames import frames
-from liaisons.pictures.stage import COILS, SIZES, _zigzag
+from liaisons.pictures.stage import COILS, SIZES, _zigzag_points
 
 from . import _browser as tools
 from .conftest import Fmu, Moved
@@ -778,7 +778,7 @@ def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: F
     assert floor.size is not None
     assert np.array(corners) == pytest.approx(np.array([floor.points[0, 0], *floor.axes[0], floor.size[0]]), abs=1e-12)
     start, end = np.array(ends)
-    zigzag = _zigzag(start, end, SIZES["spring"] * unit, max(COILS))
+    zigzag = _zigzag_points(start, end, SIZES["spring"] * unit, max(COILS))
     assert np.array(coils) == pytest.approx(zigzag[:, :2], abs=1e-9)
     turns = frames(Picture(tuple(CONTACTS[2:3])), np.arange(41.0), lambda _: np.array(angles), title="it")
     assert turns.shapes[0].size is not None

@@ -61,7 +61,7 @@ def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Dec
 
     def operation(code: int, operands: list[_Node]) -> _Node:
         node = append(code, operands)
-        node.unit = _unit(node)
+        node.unit = _derive_unit(node)
         return node
 
     (results,) = interpret(function, entry=entry, constant=constant, operation=operation)
@@ -69,7 +69,7 @@ def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Dec
     for item, node in zip(declared, results, strict=True):
         expected = _powers(item.unit)
         if any_wrong or (expected is not None and node.unit not in (None, expected)):
-            _report(item, node, expected)
+            _raise_first_error(item, node, expected)
 
 
 def _powers(unit: str) -> Powers | None:
@@ -127,25 +127,27 @@ class _Node:
         return pattern.format(*texts), precedence
 
 
-def _unit(node: _Node) -> Powers | None:
+def _derive_unit(node: _Node) -> Powers | None:
     """Unit of a result from those of its operands; None also where these cannot be right, which is noted."""
     code, operands = node.code, node.operands
     factors, exponents = [operand.unit for operand in operands], _EXPONENTS.get(code)
     if code in _ALIKE | _COMPARED or code == ca.OP_ATAN2:
         left, right = factors
         if left is not None and right is not None and left != right:
-            node.wrong = _unlike(node)
+            node.wrong = _unlike_terms_message(node)
         elif code not in _COMPARED:
             return NUMBER if code == ca.OP_ATAN2 else left or right
         return None
     if code in _PURE:
-        return _pure(node, operands[0], f"{_PURE[code]}({operands[0].text()}) takes a pure number or an angle")
+        return _require_pure_number(
+            node, operands[0], f"{_PURE[code]}({operands[0].text()}) takes a pure number or an angle"
+        )
     if code in (ca.OP_POW, ca.OP_CONSTPOW):
         base, exponent = operands
         if exponent.constant is None:
             message = "under an exponent that is not constant the base must be a pure number"
-            pure = _pure(node, exponent, "an exponent must be a pure number")
-            return pure and _pure(node, base, message)
+            pure = _require_pure_number(node, exponent, "an exponent must be a pure number")
+            return pure and _require_pure_number(node, base, message)
         factors, exponents = factors[:1], (Fraction(exponent.constant).limit_denominator(1000),)
     if exponents:
         known = [(unit, exponent) for unit, exponent in zip(factors, exponents, strict=True) if unit is not None]
@@ -153,14 +155,14 @@ def _unit(node: _Node) -> Powers | None:
     return NUMBER if code == ca.OP_SIGN else factors[_CARRIER[code]] if code in _CARRIER else None
 
 
-def _pure(node: _Node, operand: _Node, message: str) -> Powers | None:
+def _require_pure_number(node: _Node, operand: _Node, message: str) -> Powers | None:
     if operand.unit in (None, NUMBER):
         return NUMBER
     node.wrong = f"{message}, but {operand.text()} is {written(operand.unit or NUMBER)}"
     return None
 
 
-def _report(item: Declared, result: _Node, expected: Powers | None) -> None:
+def _raise_first_error(item: Declared, result: _Node, expected: Powers | None) -> None:
     """Raise a ComponentError about the first term of a result whose unit is wrong, if there is one."""
     terms = [result] if expected is None else list(result.terms())
     for term in terms:
@@ -170,17 +172,17 @@ def _report(item: Declared, result: _Node, expected: Powers | None) -> None:
             continue
         the_term, missing = "" if len(terms) == 1 else "the term ", product([(expected, 1), (term.unit, -1)])
         raise ComponentError(
-            f"{item.label}: {the_term}{term.text()} is {_called(term.unit)} where {item.unit} is expected: "
+            f"{item.label}: {the_term}{term.text()} is {_unit_text(term.unit)} where {item.unit} is expected: "
             f"a factor of {written(missing)} is missing{_constant_hint(term)}"
         )
 
 
-def _unlike(node: _Node) -> str:
+def _unlike_terms_message(node: _Node) -> str:
     """Message about two terms of a sum that do not fit each other."""
     terms = [term for term in (node.terms() if node.code in _SUMS else node.operands) if term.unit is not None]
     first = terms[0]
     second = next((term for term in terms if term.unit != first.unit), terms[-1])
-    one, two = (f"{term.text()} is {_called(term.unit)}" for term in (first, second))
+    one, two = (f"{term.text()} is {_unit_text(term.unit)}" for term in (first, second))
     return f"in {node.text()}, {one} but {two}; they must have one unit{_constant_hint(node)}"
 
 
@@ -191,21 +193,25 @@ def _constant_hint(node: _Node) -> str:
     return f"; {odd[0]:g} counts as a pure number, a Parameter has a unit" if odd else ""
 
 
-def _called(unit: Powers | None) -> str:
+def _unit_text(unit: Powers | None) -> str:
     return "a pure number" if unit == NUMBER else written(unit or NUMBER)
 
 
 # ---- the rules ---------------------------------------------------------------------------------------------------
 
 
-def _named(*codes: str) -> Iterator[tuple[int, str]]:
+def _codes_with_names(*codes: str) -> Iterator[tuple[int, str]]:
     return ((getattr(ca, f"OP_{code}"), code.lower()) for code in codes)
 
 
-_NAMES = dict(_named("FMIN", "FMAX", "FMOD", "REMAINDER", "HYPOT", "ATAN2", "SQRT", "SIGN", "NOT", "AND", "OR"))
-_NAMES |= dict(_named("COPYSIGN", "FABS", "FLOOR", "CEIL")) | {ca.OP_IF_ELSE_ZERO: "if_else"}
-_PURE = dict(_named("EXP", "LOG", "LOG1P", "EXPM1", "ERF", "ERFINV", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN"))
-_PURE |= dict(_named("SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH"))
+_NAMES = dict(
+    _codes_with_names("FMIN", "FMAX", "FMOD", "REMAINDER", "HYPOT", "ATAN2", "SQRT", "SIGN", "NOT", "AND", "OR")
+)
+_NAMES |= dict(_codes_with_names("COPYSIGN", "FABS", "FLOOR", "CEIL")) | {ca.OP_IF_ELSE_ZERO: "if_else"}
+_PURE = dict(
+    _codes_with_names("EXP", "LOG", "LOG1P", "EXPM1", "ERF", "ERFINV", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN")
+)
+_PURE |= dict(_codes_with_names("SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH"))
 _NAMES |= _PURE
 """Names of operations that are written as calls."""
 

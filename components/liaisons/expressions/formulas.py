@@ -51,10 +51,10 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
             warnings.simplefilter("ignore")  # of the parser, on what is refused below
             return _Reader(names, functions).read(ast.parse(text, mode="eval").body, 0)
     except _RefusedError as refused:
-        raise _unclear(text, len(text.encode()[: refused.column].decode()), str(refused)) from None
+        raise _error_at(text, len(text.encode()[: refused.column].decode()), str(refused)) from None
     except SyntaxError as error:
         words = "a number runs into a name; write 5*t, not 5t" if "decimal literal" in error.msg else error.msg
-        raise _unclear(text, (error.offset or 1) - 1, words if text else "there is nothing") from None
+        raise _error_at(text, (error.offset or 1) - 1, words if text else "there is nothing") from None
     except LiaisonsError:  # of the names: a ValueError, too
         raise
     except (ValueError, RecursionError, MemoryError):
@@ -69,7 +69,7 @@ class _RefusedError(Exception):
         self.column = node.col_offset
 
 
-def _unclear(text: str, column: int, words: str) -> FormulaError:
+def _error_at(text: str, column: int, words: str) -> FormulaError:
     return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
 
 
@@ -96,9 +96,9 @@ class _Reader:
                 except OverflowError:
                     raise _RefusedError(node, "this number is too large") from None
             case ast.Name(id=name):
-                return self._named(node, name)
+                return self._symbol(node, name)
             case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int() as index)):
-                return self._named(node, f"{name}[{index}]")
+                return self._symbol(node, f"{name}[{index}]")
             case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=operand):
                 return _SIGNS[type(sign)](self.read(operand, depth + 1))
             case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _SIGNS:
@@ -106,12 +106,12 @@ class _Reader:
             case ast.BinOp(op=ast.BitXor(), right=right):
                 raise _RefusedError(right, "powers are written **, not ^")
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-                return self._function(node, name, len(arguments))(
+                return self._function_named(node, name, len(arguments))(
                     *(self.read(argument, depth + 1) for argument in arguments)
                 )
         raise _RefusedError(node, f"only numbers, names, brackets, + - * / ** and {', '.join(self.functions)}")
 
-    def _named(self, node: ast.expr, name: str) -> ca.SX:
+    def _symbol(self, node: ast.expr, name: str) -> ca.SX:
         if name in self.functions:
             raise _RefusedError(node, f"{name} is a function: write {name}(...)")
         if name in CONSTANTS:
@@ -122,7 +122,7 @@ class _Reader:
             )
         return self.names[name]
 
-    def _function(self, node: ast.expr, name: str, count: int) -> Callable[..., ca.SX]:
+    def _function_named(self, node: ast.expr, name: str, count: int) -> Callable[..., ca.SX]:
         if name not in self.functions:
             raise _RefusedError(node, f"there is no function {name!r}{suggestion(name, self.functions)}")
         expected = 2 if name in ("atan2", "pow") else 1

@@ -42,26 +42,26 @@ class Reassociation:
 
     def __init__(self, nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]], late: int | None) -> None:
         self._old = nodes
-        self._inner = _inner(nodes, outputs)
+        self._absorbed_nodes = _absorbed_nodes(nodes, outputs)
         self.nodes: list[Instruction] = []
         self._ready: list[int] = []  # cycles until a node is ready
         self._numbers: dict[Instruction, int] = {}
         new: dict[int, int] = {}
         for number, node in enumerate(nodes):
-            if number in self._inner:
+            if number in self._absorbed_nodes:
                 continue
             if _is_sum(node):
                 terms = [([new[x] for x in factors], sign) for factors, sign in self._terms(number)]
-                new[number], _ = self._factored(terms)  # positive, as one of the terms is
+                new[number], _ = self._add_factored_sum(terms)  # positive, as one of the terms is
             elif node.is_a(ca.OP_MUL):
-                new[number] = self._product([new[x] for x in self._factors(number)])
+                new[number] = self._add_product([new[x] for x in self._factors(number)])
             elif node.is_a(ca.OP_DIV) and late is not None:
-                new[number] = self._quotient(*(new[x] for x in node.arguments))
+                new[number] = self._add_quotient(*(new[x] for x in node.arguments))
             elif node.operation is None:
                 is_late = late is not None and node.constant is None and node.arguments[0] == late
-                new[number] = self._number(node, _LONG if is_late else 0)
+                new[number] = self._add_node(node, _LONG if is_late else 0)
             else:
-                new[number] = self._operation(node.renumbered(new))
+                new[number] = self._add_operation(node.renumbered(new))
         self.outputs = [[new[number] for number in entries] for entries in outputs]
 
     def _terms(self, number: int) -> list[Term]:
@@ -73,10 +73,10 @@ class Reassociation:
             node = self._old[number]
             signs = (sign, -sign if node.is_a(ca.OP_SUB) else sign)
             for x, of_x in zip(node.arguments, signs, strict=True):
-                if x in self._inner and _is_sum(self._old[x]):
+                if x in self._absorbed_nodes and _is_sum(self._old[x]):
                     left.append((x, of_x))
                 else:
-                    terms.append((self._factors(x) if x in self._inner else [x], of_x))
+                    terms.append((self._factors(x) if x in self._absorbed_nodes else [x], of_x))
         return terms
 
     def _factors(self, number: int) -> list[int]:
@@ -84,62 +84,62 @@ class Reassociation:
         factors, left = [], [number]
         while left:
             for x in self._old[left.pop()].arguments:
-                (left if x in self._inner else factors).append(x)
+                (left if x in self._absorbed_nodes else factors).append(x)
         return factors
 
-    def _factored(self, terms: Sequence[Term]) -> Signed:
+    def _add_factored_sum(self, terms: Sequence[Term]) -> Signed:
         """Sum of products with common factors in front; negative if all terms are."""
         left = list(terms)
         while True:
             times = Counter(factor for factors, _ in left if len(factors) > 1 for factor in set(factors))
             latest = max((x for x in times if times[x] > 1), key=lambda x: (self._ready[x], x), default=None)
             if latest is None:
-                return self._sum([(self._product(factors), sign) for factors, sign in left])
+                return self._add_sum([(self._add_product(factors), sign) for factors, sign in left])
             having = [len(factors) > 1 and latest in factors for factors, _ in left]
-            common, rests = _divided([term for term, has in zip(left, having, strict=True) if has], latest)
-            rest, sign = self._factored(rests)
+            common, rests = _common_factors([term for term, has in zip(left, having, strict=True) if has], latest)
+            rest, sign = self._add_factored_sum(rests)
             left = [term for term, has in zip(left, having, strict=True) if not has] + [([rest, *common], sign)]
 
-    def _sum(self, leaves: Sequence[Signed]) -> Signed:
+    def _add_sum(self, leaves: Sequence[Signed]) -> Signed:
         heap = [(self._ready[number], number, sign) for number, sign in leaves]
         heapq.heapify(heap)
         while len(heap) > 1:
             (_, x, of_x), (_, y, of_y) = heapq.heappop(heap), heapq.heappop(heap)
             if of_x == of_y:
-                number = self._operation(Instruction.of(ca.OP_ADD, *sorted((x, y))))
+                number = self._add_operation(Instruction.of(ca.OP_ADD, *sorted((x, y))))
             else:
-                number = self._operation(Instruction.of(ca.OP_SUB, *((x, y) if of_x > 0 else (y, x))))
+                number = self._add_operation(Instruction.of(ca.OP_SUB, *((x, y) if of_x > 0 else (y, x))))
             heapq.heappush(heap, (self._ready[number], number, of_x if of_x == of_y else 1))
         return heap[0][1:]
 
-    def _product(self, factors: Sequence[int]) -> int:
+    def _add_product(self, factors: Sequence[int]) -> int:
         heap = [(self._ready[number], number) for number in factors]
         heapq.heapify(heap)
         while len(heap) > 1:
             (_, x), (_, y) = heapq.heappop(heap), heapq.heappop(heap)
-            number = self._operation(
+            number = self._add_operation(
                 Instruction.of(ca.OP_SQ, x) if x == y else Instruction.of(ca.OP_MUL, *sorted((x, y)))
             )
             heapq.heappush(heap, (self._ready[number], number))
         return heap[0][1]
 
-    def _quotient(self, dividend: int, divisor: int) -> int:
+    def _add_quotient(self, dividend: int, divisor: int) -> int:
         """Quotient, by the reciprocal of a divisor that is ready long before."""
         reciprocal = Instruction.of(ca.OP_INV, divisor)
         by_division, inverted = Instruction.of(ca.OP_DIV, dividend, divisor), self._latency(reciprocal)
         if max(inverted, self._ready[dividend]) + _CYCLES[OPERATIONS[ca.OP_MUL]] >= self._latency(by_division):
-            return self._operation(by_division)
-        return self._operation(Instruction.of(ca.OP_MUL, *sorted((dividend, self._operation(reciprocal)))))
+            return self._add_operation(by_division)
+        return self._add_operation(Instruction.of(ca.OP_MUL, *sorted((dividend, self._add_operation(reciprocal)))))
 
-    def _operation(self, node: Instruction) -> int:
-        return self._number(node, self._latency(node))
+    def _add_operation(self, node: Instruction) -> int:
+        return self._add_node(node, self._latency(node))
 
     def _latency(self, node: Instruction) -> int:
         """Cycles until the result of an operation is ready."""
         assert node.operation is not None
         return max(self._ready[x] for x in node.arguments) + _CYCLES.get(node.operation, _CALL)
 
-    def _number(self, node: Instruction, ready: int) -> int:
+    def _add_node(self, node: Instruction, ready: int) -> int:
         if node not in self._numbers or node.constant is not None:
             self._numbers[node] = len(self.nodes)
             self.nodes.append(node)
@@ -147,7 +147,7 @@ class Reassociation:
         return self._numbers[node]
 
 
-def _inner(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
+def _absorbed_nodes(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
     """Sums used in one other sum only, and products used in one other sum or product only."""
     uses = Counter(argument for node in nodes if node.operation for argument in node.arguments)
     uses.update(number for entries in outputs for number in entries)
@@ -164,7 +164,7 @@ def _is_sum(node: Instruction) -> bool:
     return node.operation in _SUMS
 
 
-def _divided(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:
+def _common_factors(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:
     """Common factors of terms, ``factor`` among them, and the rest of each term, which is not empty."""
     common = reduce(and_, (Counter(factors) for factors, _ in terms))
     if any(len(factors) == common.total() for factors, _ in terms):

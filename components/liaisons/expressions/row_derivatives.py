@@ -14,7 +14,7 @@ from liaisons.expressions.rows import Carry, Each, RowProgram, Step, Sum, Vector
 
 def forward(original: RowProgram) -> RowProgram:
     """Program of directional derivatives: (arguments, results, directions) → derivatives of the results."""
-    directions = [_like(argument) for argument in original.arguments]
+    directions = [_new_symbols(argument) for argument in original.arguments]
     pairs = [(a.entries, d.entries) for a, d in zip(original.arguments, directions, strict=True) if a.entries.numel()]
 
     def derivative(expressions: ca.SX) -> ca.SX:
@@ -39,7 +39,7 @@ def forward(original: RowProgram) -> RowProgram:
     return row_program(
         f"{original.name}_forward",
         original.n,
-        [*original.arguments, *map(_like, original.results), *directions],
+        [*original.arguments, *map(_new_symbols, original.results), *directions],
         steps,
         [Vector(derivative(result.entries), result.each) for result in original.results],
     )
@@ -47,7 +47,7 @@ def forward(original: RowProgram) -> RowProgram:
 
 def reverse(original: RowProgram) -> RowProgram:
     """Program of adjoint derivatives: (arguments, results, weights) → gradient of the weighted sum of the results."""
-    weights = [_like(result) for result in original.results]
+    weights = [_new_symbols(result) for result in original.results]
     adjoints = _Adjoints()
     for result, weight in zip(original.results, weights, strict=True):
         for single in (True, False):  # what is one number a link, and the rest
@@ -59,7 +59,7 @@ def reverse(original: RowProgram) -> RowProgram:
     return row_program(
         f"{original.name}_reverse",
         original.n,
-        [*original.arguments, *map(_like, original.results), *weights],
+        [*original.arguments, *map(_new_symbols, original.results), *weights],
         [*original.steps, *adjoints.steps],
         results,
     )
@@ -102,7 +102,7 @@ class _Adjoints:
         count = step.symbols.shape[0]
         match step:
             case Each():
-                self.add(step.read, self._named(self.pop(step.symbols, [True] * count)), single=False)
+                self.add(step.read, self._name_weights(self.pop(step.symbols, [True] * count)), single=False)
             case Sum():
                 self.add(step.read, self.pop(step.symbols, [False] * count), single=False)
             case Carry():
@@ -117,11 +117,11 @@ class _Adjoints:
                     self._at_links.pop(key(symbol), None)
                 self.add(step.start, carried.last, single=True)
 
-    def _named(self, weights: ca.SX) -> ca.SX:
+    def _name_weights(self, weights: ca.SX) -> ca.SX:
         names = ca.SX.sym("w", weights.shape[0])
         self.steps.append(Each(names, weights))
         return names
 
 
-def _like(vector: Vector) -> Vector:
+def _new_symbols(vector: Vector) -> Vector:
     return Vector(ca.SX.sym("d", vector.entries.shape[0]), vector.each)

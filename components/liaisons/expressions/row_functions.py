@@ -67,12 +67,12 @@ class _Row:
 
     def at_links(self, expressions: ca.SX) -> list[ca.MX]:
         """Expressions of one link for all links, (n, 1) each."""
-        return [self._for_each(values) for values in self.evaluated(expressions)]
+        return [self._repeated(values) for values in self.evaluated(expressions)]
 
     def column(self, vector: Vector) -> ca.MX:
         """Result as a column."""
         values = self.evaluated(ca.densify(vector.entries))
-        parts = [self._for_each(x) if each else x for x, each in zip(values, vector.each, strict=True)]
+        parts = [self._repeated(x) if each else x for x, each in zip(values, vector.each, strict=True)]
         return ca.densify(ca.vertcat(*parts)) if parts else ca.MX(0, 1)
 
     def carry(self, step: Carry) -> None:
@@ -82,7 +82,7 @@ class _Row:
             columns, last = self._scanned(step, start)
         else:  # no recurrence: the values of all links at once, moved by one link
             following = self.at_links(step.following)
-            columns = [_moved(values, edge, step.inward) for values, edge in zip(following, start, strict=True)]
+            columns = [_shifted(values, edge, step.inward) for values, edge in zip(following, start, strict=True)]
             last = [values[0 if step.inward else -1] for values in following]
         self.define(scalars(step.symbols), columns)
         self.define(scalars(step.last), last)
@@ -96,19 +96,19 @@ class _Row:
         )
         link = ca.Function("link", [*carried, *each, *single], [*scalars(ca.cse(step.following)), *carried])
         inputs = [*(self._values[key(x)].T for x in each), *(self._values[key(x)] for x in single)]
-        values = list(_tree(link, self._n, count, len(each), step.inward).call([*start, *inputs]))
+        values = list(_scan_tree(link, self._n, count, len(each), step.inward).call([*start, *inputs]))
         return [value.T for value in values[count:]], values[:count]
 
-    def _for_each(self, values: ca.MX) -> ca.MX:
+    def _repeated(self, values: ca.MX) -> ca.MX:
         return values if values.shape[0] == self._n else values * ca.MX.ones(self._n)
 
 
-def _moved(following: ca.MX, start: ca.MX, inward: bool) -> ca.MX:
+def _shifted(following: ca.MX, start: ca.MX, inward: bool) -> ca.MX:
     """Values at each link from those at the next one."""
     return ca.vertcat(following[1:, :], start) if inward else ca.vertcat(start, following[:-1, :])
 
 
-def _tree(link: ca.Function, n: int, carried: int, each: int, inward: bool) -> ca.Function:
+def _scan_tree(link: ca.Function, n: int, carried: int, each: int, inward: bool) -> ca.Function:
     """(carried, columns of n links, shared) → (carried behind them, columns of carried): ten branches a level."""
 
     @cache

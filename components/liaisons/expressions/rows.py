@@ -29,7 +29,7 @@ class _Named:
         return replace(self, read=rewrite(self.read))
 
     def picked(self, needed: set[int]) -> Self:
-        rows = _rows(self.symbols, needed)
+        rows = _row_indices(self.symbols, needed)
         return replace(self, symbols=self.symbols[rows], read=self.read[rows])
 
 
@@ -64,10 +64,10 @@ class Carry:
     def picked(self, needed: set[int]) -> Carry:
         """Scan of the needed quantities and of those that they depend on."""
         reached: set[int] = set()
-        new = {*_rows(self.symbols, needed), *_rows(self.last, needed)}
+        new = {*_row_indices(self.symbols, needed), *_row_indices(self.last, needed)}
         while new:
             reached |= new
-            new = {*_rows(self.symbols, keys(self.following[[*new]]))} - reached
+            new = {*_row_indices(self.symbols, keys(self.following[[*new]]))} - reached
         rows = sorted(reached)
         columns = (x[rows] for x in (self.symbols, self.start, self.following, self.last))
         return Carry(*columns, inward=self.inward)
@@ -118,16 +118,16 @@ def row_program(
         return substituted(expression, constants)
 
     simple: list[Step] = []
-    for step in _needed(steps, results):
+    for step in _needed_steps(steps, results):
         simple.append(step.rewritten(simplified))
         if new := _constants(simple[-1]):
             constants += new
             simple[-1] = simple[-1].rewritten(simplified)
     ends = [Vector(simplified(result.entries), result.each) for result in results]
-    return RowProgram(name, n, tuple(arguments), tuple(_needed(simple, ends)), tuple(ends))
+    return RowProgram(name, n, tuple(arguments), tuple(_needed_steps(simple, ends)), tuple(ends))
 
 
-def _needed(steps: Iterable[Step], results: Sequence[Vector]) -> list[Step]:
+def _needed_steps(steps: Iterable[Step], results: Sequence[Vector]) -> list[Step]:
     """Steps that the results depend on."""
     needed = keys(ca.vertcat(*(result.entries for result in results)))
     used: list[Step] = []
@@ -199,7 +199,7 @@ def scalars(column: ca.SX) -> list[ca.SX]:
     return ca.vertsplit(ca.densify(column)) if column.numel() else []
 
 
-def _rows(symbols: ca.SX, needed: set[int]) -> list[int]:
+def _row_indices(symbols: ca.SX, needed: set[int]) -> list[int]:
     return [i for i, symbol in enumerate(scalars(symbols)) if key(symbol) in needed]
 
 

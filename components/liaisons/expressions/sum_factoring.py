@@ -46,18 +46,18 @@ class Expansions:
             product = self.factors(number)
             left[product] = left.get(product, 0.0) + scale
         left = {product: scale for product, scale in left.items() if scale}
-        while self._cancel(left) or self._unite_squares(left):
+        while self._cancel_expanded(left) or self._unite_squares(left):
             pass
         return [(scale, product) for product, scale in left.items()] if len(left) < len(terms) else None
 
     def terms(self, number: int) -> tuple[ScaledNode, ...]:
         """Terms of a node as a sum."""
         if number not in self._terms:
-            terms = self._split(number)
+            terms = self._split_into_terms(number)
             self._terms[number] = terms if len(terms) <= _MOST_TERMS else ((1.0, number),)
         return self._terms[number]
 
-    def _split(self, number: int) -> tuple[ScaledNode, ...]:
+    def _split_into_terms(self, number: int) -> tuple[ScaledNode, ...]:
         node = self.nodes[number]
         if node.is_a(ca.OP_ADD) or node.is_a(ca.OP_SUB):
             first, second = (self.terms(argument) for argument in node.arguments)
@@ -81,7 +81,7 @@ class Expansions:
         """Factors of the product of two nodes."""
         return tuple(sorted(self.factors(first) + self.factors(second)))
 
-    def _cancel(self, left: dict[Monomial, float]) -> bool:
+    def _cancel_expanded(self, left: dict[Monomial, float]) -> bool:
         """Remove x (a + b), -x a and -x b, if all of them are there."""
         for product, scale in left.items():
             for factor in set(product):

@@ -42,19 +42,19 @@ class Builder:
             ca.OP_DIV: self._quotient,
             ca.OP_ADD: self._sum,
             ca.OP_SUB: lambda x, y: self._sum(x, (-y[0], y[1])),
-            ca.OP_IF_ELSE_ZERO: self._choice,
+            ca.OP_IF_ELSE_ZERO: self._if_else_zero,
             ca.OP_POW: self._power,
             ca.OP_CONSTPOW: self._power,
-            ca.OP_HYPOT: self._length,
+            ca.OP_HYPOT: self._hypotenuse,
         }
 
     def entry(self, column: int, row: int) -> ScaledNode:
         """Entry of an input."""
-        return 1.0, self._number(Instruction(None, (column, row)))
+        return 1.0, self._add_node(Instruction(None, (column, row)))
 
     def constant(self, value: float) -> ScaledNode:
         """Node of a constant."""
-        return 1.0, self._number(Instruction(None, (), float(value)))
+        return 1.0, self._add_node(Instruction(None, (), float(value)))
 
     def node(self, number: ScaledNode) -> int:
         """Number of the node of a scaled node."""
@@ -65,10 +65,10 @@ class Builder:
         if node.constant is not None:
             return self.constant(scale * node.constant)[1]
         if scale < 0 and node.is_a(ca.OP_SUB):
-            return self.node((-scale, self._operation(ca.OP_SUB, *reversed(node.arguments))))
+            return self.node((-scale, self._add_operation(ca.OP_SUB, *reversed(node.arguments))))
         if scale in (-1, 2):
-            return self._operation(ca.OP_NEG if scale == -1 else ca.OP_TWICE, core)
-        return self._operation(ca.OP_MUL, core, self.constant(scale)[1])
+            return self._add_operation(ca.OP_NEG if scale == -1 else ca.OP_TWICE, core)
+        return self._add_operation(ca.OP_MUL, core, self.constant(scale)[1])
 
     def perform(self, code: int, arguments: Sequence[ScaledNode]) -> ScaledNode:
         """Result of CasADi's operation of a code, simplified.
@@ -80,14 +80,14 @@ class Builder:
                 f"an expression has CasADi's instruction {code}, which is no scalar operation of C; expand the function"
             )
         if code in self._rewritten:
-            return self._moderate(self._rewritten[code](*arguments))
+            return self._with_bounded_scale(self._rewritten[code](*arguments))
         scale, x = arguments[0]
         if scale < 0 and code in _ODD | _EVEN:
             sign, core = self.perform(code, [(-scale, x)])
             return (sign if code in _EVEN else -sign), core
-        return 1.0, self._operation(code, *map(self.node, arguments))
+        return 1.0, self._add_operation(code, *map(self.node, arguments))
 
-    def _moderate(self, number: ScaledNode) -> ScaledNode:
+    def _with_bounded_scale(self, number: ScaledNode) -> ScaledNode:
         """Scaled node whose scale is exact and bounded."""
         scale = number[0]
         if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
@@ -96,11 +96,11 @@ class Builder:
 
     def _inverse(self, number: ScaledNode) -> ScaledNode:
         scale, x = number
-        return 1 / scale, self._operation(ca.OP_INV, x)
+        return 1 / scale, self._add_operation(ca.OP_INV, x)
 
-    def _choice(self, condition: ScaledNode, number: ScaledNode) -> ScaledNode:
+    def _if_else_zero(self, condition: ScaledNode, number: ScaledNode) -> ScaledNode:
         scale, x = number
-        return scale, self._operation(ca.OP_IF_ELSE_ZERO, self.node(condition), x)
+        return scale, self._add_operation(ca.OP_IF_ELSE_ZERO, self.node(condition), x)
 
     def _product(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         (scale, x), (other, y) = first, second
@@ -112,7 +112,7 @@ class Builder:
                 return scale * other * constant, factor[1]
         operation = (ca.OP_SQ, x) if x == y else (ca.OP_MUL, *sorted((x, y)))
         # The same factors in another order have the same product.
-        core = self._products.setdefault(self._sums.factors_of(x, y), self._operation(*operation))
+        core = self._products.setdefault(self._sums.factors_of(x, y), self._add_operation(*operation))
         return scale * other, core
 
     def _quotient(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
@@ -120,12 +120,12 @@ class Builder:
         constant = self.nodes[y].constant
         if _is_power_of_two(constant):
             return scale / (other * constant), x
-        return scale / other, self._operation(ca.OP_DIV, x, y)
+        return scale / other, self._add_operation(ca.OP_DIV, x, y)
 
-    def _length(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
+    def _hypotenuse(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         """√(x² + y²): ``hypot``, which no overflow of the squares harms, takes five times as long."""
         squares = self._sum(self._product(first, first), self._product(second, second))
-        return 1.0, self._operation(ca.OP_SQRT, self.node(squares))
+        return 1.0, self._add_operation(ca.OP_SQRT, self.node(squares))
 
     def _sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         for number, term in ((first[1], second), (second[1], first)):
@@ -135,7 +135,7 @@ class Builder:
         if first[1] == second[1] and (together == 0 or _is_power_of_two(together)):
             return (together, first[1]) if together else self.constant(0.0)
         products = self._sums.shortened(first, second)
-        return self._plain_sum(first, second) if products is None else self._added(products)
+        return self._plain_sum(first, second) if products is None else self._sum_of_products(products)
 
     def _plain_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         if abs(second[0]) == 1:  # a scale of one is put in front of both
@@ -144,13 +144,13 @@ class Builder:
         if abs(other) != abs(scale):
             y = self.node((abs(other / scale), y))
         if (scale < 0) == (other < 0):
-            return scale, self._operation(ca.OP_ADD, *sorted((x, y)))
+            return scale, self._add_operation(ca.OP_ADD, *sorted((x, y)))
         plus, minus = (x, y) if scale > 0 else (y, x)
         if Instruction.of(ca.OP_SUB, minus, plus) in self._numbers:
-            return -abs(scale), self._operation(ca.OP_SUB, minus, plus)
-        return abs(scale), self._operation(ca.OP_SUB, plus, minus)
+            return -abs(scale), self._add_operation(ca.OP_SUB, minus, plus)
+        return abs(scale), self._add_operation(ca.OP_SUB, plus, minus)
 
-    def _added(self, products: Sequence[tuple[float, Monomial]]) -> ScaledNode:
+    def _sum_of_products(self, products: Sequence[tuple[float, Monomial]]) -> ScaledNode:
         total = self.constant(0.0)
         for scale, product in products:
             inner, core = reduce(self._product, ((1.0, factor) for factor in product), self.constant(1.0))
@@ -166,7 +166,7 @@ class Builder:
             if value.is_integer() and 0 < abs(value) <= _LARGEST_POWER:
                 power = self._integer_power(base, int(abs(value)))
                 return power if value > 0 else self.perform(ca.OP_INV, [power])
-        return 1.0, self._operation(ca.OP_POW, self.node(base), self.node(exponent))
+        return 1.0, self._add_operation(ca.OP_POW, self.node(base), self.node(exponent))
 
     def _integer_power(self, base: ScaledNode, exponent: int) -> ScaledNode:
         if exponent == 1:
@@ -175,10 +175,10 @@ class Builder:
         square = self._product(half, half)
         return self._product(base, square) if exponent % 2 else square
 
-    def _operation(self, code: int, *arguments: int) -> int:
-        return self._number(Instruction.of(code, *arguments))
+    def _add_operation(self, code: int, *arguments: int) -> int:
+        return self._add_node(Instruction.of(code, *arguments))
 
-    def _number(self, node: Instruction) -> int:
+    def _add_node(self, node: Instruction) -> int:
         key = node if node.constant is None else node.constant.hex()  # tells 0 from -0
         if key not in self._numbers:
             self._numbers[key] = len(self.nodes)

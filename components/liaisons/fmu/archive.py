@@ -27,7 +27,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
         try:
             with zipfile.ZipFile(partial, "x", zipfile.ZIP_DEFLATED) as archive:
                 for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
-                    archive.writestr(_entry(name), members[name])
+                    archive.writestr(_zip_info(name), members[name])
             digest = cache.digest(partial)
             partial.replace(path)
         finally:  # after an interrupt, too
@@ -46,7 +46,7 @@ def read_member(path: Path, name: str) -> bytes | None:
         return None
 
 
-def _entry(name: str) -> zipfile.ZipInfo:
+def _zip_info(name: str) -> zipfile.ZipInfo:
     entry = zipfile.ZipInfo(name, _EARLIEST)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.create_system = 3  # Unix, wherever it is written

@@ -74,7 +74,7 @@ def build(
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
     if platforms == "wasm" and fmi == "2":
         raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
-    if backend == "auto" and fmi == "2" and not _compilers():
+    if backend == "auto" and fmi == "2" and not _compiler_command():
         _warn_no_compiler()
         backend = "python"
     if backend == "python":
@@ -84,7 +84,7 @@ def build(
     return _build_native(model, output, platforms, fmi, arrays=arrays)
 
 
-def _compilers() -> list[str] | None:
+def _compiler_command() -> list[str] | None:
     return system_compiler() or zig_compiler()
 
 
@@ -106,7 +106,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     experimental = manifest() if platforms == "wasm" else {}
-    members = _identified(members, model) | experimental
+    members = _with_guid_and_origin(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
     paths = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
     binaries: dict[str, Callable[[], bytes]] = {
@@ -127,17 +127,17 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
-    remedy = "take backend='native'" if _compilers() else f"native FMUs take them: {INSTALLATION}"
+    remedy = "take backend='native'" if _compiler_command() else f"native FMUs take them: {INSTALLATION}"
     refuse_contacts(model, "the Python back end", remedy, BackEndError)
     path = output / "python" / f"{model.name}.fmu"
     flat = model.flat()
-    members = _identified(python_members(flat, _NO_GUID), model)
+    members = _with_guid_and_origin(python_members(flat, _NO_GUID), model)
     if not _is_current(path, members):
         write_archive(path, members | icon_members(flat, "2"))
     return path
 
 
-def _identified(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
+def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
     """The members with their guid, a hash of all of them and of the compiler's options, and with their origin."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for name in sorted(members):

@@ -84,7 +84,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
         "most_results": max([_MOST, *(function.sz_res() for function in functions)]),
         "integers": max(function.sz_iw() for function in functions),
         "reals": max([reals, *(loop.reals for loop in loops.values())]),
-        "motions": _row(*(_row(*pair) for pair in motions)),
+        "motions": _initializer(*(_initializer(*pair) for pair in motions)),
         "instants": "instants",
         **({} if model.draw is None else {"draw": "draw"}),
         **{name: name if name in row_functions else function.name() for name, function in members.items()},
@@ -102,9 +102,9 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             '#pragma GCC diagnostic ignored "-Wunused-parameter"',
             "#endif",
             *code,
-            *_row_calls(model, row_functions),
+            *_lookup_calls(model, row_functions),
             *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
-            *_tables(model),
+            *_c_arrays(model),
             "const Model model = {",
             *(f"    .{name} = {value}," for name, value in fields.items()),
             "};",
@@ -116,7 +116,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
 def _members(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Functions that are not generated as loops, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
-    functions |= {"outputs_function": _outputs(model), "contact": model.contact and _stacked(model.contact)}
+    functions |= {"outputs_function": _outputs(model), "contact": model.contact and _with_one_result(model.contact)}
     functions["draw"] = (model.table and model.table.draw) or model.draw
     loops = {program.name for program in model.programs}
     members = {
@@ -125,10 +125,12 @@ def _members(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
         if signature.member and (function := functions[name]) and name.removesuffix("_function") not in loops
     }
     directions = [] if loops else ["forward", "reverse"] if adjoint else ["forward"]
-    return members | {name: f for direction in directions for name, f in _derivatives(model, direction).items()}
+    return members | {
+        name: f for direction in directions for name, f in _directional_derivatives(model, direction).items()
+    }
 
 
-def _stacked(function: ca.Function) -> ca.Function:
+def _with_one_result(function: ca.Function) -> ca.Function:
     """The function with its results in one."""
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
@@ -157,7 +159,7 @@ def _row_functions(
     return {name: ca.Function(f"seen_{name}", x, functions[name].call(x, True, False)) for name, x in arguments.items()}
 
 
-def _row_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
+def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
     """Definitions of functions that look rows up."""
     statements = {}
     for name, function in row_functions.items():
@@ -179,9 +181,9 @@ def _table_sizes(model: Model) -> list[str]:
     sizes = {"COLUMNS": table.columns, "ROOM": table.rows, "LOOKUPS": len(lookups), "BEHIND": behind}
     return [
         f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())}, SEEN = {table.seen} }};",
-        f"static const size_t of_lookup[] = {_row(*map(len, lookups))};",
-        f"static const size_t seen_columns[] = {_row(*(column for lookup in lookups for column in lookup))};",
-        f"static const int rests[] = {_row(*map(int, table.rests))};",
+        f"static const size_t of_lookup[] = {_initializer(*map(len, lookups))};",
+        f"static const size_t seen_columns[] = {_initializer(*(column for lookup in lookups for column in lookup))};",
+        f"static const int rests[] = {_initializer(*map(int, table.rests))};",
         "static Function times;",
         "",
         '#include "knots.h"',
@@ -200,7 +202,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     if not whole.is_a("SXFunction"):
         return [(whole, whole)] * len(_ACTIVITIES)
     t, y, u, k, *m = map(ca.SX, whole.sx_in())
-    effects = _activities(model)
+    effects = _effects_of_inputs(model)
     effect_of_number = [effects[variable.name] for variable in model.inputs for _ in range(variable.count)]
     zeros = {activity: tuple(bool(effect & ~activity) for effect in effect_of_number) for activity in _ACTIVITIES}
     count = coupled(model)
@@ -217,7 +219,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     return [pairs[zeros[activity]] for activity in _ACTIVITIES]
 
 
-def _activities(model: Model) -> dict[str, int]:
+def _effects_of_inputs(model: Model) -> dict[str, int]:
     """Effects of each input that is not 0."""
     effects = {variable.name: _LOADS for variable in model.inputs}
     for coordinate in model.active:
@@ -225,7 +227,7 @@ def _activities(model: Model) -> dict[str, int]:
     return effects
 
 
-def _derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
+def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
     """Directional derivatives: (arguments, results, directions) → derivatives of the results.
 
     In reverse: (arguments, results, weights) → derivatives of the weighted sum of the results by the arguments.
@@ -244,7 +246,7 @@ def _derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
         )
         (derivatives,) = (ca.forward if forward else ca.reverse)(results, arguments, [seeds])
         vectors = signature.results if forward else argument_vectors
-        dense = [_dense(x, _counts(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)]
+        dense = [_densified(x, _variable_sizes(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)]
         # What maps share is shared already, and cse is slow on them.
         dense = list(ca.cse(dense)) if all(isinstance(x, ca.SX) for x in dense) else dense
         title = f"{signature.member}_{direction}"
@@ -252,14 +254,14 @@ def _derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
     return functions
 
 
-def _dense(vector: Any, counts: Sequence[int]) -> Any:
+def _densified(vector: Any, counts: Sequence[int]) -> Any:
     """The same with its zeros; block by block, because CasADi writes a table of all indices for one that is mixed."""
     if vector.is_dense() or len(counts) < 2:
         return ca.densify(vector)
     return ca.vertcat(*map(ca.densify, ca.vertsplit(vector, np.cumsum([0, *counts]).tolist())))
 
 
-def _counts(model: Model, vector: str) -> list[int]:
+def _variable_sizes(model: Model, vector: str) -> list[int]:
     """How many numbers each variable has in a vector."""
     groups = {"y": shown_states(model), "u": model.inputs, "k": model.parameters, "z": model.outputs}
     if vector in groups:
@@ -274,9 +276,9 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
     """Members of the struct Model: texts, numbers and tables."""
     tables = ("variables", "starts", "active", "state", "dimensions", "condition_texts")
     return {
-        "name": _string(model.name),
-        "guid": _string(guid),
-        "tolerance": _number(model.experiment.tolerance),
+        "name": _c_string(model.name),
+        "guid": _c_string(guid),
+        "tolerance": _c_number(model.experiment.tolerance),
         "parameters": scalar_count(model.parameters),
         "inputs": scalar_count(model.inputs),
         "outputs": scalar_count((*model.outputs, *model.drawn)),
@@ -286,7 +288,7 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
         "conditions": len(model.condition_texts) - model.start_only,
         "start_conditions": len(model.condition_texts),
         "variable_rows": len(model.variables),
-        "start_rows": len(_starts(model)),
+        "start_rows": len(_differing_starts(model)),
         "active_rows": len(model.active),
         "state_rows": len(model.states),
         "dimension_rows": len(model.dimensions),
@@ -304,10 +306,14 @@ def _contact_fields(model: Model, contact: ca.Function) -> dict[str, object]:
     counts["indicators"] = len(model.contacts)
     starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
     rows = (f".{name} = {start}" for name, start in zip((*contact.name_out(), "count"), starts, strict=True))
-    return {**counts, "rows": _row(*rows), **{name: name for name in ("gap", "friction", "operator", "indicator")}}
+    return {
+        **counts,
+        "rows": _initializer(*rows),
+        **{name: name for name in ("gap", "friction", "operator", "indicator")},
+    }
 
 
-def _contact_tables(model: Model) -> list[str]:
+def _contact_arrays(model: Model) -> list[str]:
     slot = {name: i for i, name in enumerate(model.memory)}
     gaps = [c for c in model.contacts if not c.friction]
     named = [c.name for c in gaps]
@@ -319,10 +325,10 @@ def _contact_tables(model: Model) -> list[str]:
         return slot[f"{part}{dot}impact_loss"]
 
     ends = ("closed", "rests_from", "impulse", "impacts")
-    gap_rows = [_row(_string(c.name), *(slot[c.variable(end)] for end in ends), loss(c.name)) for c in gaps]
+    gap_rows = [_initializer(_c_string(c.name), *(slot[c.variable(end)] for end in ends), loss(c.name)) for c in gaps]
     friction_rows = [
-        _row(
-            _string(c.name),
+        _initializer(
+            _c_string(c.name),
             slot[c.variable("direction")],
             named.index(c.normal) if c.normal else -1,
             loss(c.name),
@@ -331,34 +337,36 @@ def _contact_tables(model: Model) -> list[str]:
         if c.friction
     ]
     return [
-        *_table("Gap", "gap", gap_rows),
-        *_table("DryFriction", "friction", friction_rows),
-        *_table("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in operators_of(model)]),
-        *_table("size_t", "indicator", [str(first + index[name]) for name in model.flat().indicators]),
+        *_c_array("Gap", "gap", gap_rows),
+        *_c_array("DryFriction", "friction", friction_rows),
+        *_c_array("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in operators_of(model)]),
+        *_c_array("size_t", "indicator", [str(first + index[name]) for name in model.flat().indicators]),
     ]
 
 
-def _tables(model: Model) -> list[str]:
+def _c_arrays(model: Model) -> list[str]:
     inputs, jumps = index_ranges(model.inputs), jump_table(model)
     row = {variable.name: i for i, variable in enumerate(model.variables)}
     active = []
     for a in model.active:
         firsts = (inputs[name].start for name in (a.value, a.rate, a.acceleration))
         mismatch = mismatch_index(model, a)
-        active.append(_row(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
+        active.append(_initializer(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
     return [
-        *_table("Variable", "variables", _variables(model)),
-        *_table("Start", "starts", [_row(index, _number(value)) for index, value in _starts(model)]),
-        *_table("Active", "active", active),
-        *(_table("unsigned char", "jumps", [", ".join(map(str, row)) for row in jumps]) if jumps else []),
-        *_table("State", "state", [_row(row[s.name], row[s.derivative]) for s in model.states]),
-        *_table("Dimension", "dimensions", [_row(_string(d.name), d.count) for d in model.dimensions]),
-        *_table("char *const", "condition_texts", [_string(text) for text in model.condition_texts]),
-        *(_contact_tables(model) if model.contact else []),
+        *_c_array("Variable", "variables", _variables(model)),
+        *_c_array(
+            "Start", "starts", [_initializer(index, _c_number(value)) for index, value in _differing_starts(model)]
+        ),
+        *_c_array("Active", "active", active),
+        *(_c_array("unsigned char", "jumps", [", ".join(map(str, row)) for row in jumps]) if jumps else []),
+        *_c_array("State", "state", [_initializer(row[s.name], row[s.derivative]) for s in model.states]),
+        *_c_array("Dimension", "dimensions", [_initializer(_c_string(d.name), d.count) for d in model.dimensions]),
+        *_c_array("char *const", "condition_texts", [_c_string(text) for text in model.condition_texts]),
+        *(_contact_arrays(model) if model.contact else []),
     ]
 
 
-def _table(kind: str, name: str, rows: Sequence[str]) -> list[str]:
+def _c_array(kind: str, name: str, rows: Sequence[str]) -> list[str]:
     # C has no arrays without elements; the tables that have none are never read.
     nothing = "0" if kind == "size_t" or kind.endswith("const") else "{0}"
     return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
@@ -366,11 +374,11 @@ def _table(kind: str, name: str, rows: Sequence[str]) -> list[str]:
 
 def _variables(model: Model) -> list[str]:
     variables = (*model.variables, TIME)
-    indices, states, activities = index_ranges(variables), index_ranges(shown_states(model)), _activities(model)
+    indices, states, activities = index_ranges(variables), index_ranges(shown_states(model)), _effects_of_inputs(model)
     kinds = {"input": "INPUT", "parameter": "{}_PARAMETER"}
     return [
-        _row(
-            _string(variable.name),
+        _initializer(
+            _c_string(variable.name),
             "INDEPENDENT"
             if variable is TIME
             else kinds.get(variable.causality, "CALCULATED").format(variable.variability.upper()),
@@ -379,11 +387,11 @@ def _variables(model: Model) -> list[str]:
             int(variable.dimension is not None),
             states[variable.name].start if variable.name in states else "NO_STATE",
             activities.get(variable.name, 0),
-            _number(_common_start(variable)),
-            _number(-math.inf if variable.minimum is None else variable.minimum),
-            _number(math.inf if variable.maximum is None else variable.maximum),
+            _c_number(_common_start(variable)),
+            _c_number(-math.inf if variable.minimum is None else variable.minimum),
+            _c_number(math.inf if variable.maximum is None else variable.maximum),
             int(variable.strict),
-            _string(variable.domain()),
+            _c_string(variable.domain()),
             f"NUMBER_{variable.type.upper()}",
         )
         for variable in variables
@@ -395,7 +403,7 @@ def _common_start(variable: Variable) -> float:
     return variable.starts[0] if len(set(variable.starts)) == 1 else 0.0
 
 
-def _starts(model: Model) -> list[tuple[int, float]]:
+def _differing_starts(model: Model) -> list[tuple[int, float]]:
     """Indices and start values of the numbers that do not have the common one of their array."""
     listed = []
     for variable, indices in zip(model.variables, index_ranges(model.variables).values(), strict=True):
@@ -404,17 +412,17 @@ def _starts(model: Model) -> list[tuple[int, float]]:
     return listed
 
 
-def _row(*members: object) -> str:
+def _initializer(*members: object) -> str:
     return f"{{{', '.join(map(str, members))}}}"
 
 
-def _number(value: float) -> str:
+def _c_number(value: float) -> str:
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return repr(float(value))
 
 
-def _string(text: str) -> str:
+def _c_string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)  # its escapes are those of C
 
 

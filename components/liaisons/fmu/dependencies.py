@@ -30,19 +30,19 @@ def while_running(model: Model) -> Pattern:
     """Which outputs depend on which of time, states, inputs and parameters."""
     m = _shortened(model)
     groups = {0: (TIME,), 1: shown_states(m), 2: m.inputs, 3: m.parameters}
-    return _between_variables(m.outputs_function, m.outputs, groups)
+    return _variable_pattern(m.outputs_function, m.outputs, groups)
 
 
 def at_start(model: Model) -> Pattern:
     """Which outputs depend on which of time, inputs and parameters at initialization."""
     m = _shortened(model)
-    return _between_variables(initial(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
+    return _variable_pattern(initial(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
 def _shortened(model: Model) -> Model:
-    """The model of a chain with few links; any other model itself."""
-    if not model.programs:
+    """The model of a chain with few links; any other model, or one whose elements are variables, itself."""
+    if not (model.programs and any(variable.dimension for variable in model.outputs)):
         return model
     name_of = {name.removesuffix("_function"): name for name in SIGNATURES}
     functions = {name_of[p.name]: row_function(replace(p, n=_LINKS)) for p in model.programs}
@@ -60,16 +60,16 @@ def _shortened(model: Model) -> Model:
 def initial(model: Model) -> ca.Function:
     """z of (t, u, k) at initialization, where states and memory follow from them."""
     t, u, k = (ca.MX.sym(name, model.start.numel_in(i)) for i, name in enumerate("tuk"))
-    y, m = _call(model.start, t, u, k)
-    return ca.Function("initial", [t, u, k], _call(model.outputs_function, t, y, u, k, m))
+    y, m = _inlined_call(model.start, t, u, k)
+    return ca.Function("initial", [t, u, k], _inlined_call(model.outputs_function, t, y, u, k, m))
 
 
 def between_numbers(function: ca.Function, arguments: Sequence[int]) -> csr_array:
     """Where the Jacobian of a function's result with respect to some arguments, side by side, can be non-zero."""
-    return csr_array(hstack([_pattern(function, argument) for argument in arguments], format="csr"))
+    return csr_array(hstack([_jacobian_pattern(function, argument) for argument in arguments], format="csr"))
 
 
-def _between_variables(
+def _variable_pattern(
     function: ca.Function, results: Sequence[Variable], arguments: Mapping[int, Sequence[Variable]]
 ) -> Pattern:
     """Which variables of a function's result depend on which variables of some arguments, by their numbers.
@@ -92,7 +92,7 @@ def _between_variables(
 def coupled(model: Model) -> int:
     """How many of the first numbers of y any of dy/dt depends on; behind them are integrals along the motion."""
     m, states = _shortened(model), shown_states(model)
-    columns = _between_variables(m.derivatives, shown_states(m), {1: shown_states(m)}).nonzero()[1]
+    columns = _variable_pattern(m.derivatives, shown_states(m), {1: shown_states(m)}).nonzero()[1]
     return scalar_count(states[: columns.max(initial=-1) + 1])
 
 
@@ -108,7 +108,7 @@ def states_that_jump(model: Model) -> set[str]:
         return {state.name for state in model.states if state.name.rpartition(".")[2] != "dissipated"}
     m = _shortened(model)
     states = shown_states(m)
-    pattern = _between_variables(m.jump, states, {1: states, 2: m.inputs})
+    pattern = _variable_pattern(m.jump, states, {1: states, 2: m.inputs})
     pattern[np.diag_indices(len(states))] = False
     return {state.name for state, row in zip(states, pattern, strict=True) if row.any()}
 
@@ -122,18 +122,18 @@ def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
         return set(), set()
     own = tuple(f"{split(contact.name)[0]}_" for contact in model.contacts)
     modes = [i for i, name in enumerate(model.memory) if name.startswith(own)]
-    rows = _pattern(model.outputs_function, 4)[:, modes].nonzero()[0]
+    rows = _jacobian_pattern(model.outputs_function, 4)[:, modes].nonzero()[0]
     outputs = [variable.name for variable in model.outputs for _ in range(variable.count)]
     changing = {v.name for v in model.outputs if v.variability == "discrete" and v.causality == "output"}
     return changing, changing | {outputs[row] for row in rows}
 
 
-def _call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
+def _inlined_call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
     """Results of a function, its expressions in place of a call where that can be."""
     return list(function.call(list(arguments), function.is_a("MXFunction"), False))
 
 
-def _pattern(function: ca.Function, argument: int) -> csr_array:
+def _jacobian_pattern(function: ca.Function, argument: int) -> csr_array:
     sparsity = function.jac_sparsity(0, argument)
     rows, columns = np.array(sparsity.get_triplet(), dtype=int)
     return csr_array((np.ones(rows.size, dtype=bool), (rows, columns)), shape=sparsity.shape)

@@ -86,7 +86,7 @@ def _variables(model: Model) -> Iterator[str]:
         if variable.variability == "continuous":
             attributes["intermediateUpdate"] = "true"
         size = variable.dimension
-        shape = element("Dimension", _extent(size, reference_of_size)) if size else ()
+        shape = element("Dimension", _dimension_attributes(size, reference_of_size)) if size else ()
         yield from element(_TYPES[variable.type], attributes, shape)
     attributes = general_attributes(TIME, reference[TIME.name]) | real_attributes(TIME, 1.0)
     del attributes["initial"]
@@ -96,7 +96,7 @@ def _variables(model: Model) -> Iterator[str]:
         yield from element("Int32", attributes | integer_attributes(setting))
 
 
-def _extent(size: Dimension, references: Mapping[str, int]) -> dict[str, str]:
+def _dimension_attributes(size: Dimension, references: Mapping[str, int]) -> dict[str, str]:
     """Reference of a structural size, or a number."""
     return {"valueReference": str(references[size.name])} if size.name in references else {"start": str(size.count)}
 

@@ -30,7 +30,7 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
     space = 0
     for function in {function.name(): function for function in functions}.values():
         if _is_scalar(function):
-            lines, numbers = _straight(function)
+            lines, numbers = _straight_line_code(function)
             straight += lines
         else:
             generator.add(function)
@@ -45,7 +45,7 @@ def _is_scalar(function: ca.Function) -> bool:
     return function.is_a("SXFunction") and operation_codes(function) <= printable
 
 
-def _straight(function: ca.Function) -> tuple[list[str], int]:
+def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
     arguments = function.sx_in()
     results = function.call(arguments, True, False)
     clear: list[str] = []
@@ -56,7 +56,7 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
             written.append((result, f"results[{i}][{{}}]"))
             continue
         clear.append(f"for (int j = 0; j < {len(is_zero)}; j++) results[{i}][j] = 0;")
-        for first, end in _runs(is_zero):
+        for first, end in _nonzero_ranges(is_zero):
             written.append((result[first:end], f"results[{i}][{first} + {{}}]"))
     parts, space = c_parts(
         [(argument, f"arguments[{i}][{{}}]") for i, argument in enumerate(arguments)],
@@ -76,7 +76,7 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
     return lines + define(function.name(), [*clear, calls, call]), space
 
 
-def _runs(is_zero: list[bool]) -> list[tuple[int, int]]:
+def _nonzero_ranges(is_zero: list[bool]) -> list[tuple[int, int]]:
     """First and end of the entries that are not 0."""
     edges = [True, *is_zero, True]
     changes = [i for i in range(len(edges) - 1) if edges[i] != edges[i + 1]]

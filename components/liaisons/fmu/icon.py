@@ -41,28 +41,28 @@ def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
         axes = figure.add_axes((_MARGIN, _MARGIN, 1 - 2 * _MARGIN, 1 - 2 * _MARGIN))
         axes.set_axis_off()
         axes.margins(0)
-        if not _draw(axes, trajectory(model)):
-            _write(axes, model.name)
+        if not _draw_experiment(axes, trajectory(model)):
+            _write_initials(axes, model.name)
         for kind, file in files.items():
             figure.savefig(file, format=kind, transparent=True, metadata=_METADATA[kind])
     members = {f"terminalsAndIcons/icon.{kind}": file.getvalue() for kind, file in files.items()}
     return members | ({"model.png": members["terminalsAndIcons/icon.png"]} if fmi == "2" else {})
 
 
-def _draw(axes: Axes, results: Trajectory | None) -> bool:
+def _draw_experiment(axes: Axes, results: Trajectory | None) -> bool:
     """Named points, else a path in the plane, else one in phase space, else a signal; False if nothing moves."""
     if results is None:
         return False
     ports = results.model.ports
-    points = _planes(results, [port.name for port in ports if port.kind == "point"])
+    points = _paths_in_planes(results, [port.name for port in ports if port.kind == "point"])
     if points:  # they hang on each other, the first on the origin
         paths = np.concatenate(points, axis=1)
-        _lines(axes, [*np.moveaxis(paths, 1, 0)], paths[0])
+        _draw_paths(axes, [*np.moveaxis(paths, 1, 0)], paths[0])
         axes.plot(*np.vstack([np.zeros(2), paths[0]]).T, color=_INK, linewidth=3, clip_on=False)
         axes.plot(0, 0, "o", color=_INK, markersize=6, clip_on=False)
         axes.set_aspect("equal")
         return True
-    free = _planes(results, [port.name for port in ports if port.kind == "free"])
+    free = _paths_in_planes(results, [port.name for port in ports if port.kind == "free"])
     phases = [
         np.stack([results[state.name], results[f"p_{state.name}"]], axis=-1)
         for state in results.model.states
@@ -72,20 +72,20 @@ def _draw(axes: Axes, results: Trajectory | None) -> bool:
     curves = [np.stack([results.times[:, None], signal], axis=-1) for signal in signals]
     for k, path in enumerate(path[:, 0] for path in (*free, *phases, *curves)):
         if np.min(np.ptp(path, axis=0)) > _FLAT * np.max(np.ptp(path, axis=0)):
-            _lines(axes, [path], path[:1])
+            _draw_paths(axes, [path], path[:1])
             axes.set_aspect("equal" if k < len(free) else "auto")
             return True
     return False
 
 
-def _lines(axes: Axes, paths: Sequence[NDArray], start: NDArray) -> None:
+def _draw_paths(axes: Axes, paths: Sequence[NDArray], start: NDArray) -> None:
     """Paths, thin, and where they start; (n, 2) each."""
     for path in paths:
         axes.plot(*path.T, color=_ACCENT, linewidth=2, clip_on=False)
     axes.plot(*start.T, "o", color=_INK, markersize=11, clip_on=False)
 
 
-def _planes(results: Trajectory, names: list[str]) -> list[NDArray]:
+def _paths_in_planes(results: Trajectory, names: list[str]) -> list[NDArray]:
     """Paths of points with components x, y, z: in the two that vary most, in this order; (n, count, 2) each."""
     components: dict[str, list[str]] = {}
     for name in names:
@@ -100,7 +100,7 @@ def _planes(results: Trajectory, names: list[str]) -> list[NDArray]:
     return paths
 
 
-def _write(axes: Axes, name: str) -> None:
+def _write_initials(axes: Axes, name: str) -> None:
     """Up to three initials of a name, in a frame."""
     initials = re.findall(r"[A-Z0-9]|(?<![a-zA-Z0-9])[a-z]", name.replace("_", " "))[:3]
     axes.plot([0, 1, 1, 0, 0], [0, 0, 1, 1, 0], color=_INK, linewidth=3, clip_on=False)

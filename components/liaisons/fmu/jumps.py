@@ -64,7 +64,7 @@ def jump_effects(model: Model) -> Jumps:
     a, states = len(numbers), model.start.numel_out(0)
     moves, moved = np.zeros(a, dtype=bool), np.zeros(states, dtype=bool)
     size = coupled(model) if 0 < a <= _MOST else 0
-    samples = _samples(model, size) if 0 < a <= _MOST else []
+    samples = _valid_samples(model, size) if 0 < a <= _MOST else []
     if a and len(samples) < _SAMPLES:  # unknown
         return Jumps(moves, np.broadcast_to(True, (a, a)), moved)
     mixes = np.zeros((a, a), dtype=bool)
@@ -117,24 +117,24 @@ class _Sample:
         return np.abs(sum(terms)) > _NOTHING * (np.max(np.abs(terms), axis=0) + self.sizes)
 
 
-def _samples(model: Model, coupled_states: int) -> list[_Sample]:
+def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
     """Seeded samples."""
 
     def rates(t: float, y: NDArray, k: NDArray, u: NDArray) -> NDArray:
-        return _column(model.derivatives.call([t, y, u, k])[0])
+        return _flattened(model.derivatives.call([t, y, u, k])[0])
 
     random = np.random.default_rng(20240229)
     samples: list[_Sample] = []
     lasting = len(model.condition_texts) - model.start_only
     for _ in range(_TRIES):
-        u, k = (_random(random, variables) for variables in (model.inputs, model.parameters))
+        u, k = (_random_numbers(random, variables) for variables in (model.inputs, model.parameters))
         t = float(random.uniform(0.1, 1))
-        y = _column(model.start.call([t, u, k])[0])
-        sizes = np.abs(_column(model.nominals.call([t, y, u, k])[0]))
+        y = _flattened(model.start.call([t, u, k])[0])
+        sizes = np.abs(_flattened(model.nominals.call([t, y, u, k])[0]))
         y = y + random.normal(size=y.size) * sizes
         if model.project is not None:
-            y = _column(model.project.call([t, y, u, k])[0])
-        margins = _column(model.conditions.call([t, y, u, k])[0])[:lasting]
+            y = _flattened(model.project.call([t, y, u, k])[0])
+        margins = _flattened(model.conditions.call([t, y, u, k])[0])[:lasting]
         if np.all(margins > 0) and np.all(np.isfinite(np.concatenate([y, sizes, rates(t, y, k, u)]))):
             steps = random.uniform(0.5, 1.5, u.size)
             samples.append(_Sample(partial(rates, t, y, k), u, steps, sizes[:coupled_states]))
@@ -143,7 +143,7 @@ def _samples(model: Model, coupled_states: int) -> list[_Sample]:
     return samples
 
 
-def _random(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDArray:
+def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDArray:
     """Numbers near the start values and in the domains; coefficients that start at 0 are small."""
     numbers: list[float] = []
     for variable in variables:
@@ -156,5 +156,5 @@ def _random(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDA
     return np.array(numbers)
 
 
-def _column(value: ca.DM) -> NDArray:
+def _flattened(value: ca.DM) -> NDArray:
     return np.array(value, dtype=float).ravel()

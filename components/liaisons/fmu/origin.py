@@ -29,7 +29,7 @@ def provenance(model: Model) -> dict[str, str]:
     """
     ours = f"{model.module}.".startswith("liaisons.models.")
     about = metadata.metadata("liaisons")
-    date = _date() or (f"{__date__}T00:00:00Z" if ours else "")
+    date = _source_date() or (f"{__date__}T00:00:00Z" if ours else "")
     attributes = {"author": about["Author"], "version": __version__, "license": about["License-Expression"]}
     return (attributes if ours else {}) | ({"generationDateAndTime": date} if date else {})
 
@@ -40,7 +40,7 @@ def signed(description: bytes, model: Model) -> bytes:
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
 
 
-def _date() -> str:
+def _source_date() -> str:
     seconds = os.environ.get(_EPOCH, "")
     try:
         return datetime.fromtimestamp(int(seconds), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if seconds else ""

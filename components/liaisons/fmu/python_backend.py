@@ -52,13 +52,13 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
         "modelDescription.xml": model_description(model, guid=guid, backend="python"),
         "documentation/externalDependencies.txt": _DEPENDENCIES,
         **extra_members(model, "2"),
-        "resources/component.json": _component(model, guid),
+        "resources/component.json": _component_table(model, guid),
     }
-    members |= _runtime() | _pythonfmu(model.name)
+    members |= _runtime_members() | _pythonfmu_members(model.name)
     return dict(sorted(members.items()))
 
 
-def _component(model: Model, guid: str) -> bytes:
+def _component_table(model: Model, guid: str) -> bytes:
     """The table that ``python_runtime.component`` reads."""
     names = [variable.name for variable in model.inputs]
     active = [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active]
@@ -98,7 +98,7 @@ def _warnings(model: Model) -> list[tuple[int, list[str]]]:
     return warnings
 
 
-def _runtime() -> dict[str, bytes]:
+def _runtime_members() -> dict[str, bytes]:
     """Our slave.  Its modules carry a hash of their text: one process may hold FMUs of several versions."""
     folder = resources.files("liaisons.fmu") / "python_runtime"
     sources = {item.name: item.read_bytes() for item in folder.iterdir() if item.name.endswith(".py")}
@@ -111,7 +111,7 @@ def _runtime() -> dict[str, bytes]:
     return members
 
 
-def _pythonfmu(identifier: str) -> dict[str, bytes]:
+def _pythonfmu_members(identifier: str) -> dict[str, bytes]:
     """pythonfmu's package and, named after the model, its binaries for all of its platforms."""
     import pythonfmu
 

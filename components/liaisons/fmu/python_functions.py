@@ -93,7 +93,7 @@ def functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
     everything = ca.MX.sym("everything", sum(sizes.values()))
     parts = ca.vertsplit(everything, [0, *np.cumsum(list(sizes.values())).tolist()])
     n = SimpleNamespace(**dict(zip(sizes, parts, strict=True)))
-    point, inputs = (n.t, n.y, n.u, n.k), _inputs(model, active)
+    point, inputs = (n.t, n.y, n.u, n.k), _input_polynomials(model, active)
     y, m = model.start(n.t, n.given, n.k)
     nominals = model.nominals(n.t, y, n.given, n.k)
     size = ca.if_else(ca.logic_and(nominals > 0, nominals < math.inf), nominals, 1)
@@ -106,11 +106,11 @@ def functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
         "start": {"u": n.given, "y": y, "m": m, "size": size, "past_H": 0, "past_u": n.given, "jumped": 1},
         "outputs": {"z": model.outputs_function(*point, n.m), "margins": model.conditions(*point), **drawn},
         "events": {"instants": model.events(*(n.k, n.x)[: model.events.n_in()])},
-        "compare": _comparison(model, n, active),
-        "leap": _runge_kutta(n, _rates_of_jump(model, n, active)) if active else {},
+        "compare": _mismatch_and_jump(model, n, active),
+        "leap": _runge_kutta_step(n, _jump_rates(model, n, active)) if active else {},
         "jump": {"y": model.jump(*point, n.m)},
         "inputs": {"u": inputs(n.x, n.H, n.mode, n.u, n.target)},
-        "advance": _runge_kutta(n, _rates(model, n, inputs)),
+        "advance": _runge_kutta_step(n, _motion_rates(model, n, inputs)),
         "finish": {"u": u, "y": projected, "m": model.remember(n.t, projected, u, n.k, n.m), **past},
         "remember": {"m": model.remember(*point, n.m)},
     }
@@ -120,7 +120,7 @@ def functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
     }
 
 
-def _inputs(model: Model, active: list[list[int]]) -> ca.Function:
+def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
     """(x, H, mode, u at the start, u at the end) → (u,), as functions of the time x since the start."""
     x, H, mode = ca.SX.sym("x"), ca.SX.sym("H"), ca.SX.sym("mode")
     start, end = ca.SX.sym("start", len(model.inputs)), ca.SX.sym("end", len(model.inputs))
@@ -142,7 +142,7 @@ def _inputs(model: Model, active: list[list[int]]) -> ca.Function:
     return ca.Function("inputs", [x, H, mode, start, end], [ca.densify(u)], {"cse": True})
 
 
-def _rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Callable[[ca.MX, ca.MX], ca.MX]:
+def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Callable[[ca.MX, ca.MX], ca.MX]:
     """dy/dt of (x, y) inside a step; NaN where a domain is left.
 
     Time is kept between the earliest and the latest, that is on one side of an event.
@@ -162,7 +162,7 @@ def _rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Callable[[c
     return at
 
 
-def _runge_kutta(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:
+def _runge_kutta_step(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:
     """A step of the explicit pair of Dormand and Prince of order 5(4), with SciPy's tableau."""
     slopes, y = rates(n.x, n.y), n.y
     for part, row in zip([*RK45.C[1:], 1], [*RK45.A[1:], RK45.B], strict=True):
@@ -175,7 +175,7 @@ def _runge_kutta(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> 
 # ---- prescribed coordinates ------------------------------------------------------------------------------------------
 
 
-def _comparison(
+def _mismatch_and_jump(
     model: Model,
     n: SimpleNamespace,
     active: list[list[int]],
@@ -214,7 +214,7 @@ def _comparison(
     return {"m": m, "far": far, "compared": compared, "leaps": leaps, "target": target, "jump": jump}
 
 
-def _rates_of_jump(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
+def _jump_rates(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
     """dy/dx of (x, y) by jumps up to u, 0 <= x <= 1: what they add to the rates of states that act on the motion."""
     values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
     count, jump = coupled(model), n.jump

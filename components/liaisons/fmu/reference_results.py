@@ -87,13 +87,13 @@ def trajectory(model: Model) -> Trajectory | None:
         return None
     model = _with_reference_starts(model)
     u, k = start_vectors(model)
-    motion = _motion(model, u)
+    motion = _input_motion(model, u)
     y, m = (np.array(x, dtype=float).ravel() for x in model.start.call([ca.DM(0), u, k]))
     times = np.linspace(0, model.experiment.stop_time, INTERVALS + 1)
     states: list[NDArray] = []
     rows: list[NDArray] = []
     try:
-        for t, state in zip(times, _states(model, times, y, motion, k), strict=True):
+        for t, state in zip(times, _integrate_states(model, times, y, motion, k), strict=True):
             u = motion(t)
             states.append(np.array(state))
             m = model.remember.call([t, state, u, k, m])[0]
@@ -123,7 +123,7 @@ _Motion = Callable[[float], NDArray]
 """The inputs at a time, shape (u,); the same array each time."""
 
 
-def _motion(model: Model, start: NDArray) -> _Motion:
+def _input_motion(model: Model, start: NDArray) -> _Motion:
     """Prescribed coordinates move at constant acceleration, the other inputs rest.
 
     Such a motion is exact in an FMU for any communication step size.
@@ -144,13 +144,13 @@ def _motion(model: Model, start: NDArray) -> _Motion:
     return motion
 
 
-def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArray) -> Iterator[NDArray]:
+def _integrate_states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArray) -> Iterator[NDArray]:
     """States at the times; the integration restarts at each event."""
     yield y
     if not y.size:
         yield from (y for _ in times[1:])
         return
-    rate = _rate(model, motion, k)
+    rate = _right_hand_side(model, motion, k)
     nominals = np.array(model.nominals.call([ca.DM(0), y, motion(0.0), k])[0]).ravel()
     t, tolerances = 0.0, {"rtol": TOLERANCE, "atol": TOLERANCE * nominals}
     while t < times[-1]:
@@ -162,7 +162,7 @@ def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArra
     yield y
 
 
-def _rate(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
+def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
     """The right-hand side, called in place, since it is most of the work."""
     state, result = np.zeros((2, model.derivatives.numel_out(0)))
     time = np.zeros(1)
@@ -198,16 +198,16 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
     if results is not None:
         reference = model.experiment.reference
         starts = {v.name: reference[v.name] for v in model.parameters if v.name in reference}
-        inputs = _moved(model, results)
+        inputs = _moving_inputs(model, results)
         if starts:
             about = "Parameters of the reference results; all others at their start values"
             add("application/x-ssp-parameter-set", f"{model.name}.ssv", "parameter", about, _parameter_set(starts))
         if inputs:
-            table = _table(results.times, inputs, fmi)
+            table = _csv_table(results.times, inputs, fmi)
             add("text/csv", f"{model.name}_in.csv", "testcase", "Inputs of the reference results", table)
         shown = {v: _rounded(results[v.name]) for v in columns(model)}
         about = "Results of the default experiment, integrated independently of the FMU"
-        add("text/csv", f"{model.name}_out.csv", "result", about, _table(results.times, shown, fmi))
+        add("text/csv", f"{model.name}_out.csv", "result", about, _csv_table(results.times, shown, fmi))
         own = [f"parameters of {model.name}.ssv"] * bool(starts) + [f"inputs of {model.name}_in.csv"] * bool(inputs)
         members["documentation/fmi-ls-ref.txt"] = _ABOUT.format(
             name=model.name,
@@ -219,7 +219,7 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
     return {f"{FOLDER}/fmi-ls-manifest.xml": _manifest(related, why), **members}
 
 
-def _moved(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
+def _moving_inputs(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
     """Scalar inputs that leave their start values, and their values, shape (n, 1)."""
     indices = index_ranges(model.inputs)
     values = {variable: results.inputs[:, indices[variable.name]] for variable in model.inputs}
@@ -246,7 +246,7 @@ def columns(model: Model) -> list[Variable]:
     return [narrow[name] for name in dict.fromkeys(names) if name in narrow]
 
 
-def _table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
+def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
     """Columns of the times (n,) and of variables (n, count)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

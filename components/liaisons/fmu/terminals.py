@@ -33,11 +33,11 @@ _TEXTS = {
 
 def terminals_and_icons(model: Model, fmi: Fmi) -> bytes:
     """The file, in UTF-8; the same bytes for the same arguments."""
-    ports = model.ports if fmi == "3" else tuple(_elements(model))
-    return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _content(ports)))
+    ports = model.ports if fmi == "3" else tuple(_scalar_ports(model))
+    return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _root_content(ports)))
 
 
-def _content(ports: tuple[Terminal, ...]) -> Iterator[str]:
+def _root_content(ports: tuple[Terminal, ...]) -> Iterator[str]:
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     graphics = [
         *element("CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}),
@@ -67,13 +67,13 @@ def _terminals(ports: tuple[Terminal, ...]) -> Iterator[str]:
 
 
 def _terminal(port: Terminal, name: str) -> Iterator[str]:
-    yield from _members(port, name, port.members)
+    yield from _member_terminal(port, name, port.members)
     if port.kind == "signal":  # fits translations and rotations
         members = tuple(TerminalMember(_ROTATION[member.role], member.variable) for member in port.members)
-        yield from _members(port, f"{name}_rotation", members)
+        yield from _member_terminal(port, f"{name}_rotation", members)
 
 
-def _members(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> Iterator[str]:
+def _member_terminal(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> Iterator[str]:
     attributes = {
         "name": name,
         # The force of an active port may stay unconnected.
@@ -91,7 +91,7 @@ def _members(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> 
     )
 
 
-def _elements(model: Model) -> Iterator[Terminal]:
+def _scalar_ports(model: Model) -> Iterator[Terminal]:
     """Ports of scalars and of elements of arrays, as FMI 2.0 names them."""
     variables = {variable.name: variable for variable in model.variables}
     for port in model.ports:

@@ -58,12 +58,12 @@ class Algebra:
 
     def atom(self, operation: str, *arguments: Polynomial, name: str = "") -> Polynomial:
         """The atom as a polynomial; equal atoms are one."""
-        return {((self._index(operation, arguments, name), 1),): ONE}
+        return {((self._atom_index(operation, arguments, name), 1),): ONE}
 
     def symbol(self, name: str) -> Polynomial:
         return self.atom(SYMBOL, name=name)
 
-    def _index(self, operation: str, arguments: Sequence[Polynomial], name: str = "") -> int:
+    def _atom_index(self, operation: str, arguments: Sequence[Polynomial], name: str = "") -> int:
         key = (operation, name, *(tuple(sorted(argument.items())) for argument in arguments))
         if key not in self._indices:
             self._indices[key] = len(self.atoms)
@@ -73,22 +73,22 @@ class Algebra:
     # ---- arithmetic -------------------------------------------------------------------------------------------
 
     def plus(self, *summands: Polynomial) -> Polynomial:
-        return _collected(item for summand in summands for item in summand.items())
+        return _sum_of_terms(item for summand in summands for item in summand.items())
 
     def times(self, a: Polynomial, b: Polynomial) -> Polynomial:
         if len(a) * len(b) > self.limit:
             a, b = (x if is_number(x) or is_number(y) else self.grouped(x) for x, y in ((a, b), (b, a)))
-        return _collected((_merged(m, n), c * d) for m, c in a.items() for n, d in b.items())
+        return _sum_of_terms((_monomial_product(m, n), c * d) for m, c in a.items() for n, d in b.items())
 
     def power(self, base: Polynomial, exponent: Exponent) -> Polynomial:
         if not base or exponent == 0:
             return {} if exponent else {(): ONE}
         if exponent.denominator != 1:  # no factor leaves a root, since √x² is not x
             index = alone(base)
-            return {((self._index(GROUP, [base]) if index is None else index, exponent),): ONE}
+            return {((self._atom_index(GROUP, [base]) if index is None else index, exponent),): ONE}
         if len(base) > 1 and exponent > 0 and len(base) ** exponent <= self.limit:
             return reduce(self.times, [base] * int(exponent))
-        return {_raised(m, exponent): c**exponent for m, c in self.grouped(base).items()}
+        return {_monomial_power(m, exponent): c**exponent for m, c in self.grouped(base).items()}
 
     def grouped(self, p: Polynomial) -> Polynomial:
         """A sum as one product: the common factor of its terms times the rest in brackets."""
@@ -139,15 +139,15 @@ class Algebra:
             function = self.atoms[index]
             if function.operation not in _COFUNCTION:
                 continue
-            partner = self._index(_COFUNCTION[function.operation], function.arguments)
+            partner = self._atom_index(_COFUNCTION[function.operation], function.arguments)
             terms: list[tuple[Monomial, Coefficient]] = []
             for monomial, coefficient in p.items():
                 if dict(monomial).get(index, 0) >= 2:
-                    rest = _merged(monomial, ((index, -2),))
-                    terms += [(rest, coefficient), (_merged(rest, ((partner, 2),)), -coefficient)]
+                    rest = _monomial_product(monomial, ((index, -2),))
+                    terms += [(rest, coefficient), (_monomial_product(rest, ((partner, 2),)), -coefficient)]
                 else:
                     terms.append((monomial, coefficient))
-            if len(shorter := _collected(terms)) < len(p):
+            if len(shorter := _sum_of_terms(terms)) < len(p):
                 return shorter
         return None
 
@@ -156,9 +156,9 @@ class Algebra:
             waves = [index for index, e in monomial if e >= 1 and self.atoms[index].operation in _COFUNCTION]
             for first, second in combinations(waves, 2):
                 a, b = self.atoms[first], self.atoms[second]
-                partners = [self._index(_COFUNCTION[x.operation], x.arguments) for x in (a, b)]
-                rest = _merged(monomial, ((first, -1), (second, -1)))
-                other = _merged(rest, _merged(((partners[0], 1),), ((partners[1], 1),)))
+                partners = [self._atom_index(_COFUNCTION[x.operation], x.arguments) for x in (a, b)]
+                rest = _monomial_product(monomial, ((first, -1), (second, -1)))
+                other = _monomial_product(rest, _monomial_product(((partners[0], 1),), ((partners[1], 1),)))
                 if other == monomial or abs(p.get(other, 0)) != abs(c):
                     continue
                 same, alike = p[other] == c, a.operation == b.operation
@@ -177,22 +177,22 @@ class Algebra:
     def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
         """The scalar result of a function of scalars with these names."""
         (values,) = interpret(
-            function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._apply
+            function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._operation_result
         )
         return self.simplified(values[0] if values else {})
 
     def number(self, value: float) -> Polynomial:
         """A constant: a fraction, a fraction of π or the root of a fraction where it is one to the last bit."""
-        number = _fraction(value)
+        number = _simple_fraction(value)
         if isinstance(number, float) and math.isfinite(value):
-            of_pi, square = _fraction(value / math.pi), Fraction(value * value).limit_denominator(100)
+            of_pi, square = _simple_fraction(value / math.pi), Fraction(value * value).limit_denominator(100)
             if not isinstance(of_pi, float):
                 return scaled(self.symbol(PI), of_pi)
             if math.sqrt(square) == abs(value):
                 return scaled(self.power({(): square}, HALF), 1 if value > 0 else -1)
         return {(): number} if number else {}
 
-    def _apply(self, operation: int, x: list[Polynomial]) -> Polynomial:
+    def _operation_result(self, operation: int, x: list[Polynomial]) -> Polynomial:
         if operation in _ARITHMETIC:
             return _ARITHMETIC[operation](self, *x)
         if operation in (ca.OP_POW, ca.OP_CONSTPOW):
@@ -236,18 +236,18 @@ def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
         number = Fraction(math.gcd(*(f.numerator for f in fractions)), math.lcm(*(f.denominator for f in fractions)))
     if p[min(p)] < 0:
         number = -number
-    inverse = _raised(monomial, -1)
-    return {monomial: number}, {_merged(m, inverse): c / number for m, c in p.items()}
+    inverse = _monomial_power(monomial, -1)
+    return {monomial: number}, {_monomial_product(m, inverse): c / number for m, c in p.items()}
 
 
-def _collected(terms: Iterable[tuple[Monomial, Coefficient]]) -> Polynomial:
+def _sum_of_terms(terms: Iterable[tuple[Monomial, Coefficient]]) -> Polynomial:
     total: Polynomial = {}
     for monomial, coefficient in terms:
         total[monomial] = total[monomial] + coefficient if monomial in total else coefficient
     return {monomial: coefficient for monomial, coefficient in total.items() if coefficient}
 
 
-def _merged(a: Monomial, b: Monomial) -> Monomial:
+def _monomial_product(a: Monomial, b: Monomial) -> Monomial:
     if not a or not b:
         return a or b
     exponents: dict[int, Exponent] = dict(a)
@@ -256,11 +256,11 @@ def _merged(a: Monomial, b: Monomial) -> Monomial:
     return tuple(sorted((atom, exponent) for atom, exponent in exponents.items() if exponent))
 
 
-def _raised(monomial: Monomial, exponent: Exponent) -> Monomial:
+def _monomial_power(monomial: Monomial, exponent: Exponent) -> Monomial:
     return tuple((atom, e * exponent) for atom, e in monomial)
 
 
-def _fraction(value: float) -> Coefficient:
+def _simple_fraction(value: float) -> Coefficient:
     if not math.isfinite(value):
         return value
     simple = Fraction(value).limit_denominator(1000)

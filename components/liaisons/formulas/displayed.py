@@ -83,16 +83,16 @@ class DisplayedEquations:
         printer, lines = LaTeX(self.notation), list[str]()
         for law, general, equations, remark in self._sections(printer, "${}$"):
             lines.append(rf"\paragraph{{{law.title}}} {general}")
-            rows = [row for left, right in equations for row in self._rows(left, right, printer)]
+            rows = [row for left, right in equations for row in self._latex_rows(left, right, printer)]
             lines += [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"] if rows else []
             lines += [re.sub(r"_(?!\{)", r"\_", remark)] if remark else []
         return "\n".join(lines)
 
-    def _rows(self, left: str, right: Formula, printer: LaTeX) -> Iterator[str]:
+    def _latex_rows(self, left: str, right: Formula, printer: LaTeX) -> Iterator[str]:
         """One equation and its abbreviations, broken between terms."""
         plain = Unicode(self.notation)
         for i, (name, term) in enumerate([(Name(left), right.term), *right.where]):
-            first, *further = _broken(printer.terms(term), map(width, plain.terms(term)), _PAGE)
+            first, *further = _broken_lines(printer.terms(term), map(width, plain.terms(term)), _PAGE)
             where = r"\text{where } " if i == 1 else ""
             yield f"{where}{printer.row(name)} &= {first}"
             yield from (rf"&\quad {line}" for line in further)
@@ -112,10 +112,10 @@ class DisplayedEquations:
             lines = textwrap.wrap(f"{law.title}: {formula}" if formula else law.title, columns)
             margin = max((width(printer.name(left)) for left, _ in equations), default=0)
             for left, right in equations:
-                lines += _aligned(printer.name(left), printer.terms(right.term), margin + 2, columns)
+                lines += _aligned_lines(printer.name(left), printer.terms(right.term), margin + 2, columns)
                 for i, (name, term) in enumerate(right.where):
                     head = f"{'' if i else 'where '}{printer.row(name)}"
-                    lines += _aligned(head, printer.terms(term), margin + 8, columns)
+                    lines += _aligned_lines(head, printer.terms(term), margin + 8, columns)
             yield lines + textwrap.wrap(remark, columns, initial_indent="  ", subsequent_indent="  ")
 
     def sympy(self) -> list[Any]:
@@ -178,7 +178,7 @@ def _paragraph(left: str, right: Term, printer: MathML) -> str:
     return f"<p class=formula>{written}</p>"
 
 
-def _broken(terms: Iterable[str], widths: Iterable[int], room: int) -> list[str]:
+def _broken_lines(terms: Iterable[str], widths: Iterable[int], room: int) -> list[str]:
     """Terms on lines as wide as a room, if each is."""
     lines, used = list[str](), room
     for term, size in zip(terms, widths, strict=True):
@@ -190,11 +190,11 @@ def _broken(terms: Iterable[str], widths: Iterable[int], room: int) -> list[str]
     return [line.strip() for line in lines]
 
 
-def _aligned(left: str, terms: Sequence[str], margin: int, columns: int) -> Iterator[str]:
+def _aligned_lines(left: str, terms: Sequence[str], margin: int, columns: int) -> Iterator[str]:
     """An equation that breaks between its terms, its sign of equality behind the margin."""
     head = " " * (margin - width(left)) + f"{left} = "
     room = max(columns - width(head), 10)
-    for line in _broken(terms, map(width, terms), room):
+    for line in _broken_lines(terms, map(width, terms), room):
         for piece in wrapped(line, room):
             yield head + piece
             head = " " * width(head)

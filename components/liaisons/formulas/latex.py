@@ -31,7 +31,7 @@ class LaTeX(Printer):
     }
 
     def letter(self, letter: Letter) -> str:
-        text = "".join(map(_character, letter.text)).strip()
+        text = "".join(map(_latex_character, letter.text)).strip()
         base = f"{_WORD}{text}}}" if letter.is_word else text
         if letter.dots:
             base = rf"\{'d' * letter.dots}ot{{{base}}}"
@@ -58,7 +58,7 @@ class LaTeX(Printer):
         return rf"\left{left} {row.strip()} \right{right}"
 
 
-def _character(character: str) -> str:
+def _latex_character(character: str) -> str:
     """A character: ``θ`` is a command."""
     words = unicodedata.name(character).replace("LAMDA", "LAMBDA").split()
     if words[0] != "GREEK" or len(words) != 4 or words[3] == "OMICRON":

@@ -24,18 +24,20 @@ class Law:
 
     def written(self, printer: Printer) -> str:
         """The law by a printer."""
-        fractions = ([_PART.sub(partial(_part, printer), side) for side in w.split("/")] for w in self.formula.split())
+        fractions = (
+            [_PART.sub(partial(_printed_part, printer), side) for side in w.split("/")] for w in self.formula.split()
+        )
         return printer.between.join(printer.fraction(*sides) if sides[1:] else sides[0] for sides in fractions)
 
 
-def _part(printer: Printer, part: re.Match[str]) -> str:
+def _printed_part(printer: Printer, part: re.Match[str]) -> str:
     if part["letter"] is None:
         return printer.sign(part[0]) if part["sign"] else printer.digits(part[0])
     below = (Letter(part["below"]),) if part["below"] else ()
     letter = printer.letter(Letter(part["letter"], len(part["dots"] or "") and "˙¨".index(part["dots"]) + 1, below))
     if not part["above"]:
         return letter
-    return printer.raised(letter, printer.grouped(_PART.sub(partial(_part, printer), part["above"])))
+    return printer.raised(letter, printer.grouped(_PART.sub(partial(_printed_part, printer), part["above"])))
 
 
 LAWS = {

@@ -84,11 +84,11 @@ class _Writer:
         self.where: list[tuple[Name, Term]] = []
         plain = algebra.value(function, names)
         collected = algebra.collected(plain)
-        short, long = self._counted(collected), self._counted(plain)
+        short, long = self._total_operations(collected), self._total_operations(plain)
         # What fits on one line is best short; beyond that, lines break between terms only.
         looser = 1 if breaks else LOOSER
         self.polynomial = collected if short < min(long, ONE_LINE) or looser * short < long else plain
-        self.operations = self._counted(self.polynomial)
+        self.operations = self._total_operations(self.polynomial)
 
     def formula(self) -> Formula:
         self._abbreviate()
@@ -96,11 +96,13 @@ class _Writer:
 
     # ---- how long it is ---------------------------------------------------------------------------------------
 
-    def _counted(self, p: Polynomial) -> int:
+    def _total_operations(self, p: Polynomial) -> int:
         """Operations, those of repeated parts once."""
-        return _own(p) + sum(sum(map(_own, self.algebra.atoms[index].arguments), 1) for index in self._uses(p))
+        return _operation_count(p) + sum(
+            sum(map(_operation_count, self.algebra.atoms[index].arguments), 1) for index in self._use_counts(p)
+        )
 
-    def _uses(self, p: Polynomial) -> Counter[int]:
+    def _use_counts(self, p: Polynomial) -> Counter[int]:
         """How often each function and bracket is written, if its definition is written once."""
         uses: Counter[int] = Counter()
         waiting = [p]
@@ -116,10 +118,10 @@ class _Writer:
         """Name what a long formula repeats and what is too wide for a line."""
         long = self.operations > SHORT
         letter = self.notation.free_letter()
-        for index, count in sorted(self._uses(self.polynomial).items()):  # its parts have lower indices
+        for index, count in sorted(self._use_counts(self.polynomial).items()):  # its parts have lower indices
             atom = self.algebra.atoms[index]
             term = self._factor(index)
-            repeated = long and count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
+            repeated = long and count > 1 and sum(map(self._total_operations, atom.arguments)) >= WORTH_A_NAME
             if repeated or (not self.breaks and MathML(self.notation).width(term) > WIDE):
                 name = Name(f"{letter}_{len(self.abbreviations) + 1}")
                 self.abbreviations[index] = name
@@ -133,12 +135,12 @@ class _Writer:
         return added([term for monomial, coefficient in ordered for term in self._terms(monomial, coefficient)])
 
     def _terms(self, monomial: Monomial, coefficient: Coefficient) -> tuple[Term, ...]:
-        if self._alone_open({monomial: coefficient}):  # a bracket that multiplies nothing
+        if self._is_bare_group({monomial: coefficient}):  # a bracket that multiplies nothing
             return summands(self._factor(monomial[0][0]))
         term = self._product(monomial, abs(coefficient))
         return (Negative(term) if coefficient < 0 else term,)
 
-    def _alone_open(self, p: Polynomial) -> bool:
+    def _is_bare_group(self, p: Polynomial) -> bool:
         index = alone(p)
         return index is not None and self.algebra.atoms[index].operation == GROUP and index not in self.abbreviations
 
@@ -191,7 +193,7 @@ class _Writer:
         return tuple(sorted(ranks))
 
 
-def _own(p: Polynomial) -> int:
+def _operation_count(p: Polynomial) -> int:
     """Operations of a sum of products, without those inside of its factors."""
     count = max(len(p) - 1, 0)
     for monomial, coefficient in p.items():

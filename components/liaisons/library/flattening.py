@@ -73,11 +73,11 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
     if converted := [connection for connection in system.connections if connection.conversion != SAME]:
         raise SimulationError(f"{system.name}: {converted[0]} converts values, which is not flattened; use one unit")
     classes = catalogue() | dict(components or {})
-    models = {name: _model(part, classes) for name, part in parts.items()}
+    models = {name: _model_of_part(part, classes) for name, part in parts.items()}
     starts = {
         f"{name}.{variable}": value
         for name, part in parts.items()
-        for variable, value in _starts(part, models[name]).items()
+        for variable, value in _start_values(part, models[name]).items()
     }
     return compose(
         identifier(system.name),
@@ -93,11 +93,11 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
     :raises SimulationError: if the catalogue does not have it.
     """
     part = SystemComponent.of(Path(path).stem, path, {})
-    derived = _model(part, catalogue())
-    return derived, _starts(part, derived)
+    derived = _model_of_part(part, catalogue())
+    return derived, _start_values(part, derived)
 
 
-def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Model:
+def _model_of_part(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Model:
     """The model that an FMU of ours was built from."""
     fmu = part.fmu
     if has_table(fmu.path):
@@ -126,7 +126,7 @@ def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Mod
     return derived
 
 
-def _starts(part: SystemComponent, derived: Model) -> dict[str, float]:
+def _start_values(part: SystemComponent, derived: Model) -> dict[str, float]:
     """Start values of parameters and inputs: those of the system, else those that the file has."""
     own = part.element_starts
     names = [variable.name for variable in (*derived.parameters, *derived.inputs)]

@@ -87,7 +87,9 @@ def components(target: Target) -> list[type[Component]]:
             )
         return [target]
     if not isinstance(target, (str, os.PathLike)):
-        raise ProjectError(_no_component(target, "is no component; give its name ('Pendulum'), its file or its class"))
+        raise ProjectError(
+            _no_component_message(target, "is no component; give its name ('Pendulum'), its file or its class")
+        )
     target = str(target)
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
@@ -197,7 +199,7 @@ def build(
     if isinstance(target, Model):
         derived, shipped = target, catalogue().get(target.name)
         if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
-            _keep_catalogue(derived.name, f"the model {derived.name}", folder.resolve())
+            _refuse_catalogue_name(derived.name, f"the model {derived.name}", folder.resolve())
     else:
         chosen = component(target)
         claim(chosen, folder)
@@ -219,10 +221,10 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     folder = sized_folder(fmus_directory(), sizes)
     key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
-    if path is None or seen != _identity(path):
+    if path is None or seen != _file_status(path):
         claim(class_, folder)
         path = build(sized or model(class_), folder, backend=backend)
-        _built[key] = path, _identity(path)
+        _built[key] = path, _file_status(path)
     return path
 
 
@@ -243,22 +245,22 @@ def claim(component: type[Component], folder: Path | str) -> None:
     file = _files.get(component) or getattr(sys.modules.get(component.__module__), "__file__", None)
     origin = f"{file or component.__module__}:{component.__qualname__}"
     if catalogue().get(name, component) is not component:
-        _keep_catalogue(name, origin, folder)
+        _refuse_catalogue_name(name, origin, folder)
     owner = _owners.setdefault((folder, name), origin)
     if owner != origin:
-        raise ProjectError(_taken(name, origin, folder, owner))
+        raise ProjectError(_name_taken(name, origin, folder, owner))
 
 
-def _keep_catalogue(name: str, origin: str, folder: Path) -> None:
+def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
     if folder.is_relative_to(fmus_directory().resolve()):
-        raise ProjectError(_taken(name, origin, folder, "the catalogue's component of this name"))
+        raise ProjectError(_name_taken(name, origin, folder, "the catalogue's component of this name"))
 
 
-def _taken(name: str, origin: str, folder: Path, owner: str) -> str:
+def _name_taken(name: str, origin: str, folder: Path, owner: str) -> str:
     return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
 
 
-def _identity(path: Path) -> tuple[int, ...]:
+def _file_status(path: Path) -> tuple[int, ...]:
     """Status that changes with a file's content; empty without a file."""
     if not path.is_file():
         return ()
@@ -275,7 +277,7 @@ def fmu_file(target: Target) -> Path:
         return fmu_path(target)
     if not isinstance(target, (str, os.PathLike)):
         remedy = "give the path of an FMU, or the name ('Pendulum'), file or class of a component"
-        raise ProjectError(_no_component(target, f"is no FMU and no component; {remedy}"))
+        raise ProjectError(_no_component_message(target, f"is no FMU and no component; {remedy}"))
     path = Path(target)
     if path.suffix == ".ssp":
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
@@ -286,7 +288,7 @@ def fmu_file(target: Target) -> Path:
     return fmu_path(target)
 
 
-def _no_component(target: object, text: str) -> str:
+def _no_component_message(target: object, text: str) -> str:
     from liaisons.cosim import System
 
     if isinstance(target, System):

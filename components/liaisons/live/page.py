@@ -57,7 +57,9 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     ordered = list(order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
-    components = [_component(prefix, part, paths, feeds, ordered[:i]) for i, (prefix, part) in enumerate(parts.items())]
+    components = [
+        _component_data(prefix, part, paths, feeds, ordered[:i]) for i, (prefix, part) in enumerate(parts.items())
+    ]
     index_of = {part.name: i for i, part in enumerate(parts.values())}
     stops = [part.fmu.experiment.stop_time for part in parts.values()]
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
@@ -74,7 +76,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
             for c in connections
         ],
         "groups": connected_groups(len(components), ((index_of[a], index_of[b]) for (a, _), (b, _) in feeds.items())),
-        "modules": [_module(path) for path in paths],
+        "modules": [_encoded_module(path) for path in paths],
         "step_size": step,
         "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),
         "speed": speed,
@@ -82,20 +84,20 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         "signals": [
             name
             for component, part in zip(components, parts.values(), strict=True)
-            for name in _signals(component, part)
+            for name in _first_signals(component, part)
         ],
     }
     return page("page.html", _MODULES, title or "", text, plan)
 
 
-def _module(path: Path) -> str:
+def _encoded_module(path: Path) -> str:
     """An FMU's C as WebAssembly, gzipped, in base64."""
     status = path.stat()
-    return _compiled(path, status.st_mtime_ns, status.st_size)
+    return _compile_module(path, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=64)
-def _compiled(path: Path, *_identity: int) -> str:
+def _compile_module(path: Path, *_identity: int) -> str:
     with Archive(path) as archive:
         members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
         sources = {}
@@ -115,7 +117,7 @@ def _compiled(path: Path, *_identity: int) -> str:
     return base64.b64encode(gzip.compress(compile_wasm(sources, *_FLAGS), 9, mtime=0)).decode()
 
 
-def _component(
+def _component_data(
     prefix: str,
     part: SystemComponent,
     paths: Sequence[Path],
@@ -147,7 +149,9 @@ def _component(
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
     starts = part.element_starts
     needed = {*hidden, *starts, *(name for name, *_ in free)}  # beside what is read or has a slider
-    listed = [_variable(v, part, starts, read=name in read, hidden=name in hidden) for name, v in variables.items()]
+    listed = [
+        _variable_data(v, part, starts, read=name in read, hidden=name in hidden) for name, v in variables.items()
+    ]
     return {
         "prefix": prefix,
         "module": paths.index(part.fmu.path),
@@ -161,7 +165,7 @@ def _component(
     }
 
 
-def _variable(
+def _variable_data(
     v: Attributes, part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
 ) -> dict[str, Any]:
     name, causality = v["name"], v["causality"]
@@ -179,12 +183,12 @@ def _variable(
         "read": read,
         "drawn": read and causality == "local",
         "set": settable,
-        **(_of_slider(v, base) if settable else {}),
+        **(_slider_data(v, base) if settable else {}),
     }
     return {name: value for name, value in entry.items() if value is not None and value is not False}
 
 
-def _of_slider(v: Attributes, base: str) -> dict[str, Any]:
+def _slider_data(v: Attributes, base: str) -> dict[str, Any]:
     return {
         "description": v.get("description"),
         "minimum": float(v["min"]) if "min" in v else None,
@@ -194,7 +198,7 @@ def _of_slider(v: Attributes, base: str) -> dict[str, Any]:
     }
 
 
-def _signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:
+def _first_signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:
     """Names of the signals plotted at first: angles, else the attitude, else other coordinates with both rates."""
     shown = {v["name"]: v.get("unit") for v in component["variables"] if v.get("read") and "start" not in v}
     triples = {name: Port(part, name).triple() for name in shown}

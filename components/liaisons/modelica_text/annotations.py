@@ -37,7 +37,7 @@ def _graphics(component: type[Mechanism]) -> list[str]:
         return float(ca.Function("at_start", [*m.symbols.values()], [ca.densify(ca.SX(expression))])(*starts))
 
     shapes = [document for shape in m.picture() if (document := shape.document(at_start))["shape"] != "trail"]
-    paths = [np.array(_path(**shape), dtype=float) for shape in shapes]
+    paths = [np.array(_outline(**shape), dtype=float) for shape in shapes]
     if not 0 < len(paths) <= MOST_SHAPES:
         return []
     low, high = (extreme(np.concatenate(paths), axis=0) for extreme in (np.min, np.max))
@@ -51,7 +51,7 @@ def _graphics(component: type[Mechanism]) -> list[str]:
     return [text.translate(str.maketrans("[]", "{}")) for text in texts]
 
 
-def _path(**shape: Any) -> list[list[float]]:
+def _outline(**shape: Any) -> list[list[float]]:
     points = shape.get("points") or [shape[end] for end in ("at", "from", "to") if end in shape]
     points = points[:: len(points) // MOST_POINTS or 1]
     return [*points, *points[: int(shape.get("closed", 0))]]

@@ -36,9 +36,9 @@ def chain_motion(component: type[Chain]) -> list[str]:
     m, axes = component(), component.joint.axes
     link, points, notation = link_of(m), [*m.point_components()], Notation.from_model(assemble(component))
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
-    pi, phi, pi_dot = (_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
+    pi, phi, pi_dot = (_symbol_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
     beyond, names = ca.vertsplit(ca.vertcat(pi, phi, pi_dot)), [item.name for item in component.coordinates]
-    Q, attached = (_column(f"Q_{name}" for name in of) for of in (names, points))
+    Q, attached = (_symbol_column(f"Q_{name}" for name in of) for of in (names, points))
     of_link = ca.vertcat(q, v, m.q_ddot, w, w_dot, m.w_ddot, link.bonded, Q, attached)
     indexed = {str(x): f"{x}[i]" for x in ca.vertsplit(of_link)}
     indexed |= {str(x): f"{x}[i + 1]" for x in beyond}
@@ -83,7 +83,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
     outside.statements += [f"{x}[n + 1] = 0;" for x in beyond]
     sums = [f"{name}_energy = sum({name});" for name in ("kinetic", "potential")]
 
-    constants, initial = parameters(m, _starts, "[n]")
+    constants, initial = parameters(m, _start_text, "[n]")
     unit = _units(m)
     texts = {item.name: item.description for item in (*m.coordinates, *m.actives)}
     known = [p.name for p in m.parameters] + ["bonded"]
@@ -124,11 +124,11 @@ def _units(m: Chain) -> dict[str, str]:
     return unit
 
 
-def _column(names: Iterable[str]) -> ca.SX:
+def _symbol_column(names: Iterable[str]) -> ca.SX:
     return ca.vertcat(*map(ca.SX.sym, names), ca.SX(0, 1))
 
 
-def _starts(v: Variable) -> str:
+def _start_text(v: Variable) -> str:
     if v.dimension and isinstance(v.start, tuple):
         return f"cat(1, {number(v.start)}, zeros(n - {len(v.start)}))"
     return f"fill({number(v.starts[0])}, n)" if v.dimension else number(v.starts[0])

@@ -46,8 +46,8 @@ def motion(component: type[Mechanism]) -> list[str]:
             conditions.append(f"assert({distance} > 0, {quoted(item.description)});")
         else:
             section.unsaid.append(item.name)
-    _laws(e, section)
-    _constraints(e, section)
+    _add_laws(e, section)
+    _add_constraints(e, section)
     for item in m.calculated_parameters:
         section.add(item.name, ca.SX(getattr(m, item.name)), LONGEST)
     section.add("kinetic_energy", e.kinetic_energy)
@@ -60,11 +60,11 @@ def motion(component: type[Mechanism]) -> list[str]:
             "an interpolant or inf; write it by formulas, or import its FMU"
         )
     constants, initial = parameters(m)
-    declarations = [*constants, *_unknowns(e, section), *section.comment]
+    declarations = [*constants, *_declarations(e, section), *section.comment]
     return model(MOTION, declarations, filled([*conditions, *section.statements]), initial)
 
 
-def _laws(e: Equations, section: Section) -> None:
+def _add_laws(e: Equations, section: Section) -> None:
     """The equations of the component's page, with forces Q in the place of drives and loads, and accelerations."""
     m, rates = e.mechanism, ca.vertsplit(e.mechanism.dot(e.momenta))
     names = [f"p_{v}".removesuffix("_dot") for v in map(str, ca.vertsplit(m.free.q_dot))]
@@ -94,7 +94,7 @@ def _laws(e: Equations, section: Section) -> None:
         section.rows((f"{section.written(rate)}" for rate in rates[count:]), balance)
 
 
-def _constraints(e: Equations, section: Section) -> None:
+def _add_constraints(e: Equations, section: Section) -> None:
     """Residuals r, and how they decay: r̈ + 2α ṙ + α² r = 0, of non-holonomic constraints ṙ + α r = 0."""
     m, constraints = e.mechanism, e.constraints
     for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
@@ -107,7 +107,7 @@ def _constraints(e: Equations, section: Section) -> None:
         section.add(decay, m.dot(rate))
 
 
-def _unknowns(e: Equations, section: Section) -> Iterator[str]:
+def _declarations(e: Equations, section: Section) -> Iterator[str]:
     """Declarations: active and free coordinates with their rates, then all the others."""
     m = e.mechanism
     unit = units_of(m) | {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}

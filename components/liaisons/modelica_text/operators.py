@@ -44,7 +44,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
     refuse_samples(component, "Modelica text", "import its FMU")
     operator, layout = component(), component().layout()
     operator.lookups = []
-    vars(operator)["signal"] = partial(_chosen, operator.signal)
+    vars(operator)["signal"] = partial(_with_choices, operator.signal)
     columns = [stack(map(ca.SX, column)) for column in (operator.triple(), operator.rates())]
     # Rows of a table change without an event.
     section = Section(Notation.from_model(assemble(component)), {"t": "time"}, events=not operator.lookups)
@@ -92,7 +92,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
     ]
 
 
-def _chosen(signal: Callable[[ca.SX], ca.SX], t: ca.SX) -> ca.SX:
+def _with_choices(signal: Callable[[ca.SX], ca.SX], t: ca.SX) -> ca.SX:
     """The signal with choices in the place of minima and maxima: their derivatives need no division."""
     expression = ca.SX(signal(t))
     symbols = ca.symvar(expression)

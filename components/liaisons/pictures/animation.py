@@ -103,7 +103,7 @@ def animate(
             with replacing(path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")) as table_part:
                 table_part.write_bytes(table)
         elif kind == ".html":
-            part.write_bytes(_recording(scene.picture, shown, title=title, speed=speed, rate=RATE))
+            part.write_bytes(_recorded_page(scene.picture, shown, title=title, speed=speed, rate=RATE))
         else:
             from liaisons.pictures import drawing  # matplotlib is slow to load
 
@@ -128,10 +128,10 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
     fit = most // (_BYTES * max(len(picture.variables), 1))
     rate = min(RATE, fit * speed / float(time[-1] - time[0]))
     shown = motion_frames(scene, time, signals, speed / rate, title)
-    return _recording(picture, shown, title=title, speed=speed, rate=rate)
+    return _recorded_page(picture, shown, title=title, speed=speed, rate=rate)
 
 
-def _recording(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
+def _recorded_page(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
     plan = {
         "picture": picture.document,
         "signals": picture.variables,

@@ -58,7 +58,7 @@ class Picture:
                 missing = [member for member in _KINDS[shape["shape"]] if member not in shape]
                 if missing:
                     raise KeyError(missing[0])
-                _check(shape)
+                _check_shape(shape)
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise SimulationError(
                 f"{owner}: {MEMBER} cannot be read: {type(error).__name__}: {error}; build the FMU anew"
@@ -83,7 +83,7 @@ class Picture:
     @property
     def count(self) -> int:
         """Number of points of all shapes."""
-        return sum(1 for shape in self.shapes for _ in _points(shape))
+        return sum(1 for shape in self.shapes for _ in _point_coordinates(shape))
 
     @property
     def variables(self) -> list[str]:
@@ -108,19 +108,19 @@ class Picture:
     @property
     def plane(self) -> str | None:
         """Plane of the picture, ``"xz"``, ``"xy"`` or ``"yz"``; None: it is spatial."""
-        points = [point for shape in self.shapes for point in _points(shape)]
+        points = [point for shape in self.shapes for point in _point_coordinates(shape)]
         for plane, across in (("xz", 1), ("xy", 2), ("yz", 0)):
             if points and len({str(point[across]) for point in points}) == 1 and not isinstance(points[0][across], str):
                 return plane
         return None
 
 
-def _points(shape: Shape) -> Iterator[list[float | str]]:
+def _point_coordinates(shape: Shape) -> Iterator[list[float | str]]:
     yield from (shape[member] for member in _POINTS if member in shape)
     yield from shape.get("points", ())
 
 
-def _check(shape: Shape) -> None:
+def _check_shape(shape: Shape) -> None:
     """Check that points and axes are triples, as many as there have to be, of names and numbers that can be drawn.
 
     :raises ValueError: if they are not.
@@ -128,7 +128,11 @@ def _check(shape: Shape) -> None:
     for member, least, most in (("points", 2, math.inf), ("axes", 3, 3)):
         if member in shape and not (isinstance(shape[member], list) and least <= len(shape[member]) <= most):
             raise ValueError(f"{member} of a {shape['shape']} are {shown(shape[member])}: {least} triples are needed")
-    triples = [*_points(shape), *shape.get("axes", ()), *(shape[member] for member in _TRIPLES if member in shape)]
+    triples = [
+        *_point_coordinates(shape),
+        *shape.get("axes", ()),
+        *(shape[member] for member in _TRIPLES if member in shape),
+    ]
     for triple in triples:
         if not isinstance(triple, list) or len(triple) != 3:
             raise ValueError(f"{shown(triple)} in a {shape['shape']} is no triple")

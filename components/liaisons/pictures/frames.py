@@ -99,7 +99,7 @@ def frames(
             f"{title}: {picture.variables[column]} in its picture is {value} at t = {time[frame]:g} s: "
             "nothing to draw there"
         )
-    shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
+    shapes = tuple(_shape_motion(shape, len(time), signal) for shape in picture.shapes)
     for axes in (shape.axes for shape in shapes if shape.axes is not None):
         skew = np.abs(axes @ np.swapaxes(axes, 1, 2) - np.eye(3)).max(axis=(1, 2))
         wrong = np.flatnonzero((skew > _SKEW) | (np.linalg.det(axes) < 0))
@@ -109,14 +109,14 @@ def frames(
                 "give three unit vectors at right angles, right-handed"
             )
     if shifts is None:
-        shifts = _side_by_side(shapes, [shape.get("group", 0) for shape in picture.shapes])
+        shifts = _group_shifts(shapes, [shape.get("group", 0) for shape in picture.shapes])
     shifted = (
         replace(s, points=s.points + np.array([x, 0, 0])) if x else s for s, x in zip(shapes, shifts, strict=True)
     )
     return Frames(time, tuple(shifted), picture.plane, values, shifts)
 
 
-def _side_by_side(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[float]:
+def _group_shifts(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[float]:
     """Shifts of shapes along x that place their groups side by side, with room to swing; as on live pages."""
     right, shifts = None, {}
     for group in dict.fromkeys(groups):
@@ -129,20 +129,20 @@ def _side_by_side(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[f
     return [shifts[group] for group in groups]
 
 
-def _moving(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
+def _shape_motion(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
     def columns(coordinates: list[float | str]) -> NDArray:
         return np.stack([signal(x) if isinstance(x, str) else np.full(count, float(x)) for x in coordinates], axis=-1)
 
     ends = [shape[member] for member in ("from", "to", "at") if member in shape] or shape["points"]
     points = np.stack([columns(point) for point in ends], axis=1)
     if shape["shape"] == "rope":
-        return Moving("wire", _hanging(points, columns([shape["length"]])))
+        return Moving("wire", _rope_points(points, columns([shape["length"]])))
     if shape["shape"] == "floor":
-        axes = _upright(columns(shape["normal"]))
+        axes = _axes_along(columns(shape["normal"]))
         edges = columns([shape["width"]]) * (1, 1, THICKNESS)
         return Moving("floor", points - axes[:, 2:] * edges[:, None, 2:] / 2, axes, edges)
     if shape["shape"] == "flash":
-        return Moving("flash", points, size=_strength(columns([shape["count"]])))
+        return Moving("flash", points, size=_flash_strength(columns([shape["count"]])))
     size = shape.get("size") or ([shape["radius"]] if "radius" in shape else None)
     return Moving(
         shape["shape"],
@@ -153,7 +153,7 @@ def _moving(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
     )
 
 
-def _hanging(ends: NDArray, length: NDArray) -> NDArray:
+def _rope_points(ends: NDArray, length: NDArray) -> NDArray:
     """Points (n, 17, 3) of a rope of a length (n, 1): a parabola below the line between its ends (n, 2, 3)."""
     part = np.linspace(0, 1, 17)[:, None]
     straight = ends[:, :1] + part * (ends[:, 1:] - ends[:, :1])
@@ -169,7 +169,7 @@ def _hanging(ends: NDArray, length: NDArray) -> NDArray:
     return curve(sag)
 
 
-def _upright(normal: NDArray) -> NDArray:
+def _axes_along(normal: NDArray) -> NDArray:
     """Axes (n, 3, 3), the third along a normal (n, 3)."""
 
     def unit(vectors: NDArray) -> NDArray:
@@ -180,7 +180,7 @@ def _upright(normal: NDArray) -> NDArray:
     return np.stack([first, np.cross(third, first), third], axis=1)
 
 
-def _strength(count: NDArray) -> NDArray:
+def _flash_strength(count: NDArray) -> NDArray:
     """Strength of a flash, (n, 1): 1 where its count (n, 1) changes, 0 after :data:`FLASH` frames."""
     frame, whole = np.arange(len(count))[:, None], np.round(count)
     last = np.maximum.accumulate(np.where(np.diff(whole, axis=0, prepend=whole[:1]) != 0, frame, -FLASH))

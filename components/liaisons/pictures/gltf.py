@@ -35,14 +35,14 @@ def glb(frames: Frames, name: str) -> bytes:
     """
     stage, scene = Stage(frames), _Scene(frames.time)
     for shape in frames.shapes:
-        _add(scene, shape, stage)
+        _add_shape(scene, shape, stage)
     return scene.binary(name)
 
 
-def _add(scene: _Scene, shape: Moving, stage: Stage) -> None:
+def _add_shape(scene: _Scene, shape: Moving, stage: Stage) -> None:
     centre = shape.points[:, 0]
     if shape.axes is not None:
-        scene.add_node(shape.kind, scene.mesh(shape.kind), centre, _quaternions(shape.axes), shape.size)
+        scene.add_node(shape.kind, scene.mesh(shape.kind), centre, _rotations_of_axes(shape.axes), shape.size)
     elif shape.kind == "trail":
         if len(centre) > 1:
             scene.add_node("trail", scene.primitive("trail", mode=_LINE_STRIP, POSITION=centre))
@@ -54,7 +54,7 @@ def _add(scene: _Scene, shape: Moving, stage: Stage) -> None:
             along = end - start
             length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
             scale = np.hstack([radius, radius, length])
-            scene.add_node(shape.kind, scene.mesh(shape.kind), start, _from_z(along / length), scale)
+            scene.add_node(shape.kind, scene.mesh(shape.kind), start, _rotations_from_z(along / length), scale)
 
 
 class _Scene:
@@ -158,14 +158,14 @@ def _material(kind: str) -> dict[str, Any]:
 # ---- rotations ----------------------------------------------------------------------------------------------------
 
 
-def _from_z(unit: NDArray) -> NDArray:
+def _rotations_from_z(unit: NDArray) -> NDArray:
     """Quaternions (n, 4), scalar last, of the shortest rotations from z to directions."""
     quaternions = np.column_stack([-unit[:, 1], unit[:, 0], 0 * unit[:, 0], 1 + unit[:, 2]])
     quaternions[1 + unit[:, 2] < 1e-9] = (1.0, 0.0, 0.0, 0.0)  # straight down: about x
     return _continuous(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
-def _quaternions(axes: NDArray) -> NDArray:
+def _rotations_of_axes(axes: NDArray) -> NDArray:
     from scipy.spatial.transform import Rotation
 
     return _continuous(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat())
@@ -180,7 +180,7 @@ def _continuous(quaternions: NDArray) -> NDArray:
 # ---- meshes -------------------------------------------------------------------------------------------------------
 
 
-def _surface(positions: NDArray, normals: NDArray) -> Mesh:
+def _grid_mesh(positions: NDArray, normals: NDArray) -> Mesh:
     """A grid of points (rows, columns, 3), without the triangles that have no area."""
     rows, columns = positions.shape[:2]
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
@@ -190,23 +190,25 @@ def _surface(positions: NDArray, normals: NDArray) -> Mesh:
     return positions, normals.reshape(-1, 3), triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9]
 
 
-def _revolved(profile: ArrayLike) -> Mesh:
+def _revolved_mesh(profile: ArrayLike) -> Mesh:
     """A surface about z, from rows upwards: radius and z of a point, and of its normal."""
     angle = np.linspace(0, 2 * pi, 2 * _SIDES + 1)
     circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     points = [radius * circle + np.array([0.0, 0.0, z]) for radius, z in np.reshape(profile, (-1, 2))]
-    return _surface(np.array(points[::2]), np.array(points[1::2]))
+    return _grid_mesh(np.array(points[::2]), np.array(points[1::2]))
 
 
 def _sphere() -> Mesh:
     latitude = np.linspace(-pi / 2, pi / 2, _SIDES + 1)
-    return _revolved(np.column_stack(2 * [np.cos(latitude), np.sin(latitude)]))
+    return _revolved_mesh(np.column_stack(2 * [np.cos(latitude), np.sin(latitude)]))
 
 
 def _cylinder() -> Mesh:
     """Radius 1, from z = 0 to 1, with both discs."""
     bottom, side, top = (0, -1), (1, 0), (0, 1)
-    return _revolved([[(0, 0), bottom], [(1, 0), bottom], [(1, 0), side], [(1, 1), side], [(1, 1), top], [(0, 1), top]])
+    return _revolved_mesh(
+        [[(0, 0), bottom], [(1, 0), bottom], [(1, 0), side], [(1, 1), side], [(1, 1), top], [(0, 1), top]]
+    )
 
 
 def _coil() -> Mesh:
@@ -216,7 +218,7 @@ def _coil() -> Mesh:
     outward = np.column_stack([np.cos(phase), np.sin(phase), 0 * z])[:, None]
     angle, upward = np.linspace(2 * pi, 0, 7)[:, None], np.array([0.0, 0.0, 1.0])  # so that triangles face outwards
     wire = 0.2 * np.cos(angle) * outward + 0.012 * np.sin(angle) * upward
-    return _surface(outward + z[:, None, None] * upward + wire, np.cos(angle) * outward + np.sin(angle) * upward)
+    return _grid_mesh(outward + z[:, None, None] * upward + wire, np.cos(angle) * outward + np.sin(angle) * upward)
 
 
 def _cube() -> Mesh:

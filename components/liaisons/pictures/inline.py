@@ -30,7 +30,7 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
     shared = {"sizes": SIZES, "coils": COILS, "facing": FACING, "light": LIGHT, "floor": floor, "flash": FLASH}
     constants = f"const DRAWING = {json.dumps(shared)};"
     sources = [(folder / name).read_text(encoding="utf-8") for name in modules]
-    script = "\n".join([constants, *map(_inlined, sources)])
+    script = "\n".join([constants, *map(_as_script, sources)])
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}' 'wasm-unsafe-eval'; style-src '{_hash(style)}'; "
         "img-src data:; base-uri 'none'; form-action 'none'"
@@ -48,7 +48,7 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
     return re.sub(r"\{(\w+)\}", lambda match: contents[match[1]], text).encode()
 
 
-def _inlined(module: str) -> str:
+def _as_script(module: str) -> str:
     """A module as part of one script, after those that it imports, because a file:// page loads no modules.
 
     Without indentation, and without comments that have lines of their own, which mean nothing in JavaScript.

@@ -60,23 +60,23 @@ def _bodies(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
         if shape.axes is not None:
             assert shape.size is not None
             rotation = (shape.axes @ _UP.T).reshape(-1, 9)
-            yield shape.kind, "box", {**_centred(points[:, 0], *shape.size.T[:, :, None]), "T": rotation}
+            yield shape.kind, "box", {**_centred_body(points[:, 0], *shape.size.T[:, :, None]), "T": rotation}
         elif shape.kind in ("ball", "flash"):
-            yield shape.kind, "sphere", _centred(points[:, 0], *3 * [2 * stage.radius(shape)])
+            yield shape.kind, "sphere", _centred_body(points[:, 0], *3 * [2 * stage.radius(shape)])
         elif shape.kind == "spring":
             wire = {"height": SIZES["wire"] * stage.extent, "extra": float(stage.coils(shape))}
-            yield "spring", "spring", {**_between(points, stage.radius(shape)), **wire}
+            yield "spring", "spring", {**_body_between(points, stage.radius(shape)), **wire}
         elif shape.kind != "trail":
             for k in range(points.shape[1] - 1):
-                yield shape.kind, "cylinder", _between(points[:, k:], 2 * stage.radius(shape))
+                yield shape.kind, "cylinder", _body_between(points[:, k:], 2 * stage.radius(shape))
 
 
-def _centred(centre: NDArray, length: NDArray, width: NDArray, height: NDArray) -> Attributes:
+def _centred_body(centre: NDArray, length: NDArray, width: NDArray, height: NDArray) -> Attributes:
     start = -0.5 * length * np.array(_ALONG)
     return {"r": centre, "r_shape": start, "length": length, "width": width, "height": height}
 
 
-def _between(ends: NDArray, across: NDArray | float) -> Attributes:
+def _body_between(ends: NDArray, across: NDArray | float) -> Attributes:
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     return {"r": ends[:, 0], "lengthDir": along, "length": length, "width": across, "height": across}

@@ -84,7 +84,7 @@ class Stage:
         for shape in frames.shapes:
             if shape.axes is not None:
                 floor = shape.kind == "floor"
-                paint = self._hatching if floor and frames.plane is not None else _box
+                paint = self._hatching if floor and frames.plane is not None else _box_faces
                 faces = paint(camera.see(shape.points[k, 0] - self.middle[k]), shape, k, camera, opacity)
                 # No body is behind a floor: it hides all, or nothing.
                 depth = np.copysign(np.inf, -1e-9 - camera.axes[2] @ shape.axes[k, 2])
@@ -94,16 +94,16 @@ class Stage:
             points = camera.see(shape.path[first : k + 1] - self.middle[k])
             radius, colour = self.radius(shape)[k, 0], (*rgb(shape.kind), opacity)
             if shape.kind == "ball":
-                yield from _ball(points[-1, 0], radius, colour)
+                yield from _ball_faces(points[-1, 0], radius, colour)
             elif shape.kind == "flash" and radius:
                 yield Face(-np.inf, points[-1, 0, :2] + radius * _STAR, colour)
             elif shape.kind == "trail":
-                yield from _fading(points[:, 0], radius, colour)
+                yield from _trail_faces(points[:, 0], radius, colour)
             elif shape.kind == "spring":
-                zigzag = _zigzag(points[-1, 0], points[-1, 1], radius, self.coils(shape))
-                yield from _lines(zigzag, SIZES["wire"] * self.extent, colour)
+                zigzag = _zigzag_points(points[-1, 0], points[-1, 1], radius, self.coils(shape))
+                yield from _line_faces(zigzag, SIZES["wire"] * self.extent, colour)
             else:
-                yield from _lines(points[-1], radius, colour)
+                yield from _line_faces(points[-1], radius, colour)
 
     def _hatching(self, centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
         """A floor that is seen from its side."""
@@ -114,8 +114,8 @@ class Stage:
         along = step * np.array([up[1], -up[0], 0])
         edge = centre + shape.size[k, 2] / 2 * up + np.arange(-TEETH / 2, TEETH / 2 + 1)[:, None] * along
         radius, colour = SIZES["wire"] * self.extent, (*rgb("floor"), opacity)
-        yield _line(edge[0], edge[-1], radius, colour)
-        yield from (_line(a, a - along - shape.size[k, 2] * up, radius / 2, colour) for a in edge[1:])
+        yield _line_face(edge[0], edge[-1], radius, colour)
+        yield from (_line_face(a, a - along - shape.size[k, 2] * up, radius / 2, colour) for a in edge[1:])
 
     def radius(self, shape: Moving) -> NDArray:
         """Radius [m] of a shape without axes, (n, 1); of a flash 0 when it is over."""
@@ -135,24 +135,24 @@ def rgb(kind: str) -> tuple[float, ...]:
     return tuple(byte / 255 for byte in bytes.fromhex(COLOURS[kind][1:]))
 
 
-def _line(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...]) -> Face:
+def _line_face(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...]) -> Face:
     """A line from a to b (3,) with round ends."""
     angle = np.arctan2(b[1] - a[1], b[0] - a[0]) + np.linspace(np.pi / 2, 3 * np.pi / 2, 7)
     end = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     return Face((a[2] + b[2]) / 2, np.concatenate([a[:2] + end, b[:2] - end]), colour)
 
 
-def _lines(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
-    return (_line(a, b, radius, colour) for a, b in pairwise(points))
+def _line_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+    return (_line_face(a, b, radius, colour) for a, b in pairwise(points))
 
 
-def _ball(centre: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+def _ball_faces(centre: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
     yield Face(centre[2], centre[:2] + radius * _CIRCLE, colour)
     light = tuple(0.6 * c + 0.4 for c in colour[:3])
     yield Face(centre[2], centre[:2] + radius * ((-0.3, 0.3) + 0.35 * _CIRCLE), (*light, colour[3]))
 
 
-def _box(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
+def _box_faces(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
     assert shape.axes is not None  # as for all boxes
     assert shape.size is not None
     edges = shape.axes[k] * shape.size[k, :, None] / 2
@@ -165,7 +165,7 @@ def _box(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float)
         yield Face(face[2], corners, (*(light * c for c in rgb(shape.kind)), opacity))
 
 
-def _zigzag(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
+def _zigzag_points(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
     along = b - a
     length = float(np.hypot(along[0], along[1])) or 1.0
     across = min(width, length / 6) * np.array([-along[1], along[0], 0]) / length
@@ -174,6 +174,6 @@ def _zigzag(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
     return a + part[:, None] * along + off[:, None] * across
 
 
-def _fading(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+def _trail_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
     for i, (a, b) in enumerate(pairwise(points)):
-        yield _line(a, b, radius, (*colour[:3], 0.7 * colour[3] * (i + 1) / len(points)))._replace(depth=-np.inf)
+        yield _line_face(a, b, radius, (*colour[:3], 0.7 * colour[3] * (i + 1) / len(points)))._replace(depth=-np.inf)

@@ -31,16 +31,16 @@ def picture(model: Model, results: Trajectory | None) -> list[str]:
     if model.picture is None or not 0 < len(model.picture["shapes"]) <= _MOST_SHAPES:
         return []
     declared = Picture(tuple(model.picture["shapes"]))
-    values = _values(model, results)
+    values = _picture_values(model, results)
     time = np.zeros(1) if results is None else results.times
     backwards = {name: np.broadcast_to(column, time.shape)[::-1] for name, column in values.items()}
     if not any(shape["shape"] == "trail" for shape in declared.shapes):
         time, backwards = time[:1], {name: column[-1:] for name, column in backwards.items()}
     seen = frames(declared, time, backwards.__getitem__, title=model.name)  # a trail ends at the start
-    return _drawn(Stage(seen).faces(len(seen.time) - 1), model.name)
+    return _svg_polygons(Stage(seen).faces(len(seen.time) - 1), model.name)
 
 
-def _values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
+def _picture_values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
     """All numbers that a picture may use, by name: (n,) at the times of the results, else (1,)."""
     m = model if results is None else results.model
     u, k = start_vectors(m)
@@ -55,43 +55,45 @@ def _values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
         drawn = np.array(m.draw.map(count)(*arguments)).T
     groups = ((m.parameters, k[None]), (m.inputs, results.inputs), (m.outputs, results.values), (m.drawn, drawn))
     return {
-        name: column for variables, table in groups for name, column in zip(_names(variables), table.T, strict=True)
+        name: column
+        for variables, table in groups
+        for name, column in zip(_element_names(variables), table.T, strict=True)
     }
 
 
-def _names(variables: Iterable[Variable]) -> list[str]:
+def _element_names(variables: Iterable[Variable]) -> list[str]:
     return [element.name for variable in variables for element in variable.elements()]
 
 
-def _drawn(faces: list[Face], name: str) -> list[str]:
+def _svg_polygons(faces: list[Face], name: str) -> list[str]:
     corners = np.concatenate([face.corners for face in faces])
     low, high = corners.min(axis=0), corners.max(axis=0)
     scale = float(np.min(np.array([_WIDTH, _TALLEST]) / np.maximum(high - low, 1e-9)))
     width, height = scale * (high - low)
-    lines = [_svg((width - _WIDTH) / 2 - 10, -10, _WIDTH + 20, height + 20, name)]
+    lines = [_svg_start((width - _WIDTH) / 2 - 10, -10, _WIDTH + 20, height + 20, name)]
     for face in faces:
         corners = scale * (face.corners - (low[0], high[1])) * (1, -1)
         colour = "".join(f"{round(255 * part):02x}" for part in face.colour[:3])
         faint = f' opacity="{face.colour[3]:.2f}"' if face.colour[3] < 1 else ""
-        lines.append(f'<polygon points="{_points(corners)}" fill="#{colour}"{faint}/>')
+        lines.append(f'<polygon points="{_point_list(corners)}" fill="#{colour}"{faint}/>')
     return [*lines, "</svg>"]
 
 
 def plot(results: Trajectory | None) -> list[str]:
     """Curves of the default experiment: free coordinates of one unit, or signals; nothing without results."""
-    if results is None or not (variables := _plotted(results.model)):
+    if results is None or not (variables := _plotted_variables(results.model)):
         return []
-    names = _names(variables)[: len(_COLOURS)]
+    names = _element_names(variables)[: len(_COLOURS)]
     curves = np.concatenate([results[variable.name] for variable in variables], axis=1).T[: len(_COLOURS)]
     low, high = float(curves.min()), float(curves.max())
     scale, x = _HEIGHT / (high - low or 1.0), _WIDTH * results.times / results.times[-1]
-    lines = [_svg(-70, -14, _WIDTH + 90, _HEIGHT + 44, "the default experiment")]
+    lines = [_svg_start(-70, -14, _WIDTH + 90, _HEIGHT + 44, "the default experiment")]
     lines.append(f'<rect width="{_WIDTH:.0f}" height="{_HEIGHT:.0f}" class="frame"/>')
     if low < 0 < high:
         lines.append(f'<path d="M0 {scale * high:.1f}H{_WIDTH:.0f}" class="frame"/>')
     for colour, curve in zip(_COLOURS, curves, strict=False):
         line = np.column_stack([x, scale * (high - curve)])
-        lines.append(f'<polyline points="{_points(line)}" stroke="{colour}"/>')
+        lines.append(f'<polyline points="{_point_list(line)}" stroke="{colour}"/>')
     top, bottom = (f"{edge if abs(edge) > 1e-9 * (high - low) else 0:.3g}" for edge in (high, low))
     labels = ((-6, 10, top), (-6, _HEIGHT, bottom), (_WIDTH, _HEIGHT + 18, f"{results.times[-1]:g} s"))
     lines += [f'<text x="{x:.0f}" y="{y:.0f}" text-anchor="end">{text}</text>' for x, y, text in labels]
@@ -99,7 +101,7 @@ def plot(results: Trajectory | None) -> list[str]:
     return [*lines, "</svg>", f"<p class=note>{', '.join(legend)} [{escape(variables[0].unit)}]</p>"]
 
 
-def _plotted(model: Model) -> list[Variable]:
+def _plotted_variables(model: Model) -> list[Variable]:
     """Free coordinates, or signals, of the unit of the first one."""
     moving = {s.name for s in model.states if not s.name.startswith("p_")} - {"work", "dissipated"}
     signals = {port.members[0].variable for port in model.ports if port.kind == "signal"}
@@ -107,10 +109,10 @@ def _plotted(model: Model) -> list[Variable]:
     return [variable for variable in chosen if variable.unit == chosen[0].unit]
 
 
-def _svg(x: float, y: float, width: float, height: float, label: str) -> str:
+def _svg_start(x: float, y: float, width: float, height: float, label: str) -> str:
     box = f"{x:.0f} {y:.0f} {width:.0f} {height:.0f}"
     return f'<svg class="figure" viewBox="{box}" role="img" aria-label="{escape(label)}">'
 
 
-def _points(points: NDArray) -> str:
+def _point_list(points: NDArray) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in (np.round(points, 1) + 0.0).tolist())

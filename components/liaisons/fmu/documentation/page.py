@@ -70,16 +70,16 @@ def index_page(model: Model) -> bytes:
     printer = MathML(Notation.from_model(model))
     results = trajectory(model)
     sections = {
-        "Picture": _picture(model, results),
-        "About": _text(model.documentation.removeprefix(model.description)),
+        "Picture": _picture_section(model, results),
+        "About": _docstring_markup(model.documentation.removeprefix(model.description)),
         "Equations": of_model(model).html(),
-        "Variables": _variables(model, printer),
-        "Ports": _ports(model.ports, {v.name: v for v in model.variables}),
-        "Inputs inside a step": _reconstruction(model) if model.inputs else [],
-        "Checked against": _closed_form(model),
-        "Default experiment": [*figures.plot(results), *_experiment(model)],
+        "Variables": _variable_tables(model, printer),
+        "Ports": _port_tables(model.ports, {v.name: v for v in model.variables}),
+        "Inputs inside a step": _reconstruction_section(model) if model.inputs else [],
+        "Checked against": _closed_form_section(model),
+        "Default experiment": [*figures.plot(results), *_experiment_section(model)],
     }
-    sections["Sources"] = _sources(sections)
+    sections["Sources"] = _cited_sources(sections)
     shown = {title: lines for title, lines in sections.items() if lines}
     style = (files("liaisons.fmu") / "documentation" / "style.css").read_text(encoding="utf-8")
     contents = " · ".join(f'<a href="#{_anchor(title)}">{title}</a>' for title in shown)
@@ -88,7 +88,7 @@ def index_page(model: Model) -> bytes:
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{escape(model.name)}</title><style>\n{style}</style></head><body>",
-        f"<header><h1>{escape(model.name)}</h1><p>{_inline(model.description)}</p><nav>{contents}</nav></header>",
+        f"<header><h1>{escape(model.name)}</h1><p>{_inline_markup(model.description)}</p><nav>{contents}</nav></header>",
     ]
     for title, lines in shown.items():
         page += [f'<section id="{_anchor(title)}"><h2>{title}</h2>', *lines, "</section>"]
@@ -96,7 +96,7 @@ def index_page(model: Model) -> bytes:
     return "\n".join(page).encode()
 
 
-def _picture(model: Model, results: Trajectory | None) -> list[str]:
+def _picture_section(model: Model, results: Trajectory | None) -> list[str]:
     shown = figures.picture(model, results)
     command = f"<code>liaisons show {escape(model.name)}.fmu</code>"
     return shown and [
@@ -108,7 +108,7 @@ def _picture(model: Model, results: Trajectory | None) -> list[str]:
 # ---- text --------------------------------------------------------------------------------------------------------
 
 
-def _text(docstring: str) -> list[str]:
+def _docstring_markup(docstring: str) -> list[str]:
     """A docstring as paragraphs, displayed blocks and lists of fields."""
     lines: list[str] = []
     displayed = False
@@ -120,13 +120,13 @@ def _text(docstring: str) -> list[str]:
         displayed = block.rstrip().endswith("::")
         text = block.rstrip().removesuffix("::").rstrip(":") + (":" if displayed and block.strip() != "::" else "")
         fields = re.split(r"(?m)^:(?=\w+(?: \w+)?:)", text)
-        lines += [f"<p>{_inline(fields[0])}</p>"] if fields[0].strip() else []
+        lines += [f"<p>{_inline_markup(fields[0])}</p>"] if fields[0].strip() else []
         rows = [field.partition(":")[::2] for field in fields[1:]]
-        lines += [f"<p class=field><b>{escape(name)}</b> {_inline(value)}</p>" for name, value in rows]
+        lines += [f"<p class=field><b>{escape(name)}</b> {_inline_markup(value)}</p>" for name, value in rows]
     return lines
 
 
-def _inline(text: str) -> str:
+def _inline_markup(text: str) -> str:
     """Code marks of a docstring; references to other objects by their names alone."""
     named = re.sub(r":\w+:`[~]?([^`]+)`", r"``\1``", text.strip())
     return re.sub(r"``(.+?)``", r"<code>\1</code>", escape(named))
@@ -136,7 +136,7 @@ def _anchor(title: str) -> str:
     return title.lower().replace(" ", "-")
 
 
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
+def _html_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
     """A table of markup."""
 
     def row(cells: Iterable[str], tag: str) -> str:
@@ -148,7 +148,7 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
 # ---- variables and ports -----------------------------------------------------------------------------------------
 
 
-def _variables(model: Model, printer: MathML) -> list[str]:
+def _variable_tables(model: Model, printer: MathML) -> list[str]:
     head = ("", "name", "unit", "kind", "start", "allowed", "meaning")
     lines = [
         f"<p class=field><code>{escape(size.name)}</code> = {size.count}: {escape(size.description)}; fixed</p>"
@@ -157,32 +157,35 @@ def _variables(model: Model, printer: MathML) -> list[str]:
     for title, variables in (
         ("Parameters", model.parameters),
         ("Inputs", model.inputs),
-        ("Outputs and local variables", (*model.outputs, *_together(model.drawn))),
+        ("Outputs and local variables", (*model.outputs, *_joined_rows(model.drawn))),
     ):
         if variables:
-            lines += [f"<h3>{title}</h3>", *_table(head, (_variable(v, printer) for v in variables))]
+            lines += [f"<h3>{title}</h3>", *_html_table(head, (_variable_cells(v, printer) for v in variables))]
     names = {v.name for v in model.variables}
     further = {symbol.name() for equation in model.equations for symbol in ca.symvar(equation.right)} - names
     if further:
-        rows = ((f"<math>{printer.name(name)}</math>", escape(name), _further(name, names)) for name in sorted(further))
-        lines += ["<h3>Further symbols</h3>", *_table(("", "name", "meaning"), rows)]
+        rows = (
+            (f"<math>{printer.name(name)}</math>", escape(name), _symbol_meaning(name, names))
+            for name in sorted(further)
+        )
+        lines += ["<h3>Further symbols</h3>", *_html_table(("", "name", "meaning"), rows)]
     return lines
 
 
-def _together(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
+def _joined_rows(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
     """One row for all numbers of a picture."""
     named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
     return tuple(named)
 
 
-def _further(name: str, variables: Collection[str]) -> str:
+def _symbol_meaning(name: str, variables: Collection[str]) -> str:
     """Meaning of a symbol that is no variable."""
     if name == "t":
         return "time [s]"
     return f"that of a link: one of {name}[1], {name}[2], ..." if f"{name}[1]" in variables else _JOINT
 
 
-def _variable(variable: Variable, printer: MathML) -> tuple[str, ...]:
+def _variable_cells(variable: Variable, printer: MathML) -> tuple[str, ...]:
     size = "" if variable.dimension is None else f"[1…{variable.dimension.name or variable.count}]"
     starts = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]  # those of an array may be alike
     kind = variable.causality + (", tunable" if variable.variability == "tunable" else "")
@@ -194,11 +197,11 @@ def _variable(variable: Variable, printer: MathML) -> tuple[str, ...]:
         kind,
         "" if variable.start is None else ", ".join(f"{start:.6g}" for start in starts),
         escape(variable.domain()),
-        _inline(variable.description),
+        _inline_markup(variable.description),
     )
 
 
-def _ports(ports: tuple[Terminal, ...], variables: dict[str, Variable]) -> list[str]:
+def _port_tables(ports: tuple[Terminal, ...], variables: dict[str, Variable]) -> list[str]:
     if not ports:
         return []
 
@@ -210,21 +213,21 @@ def _ports(ports: tuple[Terminal, ...], variables: dict[str, Variable]) -> list[
         )
 
     rows = ((f"<b>{escape(p.name)}</b>", p.kind, members(p, "output"), members(p, "input")) for p in ports)
-    lines = _table(("port", "kind", "gives", "takes"), rows)
+    lines = _html_table(("port", "kind", "gives", "takes"), rows)
     lines += [f"<p class=field><b>{kind}</b> {_KINDS[kind]}</p>" for kind in dict.fromkeys(p.kind for p in ports)]
     plugs = (("q", "→", "s"), ("q_dot", "→", "s_dot"), ("q_ddot", "→", "s_ddot"), ("q_load", "←", "s_force"))
     rows = ((f"<code>{q}</code>", arrow, f"<code>{s}</code>") for q, arrow, s in plugs)
-    return [*lines, f"<p>{_PLUG}</p>", *_table(("free coordinate or point", "", "active coordinate"), rows)]
+    return [*lines, f"<p>{_PLUG}</p>", *_html_table(("free coordinate or point", "", "active coordinate"), rows)]
 
 
-def _reconstruction(model: Model) -> list[str]:
+def _reconstruction_section(model: Model) -> list[str]:
     rows = ((f"<code>{value}</code>", name, escape(text)) for value, name, text in _RECONSTRUCTION)
     text = "Between two communication points a prescribed coordinate has to move; this fixed parameter says how:"
-    lines = [f"<p>{text}</p>", *_table(("<code>input_reconstruction</code>", "", "motion during a step"), rows)]
-    return [*lines, f"<p>{_TRIPLE}</p>", f"<p>{_jumps(model)}</p>"] if model.active else lines
+    lines = [f"<p>{text}</p>", *_html_table(("<code>input_reconstruction</code>", "", "motion during a step"), rows)]
+    return [*lines, f"<p>{_TRIPLE}</p>", f"<p>{_jump_sentences(model)}</p>"] if model.active else lines
 
 
-def _jumps(model: Model) -> str:
+def _jump_sentences(model: Model) -> str:
     """Effects of jumps of prescribed coordinates."""
     effects, inputs = jump_effects(model), index_ranges(model.inputs)
     values = [a.value for a in model.active for _ in inputs[a.value]]
@@ -245,16 +248,16 @@ def _jumps(model: Model) -> str:
 # ---- evidence ----------------------------------------------------------------------------------------------------
 
 
-def _closed_form(model: Model) -> list[str]:
+def _closed_form_section(model: Model) -> list[str]:
     if not model.closed_form:
         return []
     return [
         f"<p><code>{escape(model.name)}.exact(t)</code>, which knows nothing of the FMU:</p>",
-        *_text(model.closed_form),
+        *_docstring_markup(model.closed_form),
     ]
 
 
-def _experiment(model: Model) -> list[str]:
+def _experiment_section(model: Model) -> list[str]:
     e = model.experiment
     rows = (
         ("stop time", f"{e.stop_time:g} s"),
@@ -263,10 +266,10 @@ def _experiment(model: Model) -> list[str]:
     )
     starts = ", ".join(f"<code>{name}</code> = {value:g}" for name, value in e.reference.items())
     own = [f"<p>Nothing would happen there by itself; the reference results have {starts}.</p>"] if starts else []
-    return [*_table(("", ""), rows), *([] if model.contacts else [f"<p>{_RESULTS}</p>"]), *own]
+    return [*_html_table(("", ""), rows), *([] if model.contacts else [f"<p>{_RESULTS}</p>"]), *own]
 
 
-def _sources(sections: dict[str, list[str]]) -> list[str]:
+def _cited_sources(sections: dict[str, list[str]]) -> list[str]:
     """Entries of the marks in the other sections."""
     entries = cited("\n".join(line for lines in sections.values() for line in lines))
     titled = {mark: re.sub(r"\*([^*]+)\*", r"<i>\1</i>", escape(text)) for mark, text in entries.items()}

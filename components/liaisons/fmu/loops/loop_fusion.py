@@ -47,7 +47,7 @@ class LoopFusion:
                     self.neighbours |= {key(x): (inlined, i) for i, x in enumerate(scalars(inlined.symbols))}
                     self.ends |= {key(x): (inlined, i) for i, x in enumerate(scalars(inlined.last))}
                 case Carry():
-                    self._carry(inlined)
+                    self._add_carry(inlined)
 
     def inlined(self, expression: ca.SX) -> ca.SX:
         """The expression in terms of what is no definition."""
@@ -56,15 +56,15 @@ class LoopFusion:
     def at_links(self, expression: ca.SX) -> FusedLoop:
         """The first loop that can calculate what is not carried, apart from carries it does not need."""
         needed = keys(expression)
-        for loop in self.loops[self._earliest(expression) :]:
+        for loop in self.loops[self._earliest_loop(expression) :]:
             if loop.inward is None or any(needed & keys(carry.symbols) for carry in loop.carries):
                 return loop
         self.loops.append(FusedLoop(None))
         return self.loops[-1]
 
-    def _carry(self, carry: Carry) -> None:
+    def _add_carry(self, carry: Carry) -> None:
         """Add it to the first loop in its direction in which all its arguments are available."""
-        index = self._earliest(carry.read)
+        index = self._earliest_loop(carry.read)
         while index < len(self.loops) and self.loops[index].inward is not carry.inward:
             index += 1
         if index == len(self.loops):
@@ -73,7 +73,7 @@ class LoopFusion:
         self._first |= dict.fromkeys(keys(carry.symbols), index)
         self._first |= dict.fromkeys(keys(carry.last), index + 1)
 
-    def _earliest(self, expression: ca.SX) -> int:
+    def _earliest_loop(self, expression: ca.SX) -> int:
         return max((self._first.get(symbol, 0) for symbol in keys(expression)), default=0)
 
 

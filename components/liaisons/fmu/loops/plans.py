@@ -84,10 +84,10 @@ class LoopPlans:
             self._add_argument(index, vector)
         ends = [end for index, vector in enumerate(program.results) for end in self._add_result(index, vector)]
         plans = [self._plan(index, loop) for index, loop in enumerate(self._fusion.loops)]
-        numbered = [(text, self._number(entry, _HERE)) for text, entry in ends]
+        numbered = [(text, self._add_expression(entry, _HERE)) for text, entry in ends]
         local = any(len(plan.links) < self._n for plan in plans)
         named = [] if local else [x for _, column in self._fusion.definitions for x in scalars(column)]
-        named_numbers = [self._number(x, _HERE) for x in named]
+        named_numbers = [self._add_expression(x, _HERE) for x in named]
 
         self._leaves = [leaf for _, leaf in self._origins.values()]
         graph = operations([stack(symbol for symbol, _ in self._origins.values())], [stack(self._expressions)])
@@ -99,7 +99,7 @@ class LoopPlans:
             leaf = self.leaf(number)
             self.each.append(leaf.each if leaf else any(self.each[i] for i in operands(node)))
         if not local:  # else the links at the ends would have to keep it too
-            self._keep({node_of[number] for number in named_numbers})
+            self._assign_work_space({node_of[number] for number in named_numbers})
 
     def leaf(self, number: int) -> Leaf | None:
         """The leaf of a number that is no operation and no constant."""
@@ -155,51 +155,53 @@ class LoopPlans:
             self._origins[key(symbol)] = symbol, Leaf(variable, each=True, home=index)
             self._origins[key(at_end)] = at_end, Leaf(variable, each=False)
         self._reach = 0
-        rows = [(array, self._number(x, _HERE)) for array, x in loop.rows]
-        terms = [self._number(x, _HERE) for _, x in loop.sums]
+        rows = [(array, self._add_expression(x, _HERE)) for array, x in loop.rows]
+        terms = [self._add_expression(x, _HERE) for _, x in loop.sums]
         carried = [
-            (variable, self._number(start, _HERE), self._number(x, _HERE))
+            (variable, self._add_expression(start, _HERE), self._add_expression(x, _HERE))
             for variable, start, x in zip(variables, starts, following, strict=True)
         ]
         reach = min(self._reach, self._n)
         outside = sorted({*range(reach), *range(self._n - reach, self._n)})
-        edges = [(f"{array}[{j}]", self._number(x, (False, j))) for j in outside for array, x in loop.rows]
+        edges = [(f"{array}[{j}]", self._add_expression(x, (False, j))) for j in outside for array, x in loop.rows]
         sums = []
         for i, (symbol, term) in enumerate(loop.sums):
-            at_edges = [self._number(term, (False, j)) for j in outside]
+            at_edges = [self._add_expression(term, (False, j)) for j in outside]
             self._origins[key(symbol)] = symbol, Leaf(f"t{index}_{i}", each=False)
             sums.append((f"t{index}_{i}", terms[i], at_edges))
         return LoopPlan(loop.inward, range(reach, self._n - reach), rows, edges, sums, carried)
 
-    def _number(self, expression: ca.SX, link: AtLink) -> int:
+    def _add_expression(self, expression: ca.SX, link: AtLink) -> int:
         """The number of an expression at a link."""
-        self._expressions.append(self._at(expression, link))
+        self._expressions.append(self._expression_at(expression, link))
         return len(self._expressions) - 1
 
-    def _at(self, expression: ca.SX, link: AtLink) -> ca.SX:
+    def _expression_at(self, expression: ca.SX, link: AtLink) -> ca.SX:
         pairs = []
         for symbol in ca.symvar(expression):
             name = key(symbol)
             if name in self._arrays:
-                pairs.append((symbol, self._entry(self._arrays[name], link)))
+                pairs.append((symbol, self._array_element(self._arrays[name], link)))
             elif name in self._fusion.neighbours:
-                pairs.append((symbol, self._handed(*self._fusion.neighbours[name], link)))
+                pairs.append((symbol, self._carried_value(*self._fusion.neighbours[name], link)))
             elif name in self._fusion.ends:
                 carry, i = self._fusion.ends[name]
-                pairs.append((symbol, self._at(carry.following[i], (False, 0 if carry.inward else self._n - 1))))
+                pairs.append(
+                    (symbol, self._expression_at(carry.following[i], (False, 0 if carry.inward else self._n - 1)))
+                )
         return substituted(expression, pairs)
 
-    def _handed(self, carry: Carry, i: int, link: AtLink) -> ca.SX:
+    def _carried_value(self, carry: Carry, i: int, link: AtLink) -> ca.SX:
         """The carried value at a link: from the link before it, or the start."""
         moving, offset = link
         before = offset + 1 if carry.inward else offset - 1
         if moving:
             self._reach = max(self._reach, abs(before))
         elif not 0 <= before < self._n:
-            return self._at(carry.start[i], link)
-        return self._at(carry.following[i], (moving, before))
+            return self._expression_at(carry.start[i], link)
+        return self._expression_at(carry.following[i], (moving, before))
 
-    def _entry(self, array: str, link: AtLink) -> ca.SX:
+    def _array_element(self, array: str, link: AtLink) -> ca.SX:
         moving, offset = link
         if moving:
             self._reach = max(self._reach, abs(offset))
@@ -210,7 +212,7 @@ class LoopPlans:
 
     # ---- work space -----------------------------------------------------------------------------------------------
 
-    def _keep(self, named: set[int]) -> None:
+    def _assign_work_space(self, named: set[int]) -> None:
         """Assign work space to nodes that later loops use and that are carried, expensive or named."""
         times = Counter(chain.from_iterable(self.needed(plan.targets, ())[0] for plan in self.plans))
         operation = [node.operation for node in self.nodes]

@@ -48,7 +48,7 @@ def loops(program: RowProgram) -> Code:
     writer = _Writer(LoopPlans(program))
     lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop(index)]
     for target, number in writer.plans.ends:
-        value = _bare(writer.single(number))
+        value = _without_brackets(writer.single(number))
         lines += [*writer.pending(), f"{target} = {value};"]
     body = "".join(f"    {line}\n" for line in lines)
     pointers = "".join(f"    {line}\n" for name, line in writer.plans.pointers.items() if f"{name}[" in body)
@@ -73,7 +73,7 @@ class _Writer:
         for node, each in zip(plans.nodes, plans.each, strict=True):
             in_loops += operands(node) if each else ()
         alone = [node for node, each in zip(plans.nodes, plans.each, strict=True) if not each]
-        self._uses = _uses(alone, ends, in_loops)
+        self._use_counts = _use_counts(alone, ends, in_loops)
 
     def pending(self) -> list[str]:
         """Statements that have to come next."""
@@ -90,9 +90,9 @@ class _Writer:
                 ahead += operands(nodes[i])
         for i in sorted(needed):
             leaf = self.plans.leaf(i)
-            text = leaf.text if leaf else _operation(nodes[i], self._texts.__getitem__)
-            if self._uses[i] > 1 and not _is_short(text):
-                self._pending.append(f"const double s{i} = {_bare(text)};")
+            text = leaf.text if leaf else _operation_text(nodes[i], self._texts.__getitem__)
+            if self._use_counts[i] > 1 and not _is_short(text):
+                self._pending.append(f"const double s{i} = {_without_brackets(text)};")
                 text = f"s{i}"
             self._texts[i] = text
         return self._texts[number]
@@ -100,8 +100,8 @@ class _Writer:
     def loop(self, index: int) -> list[str]:
         """The statements of a loop."""
         plan = self.plans.plans[index]
-        lines = [f"{target} = {_bare(self.single(x))};" for target, x in plan.edges]
-        lines += [f"double {name} = {_bare(self.single(start))};" for name, start, _ in plan.carried]
+        lines = [f"{target} = {_without_brackets(self.single(x))};" for target, x in plan.edges]
+        lines += [f"double {name} = {_without_brackets(self.single(start))};" for name, start, _ in plan.carried]
         for name, _, edges in plan.sums:
             lines.append(f"double {name} = {' + '.join(map(self.single, edges)) or '0.0'};")
         loop = self._loop(index, plan) if plan.links else []
@@ -118,9 +118,11 @@ class _Writer:
     def _loop(self, index: int, plan: LoopPlan) -> list[str]:
         link = _Link(self, index, plan)
         body = link.lines
-        body += [f"{name}[i] = {_bare(link.text(x))};" for name, x in (*self.plans.kept_in(index), *plan.rows)]
+        body += [
+            f"{name}[i] = {_without_brackets(link.text(x))};" for name, x in (*self.plans.kept_in(index), *plan.rows)
+        ]
         first, end = plan.links.start, plan.links.stop
-        terms = [(name, _bare(link.text(x))) for name, x, _ in plan.sums]
+        terms = [(name, _without_brackets(link.text(x))) for name, x, _ in plan.sums]
         if plan.inward is None and terms:
             body += [f"terms{k}[i - begin] = {text};" for k, (_, text) in enumerate(terms)]
             return [
@@ -134,7 +136,7 @@ class _Writer:
                 "}",
             ]
         body += [f"{name} += {text};" for name, text in terms]
-        following = {name: _bare(link.text(x)) for name, _, x in plan.carried}
+        following = {name: _without_brackets(link.text(x)) for name, _, x in plan.carried}
         body += [f"const double n{name} = {text};" for name, text in following.items() if text in following]
         body += [f"{name} = {f'n{name}' if text in following else text};" for name, text in following.items()]
         head = f"size_t i = {end}; i-- > {first};" if plan.inward else f"size_t i = {first}; i < {end}; i++"
@@ -154,15 +156,15 @@ class _Link:
         self._writer, self._texts = writer, {i: f"{arrays[i]}[i]" for i in sorted(read)}
         self._divisors = {i for i, count in quotients.items() if count > 1 or not plans.each[i]}
         self._inverses: set[int] = set()
-        self._uses = _uses(
+        self._use_counts = _use_counts(
             nodes,
             [*(x for _, x in plan.rows), *(x for _, x, _ in plan.sums)],
             [*self._divisors, *(x for _, _, x in plan.carried), *(x for _, x in plans.kept_in(index))],
         )
         for number in sorted(needed | read):
             text = self._texts[number] if number in read else self._calculated(number)
-            if (self._uses[number] > 1 and not _is_short(text)) or len(text) > _LONGEST:
-                self.lines.append(f"const double a{number} = {_bare(text)};")
+            if (self._use_counts[number] > 1 and not _is_short(text)) or len(text) > _LONGEST:
+                self.lines.append(f"const double a{number} = {_without_brackets(text)};")
                 text = f"a{number}"
             self._texts[number] = text
 
@@ -180,7 +182,7 @@ class _Link:
         if _is_quotient(node) and node.arguments[1] in self._divisors:
             dividend, divisor = node.arguments
             return f"({self.text(dividend)} * {self._inverse(divisor)})"
-        return _operation(node, self.text)
+        return _operation_text(node, self.text)
 
     def _inverse(self, number: int) -> str:
         if not self._writer.plans.each[number]:
@@ -191,7 +193,7 @@ class _Link:
         return f"r{number}"
 
 
-def _uses(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
+def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
     """How often numbers are used, as operands of nodes and otherwise."""
     uses = Counter([*once, *several, *several])
     for node in nodes:
@@ -201,7 +203,7 @@ def _uses(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[i
     return uses
 
 
-def _operation(node: Instruction, text_of: Callable[[int], str]) -> str:
+def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
     """An operation, or a constant, as an operand."""
     if node.operation is None:
         return literal(0.0 if node.constant is None else node.constant)
@@ -209,7 +211,7 @@ def _operation(node: Instruction, text_of: Callable[[int], str]) -> str:
     return text if node.operation.c[0].isalpha() else f"({text})"  # a call needs no brackets
 
 
-def _bare(text: str) -> str:
+def _without_brackets(text: str) -> str:
     """An operand without brackets around all of it."""
     return text[1:-1] if text.startswith("(") else text
 

@@ -40,12 +40,12 @@ def component(sources: Mapping[str, bytes]) -> bytes:
     :returns: the same bytes for the same sources and compiler.
     :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
     """
-    return _ours("wrapper.wasm").replace(section(EMPTY), section(core_module(sources)))
+    return _packaged_file("wrapper.wasm").replace(section(EMPTY), section(core_module(sources)))
 
 
 def core_module(sources: Mapping[str, bytes]) -> bytes:
     """What a component is made of: a module with the functions of the draft, laid out by the canonical ABI."""
-    return compile_wasm({**sources, "wasm.c": _ours("wasm.c")})
+    return compile_wasm({**sources, "wasm.c": _packaged_file("wasm.c")})
 
 
 def section(module: bytes) -> bytes:
@@ -58,10 +58,12 @@ def section(module: bytes) -> bytes:
 
 def manifest() -> dict[str, bytes]:
     """The member that says by which version of the draft, and by which recipe of ours, an FMU's component is made."""
-    recipe = hashlib.sha256(" ".join(WASM_FLAGS).encode() + _ours("wasm.c") + _ours("wrapper.wasm")).hexdigest()
+    recipe = hashlib.sha256(
+        " ".join(WASM_FLAGS).encode() + _packaged_file("wasm.c") + _packaged_file("wrapper.wasm")
+    ).hexdigest()
     return {"extra/org.modelica.fmi-ls-wasm/manifest.xml": _MANIFEST.format(recipe=recipe).encode()}
 
 
 @cache
-def _ours(name: str) -> bytes:
+def _packaged_file(name: str) -> bytes:
     return (files("liaisons.fmu.wasm") / name).read_bytes()
