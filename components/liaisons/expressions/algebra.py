@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def stack(expressions: Iterable[ca.SX | float]) -> ca.SX:
-    """Column of scalars or columns; (0, 1) for none."""
+    """Return a column of scalars or columns; (0, 1) for none."""
     rows = list(expressions)
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
@@ -30,7 +30,7 @@ def closure(uses: NDArray[np.bool_], first: ArrayLike) -> list[int]:
 
 
 def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:
-    """∂expression/∂column as a column; unlike CasADi's own, (0, 1) for an empty column."""
+    """Return ∂expression/∂column as a column; unlike CasADi's own, (0, 1) for an empty column."""
     return ca.jacobian(expression, column).T
 
 
@@ -43,14 +43,14 @@ class Factors:
     LT: ca.SX
 
     def solve(self, right: ca.SX) -> ca.SX:
-        """matrix⁻¹ right, for a column or a matrix."""
+        """Return matrix⁻¹ right, for a column or a matrix."""
         n = len(self.order)
         inverse = sorted(range(n), key=self.order.__getitem__)
         return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[inverse, :]
 
 
 def factorise(matrix: ca.SX, order: list[int] | None = None) -> Factors:
-    """L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order of elimination is given.
+    """Return L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order is given.
 
     :param matrix: symmetric, with nonzero pivots in this order, as those of a positive definite one are in any.
     """
@@ -61,12 +61,12 @@ def factorise(matrix: ca.SX, order: list[int] | None = None) -> Factors:
 
 
 def solve_symmetric(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """matrix⁻¹ right for a symmetric positive definite matrix."""
+    """Return matrix⁻¹ right for a symmetric positive definite matrix."""
     return right / matrix if matrix.shape == (1, 1) else factorise(matrix).solve(right)
 
 
 def elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tuple[list[int], int]:
-    """Order of elimination with little fill-in: always the unknown with the fewest neighbours (minimum degree).
+    """Return an order of elimination with little fill-in, by minimum degree, and its number of products.
 
     :param pattern: of a symmetric matrix.
     :param after: for each unknown, those to be eliminated before it, so that its pivot does not vanish.

@@ -33,7 +33,7 @@ class Declared:
 
 
 def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Declared]) -> None:
-    """Refuse expressions whose units cannot be right; the first of them that is wrong is reported.
+    """Raise an error about the first expression whose unit cannot be right.
 
     :param symbols: by name the symbols that occur, with their units; those with ``units.ANY`` are unknown.
     :param declared: scalar expressions, in the order of their dependence.
@@ -73,6 +73,7 @@ def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Dec
 
 
 def _powers(unit: str) -> Powers | None:
+    """Return the powers of base units; None for any unit."""
     return None if unit == units.ANY else units.powers(unit)
 
 
@@ -89,7 +90,7 @@ class _Node:
     wrong: str = ""  # message about operands whose units cannot be right
 
     def terms(self) -> Iterator[_Node]:
-        """Terms of a sum; of anything else itself."""
+        """Yield the terms of a sum; any other node itself."""
         if self.code in _SUMS:
             for operand in self.operands:
                 yield from operand.terms()
@@ -97,7 +98,7 @@ class _Node:
             yield self
 
     def subexpressions(self) -> list[_Node]:
-        """All nodes that this one is made of, and itself, in the order of evaluation."""
+        """Return all nodes that this one is made of, and itself, in the order of evaluation."""
         seen: set[_Node] = {self}
         waiting: list[_Node] = [self]
         while waiting:
@@ -107,12 +108,12 @@ class _Node:
         return sorted(seen, key=lambda node: node.number)
 
     def text(self) -> str:
-        """Expression in the usual notation, cut where it is long."""
+        """Return the expression in the usual notation, cut where it is long."""
         text, _ = self.written(8)
         return text if len(text) <= _READABLE else f"{text[: _READABLE - 4].rstrip()} ..."
 
     def written(self, depth: int) -> tuple[str, int]:
-        """Text and precedence, as in :data:`_WRITTEN`."""
+        """Return text and precedence, as in :data:`_WRITTEN`."""
         if self.name:
             return self.name, 3
         if self.constant is not None:
@@ -128,7 +129,7 @@ class _Node:
 
 
 def _derive_unit(node: _Node) -> Powers | None:
-    """Unit of a result from those of its operands; None also where these cannot be right, which is noted."""
+    """Return the unit of a result; None if it is unknown, or if operands do not fit, which is noted in the node."""
     code, operands = node.code, node.operands
     factors, exponents = [operand.unit for operand in operands], _EXPONENTS.get(code)
     if code in _ALIKE | _COMPARED or code == ca.OP_ATAN2:
@@ -156,6 +157,7 @@ def _derive_unit(node: _Node) -> Powers | None:
 
 
 def _require_pure_number(node: _Node, operand: _Node, message: str) -> Powers | None:
+    """Return the unit 1; None if the operand has another one, which is noted in the node."""
     if operand.unit in (None, NUMBER):
         return NUMBER
     node.wrong = f"{message}, but {operand.text()} is {written(operand.unit or NUMBER)}"
@@ -178,7 +180,7 @@ def _raise_first_error(item: Declared, result: _Node, expected: Powers | None) -
 
 
 def _unlike_terms_message(node: _Node) -> str:
-    """Message about two terms of a sum that do not fit each other."""
+    """Return a message about two terms of a sum that have different units."""
     terms = [term for term in (node.terms() if node.code in _SUMS else node.operands) if term.unit is not None]
     first = terms[0]
     second = next((term for term in terms if term.unit != first.unit), terms[-1])
@@ -187,13 +189,14 @@ def _unlike_terms_message(node: _Node) -> str:
 
 
 def _constant_hint(node: _Node) -> str:
-    """Hint at a number that may stand for a quantity."""
+    """Return a hint at a number that may stand for a quantity."""
     constants = [x for part in node.subexpressions() if (x := part.constant)]
     odd = [x for x in constants if not ((2 * x).is_integer() or (1 / x).is_integer())]
     return f"; {odd[0]:g} counts as a pure number, a Parameter has a unit" if odd else ""
 
 
 def _unit_text(unit: Powers | None) -> str:
+    """Return the name of a unit in a message."""
     return "a pure number" if unit == NUMBER else written(unit or NUMBER)
 
 
@@ -201,6 +204,7 @@ def _unit_text(unit: Powers | None) -> str:
 
 
 def _codes_with_names(*codes: str) -> Iterator[tuple[int, str]]:
+    """Yield CasADi's codes of operations with their names."""
     return ((getattr(ca, f"OP_{code}"), code.lower()) for code in codes)
 
 

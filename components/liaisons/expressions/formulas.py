@@ -38,7 +38,7 @@ _SIGNS: Mapping[type[ast.AST], Callable[..., Any]] = {
 
 
 def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Callable[..., ca.SX]] = FUNCTIONS) -> ca.SX:
-    """Expression of a formula.
+    """Return a formula as a CasADi expression.
 
     :param text: numbers, ``pi``, ``e``, brackets, ``+ - * / **``, the names and the functions.
     :raises FormulaError: for an error in it; with its position, and the nearest name.
@@ -70,11 +70,12 @@ class _RefusedError(Exception):
 
 
 def _error_at(text: str, column: int, words: str) -> FormulaError:
+    """Return the error about a column of a formula."""
     return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
 
 
 def quoted(text: str) -> str:
-    """Text in quotation marks, shortened."""
+    """Return text in quotation marks, shortened."""
     return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
@@ -86,7 +87,7 @@ class _Reader:
     functions: Mapping[str, Callable[..., ca.SX]]
 
     def read(self, node: ast.expr, depth: int) -> ca.SX:
-        """Expression of a node of the tree."""
+        """Return the expression of a node of the tree."""
         if depth > _DEEPEST:
             raise _RefusedError(node, f"more than {_DEEPEST} levels; write it with fewer brackets")
         match node:
@@ -112,6 +113,7 @@ class _Reader:
         raise _RefusedError(node, f"only numbers, names, brackets, + - * / ** and {', '.join(self.functions)}")
 
     def _symbol(self, node: ast.expr, name: str) -> ca.SX:
+        """Return the symbol or constant of a name."""
         if name in self.functions:
             raise _RefusedError(node, f"{name} is a function: write {name}(...)")
         if name in CONSTANTS:
@@ -123,6 +125,7 @@ class _Reader:
         return self.names[name]
 
     def _function_named(self, node: ast.expr, name: str, count: int) -> Callable[..., ca.SX]:
+        """Return the function of a name that takes so many arguments."""
         if name not in self.functions:
             raise _RefusedError(node, f"there is no function {name!r}{suggestion(name, self.functions)}")
         expected = 2 if name in ("atan2", "pow") else 1

@@ -65,7 +65,7 @@ class Reassociation:
         self.outputs = [[new[number] for number in entries] for entries in outputs]
 
     def _terms(self, number: int) -> list[Term]:
-        """Terms of a sum, with those of inner sums."""
+        """Return the terms of a sum, with those of absorbed sums."""
         terms: list[Term] = []
         left = [(number, 1)]
         while left:
@@ -80,7 +80,7 @@ class Reassociation:
         return terms
 
     def _factors(self, number: int) -> list[int]:
-        """Factors of a product, with those of inner products."""
+        """Return the factors of a product, with those of absorbed products."""
         factors, left = [], [number]
         while left:
             for x in self._old[left.pop()].arguments:
@@ -88,7 +88,7 @@ class Reassociation:
         return factors
 
     def _add_factored_sum(self, terms: Sequence[Term]) -> Signed:
-        """Sum of products with common factors in front; negative if all terms are."""
+        """Add a sum of products with common factors in front; return it, negative if all terms are."""
         left = list(terms)
         while True:
             times = Counter(factor for factors, _ in left if len(factors) > 1 for factor in set(factors))
@@ -101,6 +101,7 @@ class Reassociation:
             left = [term for term, has in zip(left, having, strict=True) if not has] + [([rest, *common], sign)]
 
     def _add_sum(self, leaves: Sequence[Signed]) -> Signed:
+        """Add a sum, of the nodes that are ready first; return it with its sign."""
         heap = [(self._ready[number], number, sign) for number, sign in leaves]
         heapq.heapify(heap)
         while len(heap) > 1:
@@ -113,6 +114,7 @@ class Reassociation:
         return heap[0][1:]
 
     def _add_product(self, factors: Sequence[int]) -> int:
+        """Add a product, of the nodes that are ready first."""
         heap = [(self._ready[number], number) for number in factors]
         heapq.heapify(heap)
         while len(heap) > 1:
@@ -124,7 +126,7 @@ class Reassociation:
         return heap[0][1]
 
     def _add_quotient(self, dividend: int, divisor: int) -> int:
-        """Quotient, by the reciprocal of a divisor that is ready long before."""
+        """Add a quotient; of a divisor that is ready long before, a product with its reciprocal."""
         reciprocal = Instruction.of(ca.OP_INV, divisor)
         by_division, inverted = Instruction.of(ca.OP_DIV, dividend, divisor), self._latency(reciprocal)
         if max(inverted, self._ready[dividend]) + _CYCLES[OPERATIONS[ca.OP_MUL]] >= self._latency(by_division):
@@ -135,7 +137,7 @@ class Reassociation:
         return self._add_node(node, self._latency(node))
 
     def _latency(self, node: Instruction) -> int:
-        """Cycles until the result of an operation is ready."""
+        """Return the cycles until the result of an operation is ready."""
         assert node.operation is not None
         return max(self._ready[x] for x in node.arguments) + _CYCLES.get(node.operation, _CALL)
 
@@ -148,7 +150,7 @@ class Reassociation:
 
 
 def _absorbed_nodes(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
-    """Sums used in one other sum only, and products used in one other sum or product only."""
+    """Return the sums used in one other sum only, and the products used in one other sum or product only."""
     uses = Counter(argument for node in nodes if node.operation for argument in node.arguments)
     uses.update(number for entries in outputs for number in entries)
     inner: set[int] = set()
@@ -165,7 +167,7 @@ def _is_sum(node: Instruction) -> bool:
 
 
 def _common_factors(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:
-    """Common factors of terms, ``factor`` among them, and the rest of each term, which is not empty."""
+    """Return common factors of terms, ``factor`` among them, and the rest of each term, which is not empty."""
     common = reduce(and_, (Counter(factors) for factors, _ in terms))
     if any(len(factors) == common.total() for factors, _ in terms):
         common = Counter([factor])

@@ -28,7 +28,7 @@ def interpret(
     constant: Callable[[float], T],
     operation: Callable[[int, list[T]], T],
 ) -> list[list[T]]:
-    """Outputs of a scalar function, evaluated instruction by instruction with values of any type.
+    """Return the outputs of a scalar function, evaluated instruction by instruction with values of any type.
 
     :param entry: value of an entry of an input, by the indices of both.
     :param constant: value of a number.
@@ -55,7 +55,7 @@ def interpret(
 
 
 def operation_codes(function: ca.Function) -> set[int]:
-    """CasADi's codes of a function's instructions."""
+    """Return CasADi's codes of a function's instructions."""
     return {function.instruction_id(k) for k in range(function.n_instructions())}
 
 
@@ -66,7 +66,7 @@ _NOT_SMOOTH = {
 
 
 def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
-    """Whether no operand that depends on a symbol enters an operation with a kink or a jump."""
+    """Return whether no operand that depends on a symbol enters an operation with a kink or a jump."""
     parameters = [symbol for symbol in ca.symvar(expression) if not ca.is_equal(symbol, by)]
     function = ca.Function("expression", [by, ca.vertcat(*parameters)], [expression])
     kinks: set[int] = set()
@@ -81,11 +81,13 @@ def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
 
 
 def _call_of(name: str, function: Callable[..., Any], arguments: int = 1) -> Operation:
+    """Return the operation that calls a function of math.h."""
     return Operation(f"{name}({', '.join(f'{{{i}}}' for i in range(arguments))})", function)
 
 
 def _truth_value(c: str, function: Callable[..., Any]) -> Operation:
     # & and | instead of && and ||: no branch, so that lanes can decide differently
+    """Return the operation that is 1 where a condition of C holds, and else 0."""
     return Operation(f"({c}) ? 1.0 : 0.0", lambda *arguments: function(*arguments).astype(float))
 
 
@@ -159,13 +161,13 @@ class Instruction(NamedTuple):
 
     @classmethod
     def of(cls, code: int, *arguments: int) -> Self:
-        """Instruction that performs CasADi's operation of a code."""
+        """Return the instruction that performs CasADi's operation of a code."""
         return cls(OPERATIONS[code], arguments)
 
     def is_a(self, code: int) -> bool:
-        """Whether it performs CasADi's operation of a code."""
+        """Return whether it performs CasADi's operation of a code."""
         return self.operation is OPERATIONS[code]
 
     def renumbered(self, new: Mapping[int, int] | Sequence[int]) -> Instruction:
-        """Same operation on renumbered nodes."""
+        """Return the same operation on renumbered nodes."""
         return self if self.operation is None else Instruction(self.operation, tuple([new[x] for x in self.arguments]))

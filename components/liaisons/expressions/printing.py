@@ -12,7 +12,7 @@ from liaisons.expressions.programs import Program, program
 
 
 def c_statements(inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]]) -> list[str]:
-    """C99 statements that evaluate expressions; they need ``math.h``.
+    """Return C99 statements that evaluate expressions; they need ``math.h``.
 
     :param inputs: columns of symbols, and how their entries are read: ``"y[{}][i]"`` for ``y[0][i]``, ``y[1][i]``, ...
     :param outputs: columns of expressions, and how their entries are written.
@@ -31,7 +31,7 @@ def c_parts(
     most: int,
     late: int | None = None,
 ) -> tuple[list[list[str]], int]:
-    """C99 statements in parts for functions of their own, as compile time is superlinear in their number.
+    """Return C99 statements in parts for functions of their own, as compile time is superlinear in their number.
 
     :param spill: where a number is stored that a later part needs: ``"w[{}]"``.
     :param most: operations in a part, at most.
@@ -72,6 +72,7 @@ def _part(
     writes: Sequence[tuple[int, str]],
     sources: Mapping[int, str],
 ) -> list[str]:
+    """Return the statements of one part: reads, operations, writes."""
     names: dict[int, str] = {}
     lines: list[str] = []
 
@@ -94,7 +95,7 @@ def _part(
 
 
 def literal(value: float) -> str:
-    """Number as an operand in C."""
+    """Return a number as an operand in C."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):

@@ -31,7 +31,7 @@ class Program:
     outputs: tuple[tuple[int, ...], ...]
 
     def evaluate(self, inputs: Sequence[ArrayLike]) -> list[NDArray[np.float64]]:
-        """Outputs, calculated by NumPy.
+        """Return the outputs, calculated by NumPy.
 
         :param inputs: arrays of shape (entries, ...) whose trailing shapes fit each other.
         :returns: arrays of shape (entries, ...), one an output.
@@ -54,7 +54,7 @@ class Program:
 def program(
     inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False, late: int | None = None
 ) -> Program:
-    """Optimised program from columns of symbols to columns of expressions.
+    """Return the optimised program from columns of symbols to columns of expressions.
 
     :param reciprocals: whether a divisor of several numbers is inverted once, and multiplied by.
     :param late: index of the input that is known last, after everything that depends on the others alone.
@@ -73,7 +73,7 @@ def program(
 
 
 def _with_reciprocals(original: Program) -> Program:
-    """Divisions by one number replaced by its reciprocal: a division takes as long as four multiplications."""
+    """Return the program with one reciprocal for all quotients by a number, as long as four multiplications."""
     quotients = Counter(node.arguments[1] for node in original.nodes if node.is_a(ca.OP_DIV))
     nodes: list[Instruction] = []
     new: list[int] = []
@@ -93,7 +93,7 @@ def _with_reciprocals(original: Program) -> Program:
 
 
 def _pruned(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> Program:
-    """Program without dead code; entries of inputs and constants first."""
+    """Return the program without dead code; entries of inputs and constants first."""
     used = {number for entries in outputs for number in entries}
     for number in reversed(range(len(nodes))):
         if number in used and nodes[number].operation is not None:
@@ -106,4 +106,5 @@ def _pruned(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> P
 def _renumbered(
     outputs: Sequence[Sequence[int]], new: Sequence[int] | Mapping[int, int]
 ) -> tuple[tuple[int, ...], ...]:
+    """Return outputs with the new numbers of nodes."""
     return tuple(tuple(new[number] for number in entries) for entries in outputs)

@@ -13,7 +13,7 @@ from liaisons.expressions.rows import Carry, Each, RowProgram, Step, Sum, Vector
 
 
 def forward(original: RowProgram) -> RowProgram:
-    """Program of directional derivatives: (arguments, results, directions) → derivatives of the results."""
+    """Return the program of directional derivatives: (arguments, results, directions) → derivatives of the results."""
     directions = [_new_symbols(argument) for argument in original.arguments]
     pairs = [(a.entries, d.entries) for a, d in zip(original.arguments, directions, strict=True) if a.entries.numel()]
 
@@ -46,7 +46,7 @@ def forward(original: RowProgram) -> RowProgram:
 
 
 def reverse(original: RowProgram) -> RowProgram:
-    """Program of adjoint derivatives: (arguments, results, weights) → gradient of the weighted sum of the results."""
+    """Return the program of adjoint derivatives: (arguments, results, weights) → gradient of the weighted results."""
     weights = [_new_symbols(result) for result in original.results]
     adjoints = _Adjoints()
     for result, weight in zip(original.results, weights, strict=True):
@@ -85,7 +85,7 @@ class _Adjoints:
                 gathered[key(symbol)] = gathered.get(key(symbol), 0) + share
 
     def pop(self, symbols: ca.SX, each: Sequence[bool]) -> ca.SX:
-        """Adjoints of symbols, removed; those of single numbers are sums over the links."""
+        """Remove and return adjoints of symbols; those of single numbers are sums over the links."""
         popped = []
         for symbol, of_link in zip(ca.vertsplit(symbols) if symbols.numel() else (), each, strict=True):
             at_links = self._at_links.pop(key(symbol), ca.SX(0))
@@ -118,10 +118,12 @@ class _Adjoints:
                 self.add(step.start, carried.last, single=True)
 
     def _name_weights(self, weights: ca.SX) -> ca.SX:
+        """Add a step that names weights; return the names."""
         names = ca.SX.sym("w", weights.shape[0])
         self.steps.append(Each(names, weights))
         return names
 
 
 def _new_symbols(vector: Vector) -> Vector:
+    """Return new symbols of the shape of a vector."""
     return Vector(ca.SX.sym("d", vector.entries.shape[0]), vector.each)

@@ -18,7 +18,7 @@ _BRANCHES = 10
 
 
 def row_function(program: RowProgram) -> ca.Function:
-    """Function of a program."""
+    """Return the CasADi function of a program."""
     row = _Row(program.n)
     arguments = []
     needed = keys(ca.vertcat(*(part.read for part in program.steps), *(part.entries for part in program.results)))
@@ -46,10 +46,11 @@ class _Row:
         self._values: dict[int, ca.MX] = {}
 
     def define(self, symbols: Sequence[ca.SX], values: Sequence[ca.MX]) -> None:
+        """Set the values of symbols."""
         self._values |= {key(symbol): value for symbol, value in zip(symbols, values, strict=True)}
 
     def evaluated(self, expressions: ca.SX) -> list[ca.MX]:
-        """Expressions with values in the place of symbols, operation by operation."""
+        """Return expressions with values in the place of symbols, operation by operation."""
         symbols = ca.symvar(expressions)
         function = ca.Function("expressions", symbols, [ca.cse(expressions)])
 
@@ -66,11 +67,11 @@ class _Row:
         return values
 
     def at_links(self, expressions: ca.SX) -> list[ca.MX]:
-        """Expressions of one link for all links, (n, 1) each."""
+        """Return expressions of one link for all links, (n, 1) each."""
         return [self._repeated(values) for values in self.evaluated(expressions)]
 
     def column(self, vector: Vector) -> ca.MX:
-        """Result as a column."""
+        """Return a result as a column."""
         values = self.evaluated(ca.densify(vector.entries))
         parts = [self._repeated(x) if each else x for x, each in zip(values, vector.each, strict=True)]
         return ca.densify(ca.vertcat(*parts)) if parts else ca.MX(0, 1)
@@ -88,6 +89,7 @@ class _Row:
         self.define(scalars(step.last), last)
 
     def _scanned(self, step: Carry, start: Sequence[ca.MX]) -> tuple[list[ca.MX], list[ca.MX]]:
+        """Return the carried values at the links, and behind the last one."""
         carried = scalars(step.symbols)
         own, count = keys(step.symbols), len(carried)
         read = [symbol for symbol in ca.symvar(step.following) if key(symbol) not in own]
@@ -100,16 +102,17 @@ class _Row:
         return [value.T for value in values[count:]], values[:count]
 
     def _repeated(self, values: ca.MX) -> ca.MX:
+        """Return a column of n links, from one of them or from a single number."""
         return values if values.shape[0] == self._n else values * ca.MX.ones(self._n)
 
 
 def _shifted(following: ca.MX, start: ca.MX, inward: bool) -> ca.MX:
-    """Values at each link from those at the next one."""
+    """Return the values at each link from those at the next one."""
     return ca.vertcat(following[1:, :], start) if inward else ca.vertcat(start, following[:-1, :])
 
 
 def _scan_tree(link: ca.Function, n: int, carried: int, each: int, inward: bool) -> ca.Function:
-    """(carried, columns of n links, shared) → (carried behind them, columns of carried): ten branches a level."""
+    """Return (carried, columns of n links, shared) → (carried behind them, columns of carried), ten parts a level."""
 
     @cache
     def branch(n: int) -> ca.Function:

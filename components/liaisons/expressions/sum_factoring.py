@@ -37,7 +37,7 @@ class Expansions:
     _factors: dict[int, Monomial] = field(default_factory=dict)
 
     def shortened(self, first: ScaledNode, second: ScaledNode) -> list[tuple[float, Monomial]] | None:
-        """Sum of two scaled nodes in fewer terms than they have together; None if there is none."""
+        """Return the sum of two scaled nodes in fewer terms than they have together; None if there is none."""
         terms = [(outer * inner, number) for outer, number in (first, second) for inner, number in self.terms(number)]
         if len(terms) > _MOST_TERMS:
             return None
@@ -51,13 +51,14 @@ class Expansions:
         return [(scale, product) for product, scale in left.items()] if len(left) < len(terms) else None
 
     def terms(self, number: int) -> tuple[ScaledNode, ...]:
-        """Terms of a node as a sum."""
+        """Return the terms of a node as a sum; itself if there are too many."""
         if number not in self._terms:
             terms = self._split_into_terms(number)
             self._terms[number] = terms if len(terms) <= _MOST_TERMS else ((1.0, number),)
         return self._terms[number]
 
     def _split_into_terms(self, number: int) -> tuple[ScaledNode, ...]:
+        """Return the terms of a node as a sum."""
         node = self.nodes[number]
         if node.is_a(ca.OP_ADD) or node.is_a(ca.OP_SUB):
             first, second = (self.terms(argument) for argument in node.arguments)
@@ -69,7 +70,7 @@ class Expansions:
         return ((1.0, number),)
 
     def factors(self, number: int) -> Monomial:
-        """Factors of a node as a product."""
+        """Return the factors of a node as a product; itself if there are too many."""
         if number not in self._factors:
             node, factors = self.nodes[number], (number,)
             if node.is_a(ca.OP_MUL) or node.is_a(ca.OP_SQ):
@@ -78,11 +79,11 @@ class Expansions:
         return self._factors[number]
 
     def factors_of(self, first: int, second: int) -> Monomial:
-        """Factors of the product of two nodes."""
+        """Return the factors of the product of two nodes."""
         return tuple(sorted(self.factors(first) + self.factors(second)))
 
     def _cancel_expanded(self, left: dict[Monomial, float]) -> bool:
-        """Remove x (a + b), -x a and -x b, if all of them are there."""
+        """Remove x (a + b), -x a and -x b, if all of them are there; return whether they were."""
         for product, scale in left.items():
             for factor in set(product):
                 pieces = self.terms(factor)
@@ -97,7 +98,7 @@ class Expansions:
         return False
 
     def _unite_squares(self, left: dict[Monomial, float]) -> bool:
-        """Replace x sin² + x cos² of one angle by x, if both are there."""
+        """Replace x sin² + x cos² of one angle by x, if both are there; return whether they were."""
         for product, scale in left.items():
             for factor in set(product):
                 node = self.nodes[factor]
@@ -112,6 +113,7 @@ class Expansions:
         return False
 
     def _has_square_of_cosine(self, product: Monomial, rest: Monomial, angle: tuple[int, ...]) -> bool:
+        """Return whether a product is the rest times cos² of the angle."""
         remaining = Counter(product)
         remaining.subtract(rest)
         squares = [factor for factor, count in remaining.items() if count]
@@ -123,5 +125,6 @@ class Expansions:
 
 
 def _without(product: Monomial, factor: int) -> Monomial:
+    """Return the product without one of its factors."""
     index = product.index(factor)
     return product[:index] + product[index + 1 :]

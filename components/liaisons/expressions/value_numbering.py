@@ -49,15 +49,15 @@ class Builder:
         }
 
     def entry(self, column: int, row: int) -> ScaledNode:
-        """Entry of an input."""
+        """Return the node of an entry of an input."""
         return 1.0, self._add_node(Instruction(None, (column, row)))
 
     def constant(self, value: float) -> ScaledNode:
-        """Node of a constant."""
+        """Return the node of a constant."""
         return 1.0, self._add_node(Instruction(None, (), float(value)))
 
     def node(self, number: ScaledNode) -> int:
-        """Number of the node of a scaled node."""
+        """Return the number of a node that has the value of a scaled node."""
         scale, core = number
         if scale == 1:
             return core
@@ -71,7 +71,7 @@ class Builder:
         return self._add_operation(ca.OP_MUL, core, self.constant(scale)[1])
 
     def perform(self, code: int, arguments: Sequence[ScaledNode]) -> ScaledNode:
-        """Result of CasADi's operation of a code, simplified.
+        """Return the simplified result of CasADi's operation of a code.
 
         :raises ComponentError: for an operation that has no counterpart in C.
         """
@@ -88,7 +88,7 @@ class Builder:
         return 1.0, self._add_operation(code, *map(self.node, arguments))
 
     def _with_bounded_scale(self, number: ScaledNode) -> ScaledNode:
-        """Scaled node whose scale is exact and bounded."""
+        """Return an equal scaled node whose scale is an exact power of two, and bounded."""
         scale = number[0]
         if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
             return number
@@ -123,7 +123,7 @@ class Builder:
         return scale / other, self._add_operation(ca.OP_DIV, x, y)
 
     def _hypotenuse(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
-        """√(x² + y²): ``hypot``, which no overflow of the squares harms, takes five times as long."""
+        """Return √(x² + y²): ``hypot``, which no overflow of the squares harms, takes five times as long."""
         squares = self._sum(self._product(first, first), self._product(second, second))
         return 1.0, self._add_operation(ca.OP_SQRT, self.node(squares))
 
@@ -138,6 +138,7 @@ class Builder:
         return self._plain_sum(first, second) if products is None else self._sum_of_products(products)
 
     def _plain_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
+        """Return a sum of two nodes, with a common scale in front."""
         if abs(second[0]) == 1:  # a scale of one is put in front of both
             first, second = second, first
         (scale, x), (other, y) = first, second
@@ -151,6 +152,7 @@ class Builder:
         return abs(scale), self._add_operation(ca.OP_SUB, plus, minus)
 
     def _sum_of_products(self, products: Sequence[tuple[float, Monomial]]) -> ScaledNode:
+        """Return the sum of scaled products."""
         total = self.constant(0.0)
         for scale, product in products:
             inner, core = reduce(self._product, ((1.0, factor) for factor in product), self.constant(1.0))
@@ -169,6 +171,7 @@ class Builder:
         return 1.0, self._add_operation(ca.OP_POW, self.node(base), self.node(exponent))
 
     def _integer_power(self, base: ScaledNode, exponent: int) -> ScaledNode:
+        """Return a power by repeated squaring."""
         if exponent == 1:
             return base
         half = self._integer_power(base, exponent // 2)
@@ -179,6 +182,7 @@ class Builder:
         return self._add_node(Instruction.of(code, *arguments))
 
     def _add_node(self, node: Instruction) -> int:
+        """Add an instruction unless there is an equal one; return its number."""
         key = node if node.constant is None else node.constant.hex()  # tells 0 from -0
         if key not in self._numbers:
             self._numbers[key] = len(self.nodes)

@@ -14,7 +14,7 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)  # the first date that a zip archive can hold
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write an archive atomically, and its folders.
+    """Write a zip archive atomically, and the folders above it.
 
     Its digest is remembered, so that simulations load it without a trial in a process of its own.
 
@@ -38,7 +38,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_member(path: Path, name: str) -> bytes | None:
-    """One member of an archive; None if either is missing or damaged."""
+    """Return the content of a member of an archive; None if either is missing or damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             return archive.read(name)
@@ -47,6 +47,7 @@ def read_member(path: Path, name: str) -> bytes | None:
 
 
 def _zip_info(name: str) -> zipfile.ZipInfo:
+    """Return the header of a member, the same on every machine."""
     entry = zipfile.ZipInfo(name, _EARLIEST)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.create_system = 3  # Unix, wherever it is written

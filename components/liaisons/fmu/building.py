@@ -85,15 +85,18 @@ def build(
 
 
 def _compiler_command() -> list[str] | None:
+    """Return the command of a C compiler; None if there is none."""
     return system_compiler() or zig_compiler()
 
 
 @cache
 def _warn_no_compiler() -> None:
+    """Warn, once a process, that FMUs are built in Python."""
     _log.warning("FMUs are built in Python: %s", no_compiler())
 
 
 def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, arrays: bool) -> Path:
+    """Build an FMU of generated C, unless the file is up to date."""
     path = output / f"{model.name}.fmu"
     sources = source_files(model, _NO_GUID, fmi, arrays=arrays)
     if fmi == "2":
@@ -125,6 +128,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
 
 
 def _build_python(model: Model, output: Path) -> Path:
+    """Build an FMU in Python, unless the file is up to date."""
     from liaisons.fmu.python_backend import python_members
 
     remedy = "take backend='native'" if _compiler_command() else f"native FMUs take them: {INSTALLATION}"
@@ -138,7 +142,7 @@ def _build_python(model: Model, output: Path) -> Path:
 
 
 def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
-    """The members with their guid, a hash of all of them and of the compiler's options, and with their origin."""
+    """Return the members with their origin and their guid, a hash of all of them and of the compiler's options."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for name in sorted(members):
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
@@ -148,4 +152,5 @@ def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, 
 
 
 def _is_current(path: Path, members: dict[str, bytes], *also: str) -> bool:
+    """Return whether the archive has the same model description, and the same of some other members."""
     return all(read_member(path, name) == members[name] for name in (_DESCRIPTION, *also))

@@ -12,7 +12,7 @@ Arrays = tuple[NDArray[np.float64], ...]
 
 
 class Call:
-    """A function bound to arrays: ``run()`` reads the arguments and overwrites the results.
+    """A CasADi function bound to arrays: ``run()`` reads the arguments and overwrites the results.
 
     CasADi holds bare pointers: this object keeps the buffer and the arrays alive, so keep it as long as ``run``.
 

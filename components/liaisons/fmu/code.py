@@ -44,7 +44,7 @@ _HEADERS = (
 
 
 def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> dict[str, bytes]:
-    """Everything that is needed to compile the FMU, by file name.
+    """Return all files that are needed to compile the FMU, by name.
 
     :param guid: that of the model description, which the binary checks.
     :param arrays: False: in FMI 3.0, too, value references stand for numbers.
@@ -62,7 +62,7 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
-    """``model.c``: the functions, then the tables that core.h declares."""
+    """Return ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
     loops = loop_functions(model.programs, coupled(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rates(model)
@@ -114,7 +114,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
 
 
 def _members(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
-    """Functions that are not generated as loops, by their members of ``Model`` in core.h."""
+    """Return the functions that are not generated as loops, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
     functions |= {"outputs_function": _outputs(model), "contact": model.contact and _with_one_result(model.contact)}
     functions["draw"] = (model.table and model.table.draw) or model.draw
@@ -131,13 +131,13 @@ def _members(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
 
 
 def _with_one_result(function: ca.Function) -> ca.Function:
-    """The function with its results in one."""
+    """Return the function with its results one below the other in one."""
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
 
 
 def _outputs(model: Model) -> ca.Function:
-    """(t, y, u, k, m) -> z; of a table with two rows for each lookup in place of k."""
+    """Return (t, y, u, k, m) → z; of a table with the two rows of each lookup in place of k."""
     return model.outputs_function if model.table is None else model.table.outputs_function
 
 
@@ -147,7 +147,7 @@ def _outputs(model: Model) -> ca.Function:
 def _row_functions(
     model: Model, members: Mapping[str, ca.Function], rates: Iterable[tuple[ca.Function, ca.Function]]
 ) -> dict[str, ca.Function]:
-    """Functions of rows of a table, by the names of those that look the rows up and call them."""
+    """Return functions of rows of a table, by the names of those that look the rows up and call them."""
     if model.table is None:
         return {}
     functions = {name: function for name, function in members.items() if name.startswith("calculate")}
@@ -160,7 +160,7 @@ def _row_functions(
 
 
 def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
-    """Definitions of functions that look rows up."""
+    """Return C definitions of functions that look rows up and call those of rows."""
     statements = {}
     for name, function in row_functions.items():
         suffix = name.removeprefix("calculate") if name.startswith("calculate") else ""
@@ -173,7 +173,7 @@ def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> lis
 
 
 def _table_sizes(model: Model) -> list[str]:
-    """Declarations for knots.h, and its inclusion."""
+    """Return C declarations of the sizes of a table, and the inclusion of knots.h."""
     if model.table is None:
         return []
     table, lookups = model.table, model.table.lookups
@@ -194,7 +194,7 @@ def _table_sizes(model: Model) -> list[str]:
 
 
 def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
-    """Rates of all states, and of the coupled ones only, for each of the :data:`_ACTIVITIES` of the inputs.
+    """Return the rates of all states, and of the coupled ones only, for each of :data:`_ACTIVITIES`.
 
     Without the terms of inputs that are 0 then.  Of maps they are all one.
     """
@@ -220,7 +220,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 
 def _effects_of_inputs(model: Model) -> dict[str, int]:
-    """Effects of each input that is not 0."""
+    """Return what each input acts on where it is not 0: a bit set of _LOADS and _MOVES, by name."""
     effects = {variable.name: _LOADS for variable in model.inputs}
     for coordinate in model.active:
         effects |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}
@@ -228,7 +228,7 @@ def _effects_of_inputs(model: Model) -> dict[str, int]:
 
 
 def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
-    """Directional derivatives: (arguments, results, directions) → derivatives of the results.
+    """Return (arguments, results, directions) → derivatives of the results, by member of ``Model``.
 
     In reverse: (arguments, results, weights) → derivatives of the weighted sum of the results by the arguments.
     """
@@ -255,14 +255,14 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
 
 
 def _densified(vector: Any, counts: Sequence[int]) -> Any:
-    """The same with its zeros; block by block, because CasADi writes a table of all indices for one that is mixed."""
+    """Return the vector with its zeros; block by block, because CasADi tabulates all indices of a mixed one."""
     if vector.is_dense() or len(counts) < 2:
         return ca.densify(vector)
     return ca.vertcat(*map(ca.densify, ca.vertsplit(vector, np.cumsum([0, *counts]).tolist())))
 
 
 def _variable_sizes(model: Model, vector: str) -> list[int]:
-    """How many numbers each variable has in a vector."""
+    """Return the number of elements of each variable in a vector of the model."""
     groups = {"y": shown_states(model), "u": model.inputs, "k": model.parameters, "z": model.outputs}
     if vector in groups:
         return [variable.count for variable in groups[vector]]
@@ -273,7 +273,7 @@ def _variable_sizes(model: Model, vector: str) -> list[int]:
 
 
 def _fields(model: Model, guid: str) -> dict[str, object]:
-    """Members of the struct Model: texts, numbers and tables."""
+    """Return the members of the struct ``Model``: texts, numbers and names of tables."""
     tables = ("variables", "starts", "active", "state", "dimensions", "condition_texts")
     return {
         "name": _c_string(model.name),
@@ -301,6 +301,7 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
 
 
 def _contact_fields(model: Model, contact: ca.Function) -> dict[str, object]:
+    """Return the members of the struct ``Model`` that contacts need."""
     gaps = sum(not contact.friction for contact in model.contacts)
     counts = {"gaps": gaps, "frictions": len(model.contacts) - gaps, "operators": len(operators_of(model))}
     counts["indicators"] = len(model.contacts)
@@ -314,6 +315,7 @@ def _contact_fields(model: Model, contact: ca.Function) -> dict[str, object]:
 
 
 def _contact_arrays(model: Model) -> list[str]:
+    """Return C arrays of unilateral liaisons and dry frictions, with their slots in the memory."""
     slot = {name: i for i, name in enumerate(model.memory)}
     gaps = [c for c in model.contacts if not c.friction]
     named = [c.name for c in gaps]
@@ -321,6 +323,7 @@ def _contact_arrays(model: Model) -> list[str]:
     index = {v.name: i for i, v in enumerate(model.flat().outputs)}
 
     def loss(name: str) -> int:
+        """Return the slot of the energy that impacts of a part have cost."""
         part, dot, _ = name.rpartition(".")
         return slot[f"{part}{dot}impact_loss"]
 
@@ -345,6 +348,7 @@ def _contact_arrays(model: Model) -> list[str]:
 
 
 def _c_arrays(model: Model) -> list[str]:
+    """Return all C arrays that core.h declares."""
     inputs, jumps = index_ranges(model.inputs), jump_table(model)
     row = {variable.name: i for i, variable in enumerate(model.variables)}
     active = []
@@ -368,11 +372,13 @@ def _c_arrays(model: Model) -> list[str]:
 
 def _c_array(kind: str, name: str, rows: Sequence[str]) -> list[str]:
     # C has no arrays without elements; the tables that have none are never read.
+    """Return the definition of a static C array."""
     nothing = "0" if kind == "size_t" or kind.endswith("const") else "{0}"
     return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
 
 
 def _variables(model: Model) -> list[str]:
+    """Return a C initializer for each variable."""
     variables = (*model.variables, TIME)
     indices, states, activities = index_ranges(variables), index_ranges(shown_states(model)), _effects_of_inputs(model)
     kinds = {"input": "INPUT", "parameter": "{}_PARAMETER"}
@@ -399,12 +405,12 @@ def _variables(model: Model) -> list[str]:
 
 
 def _common_start(variable: Variable) -> float:
-    """The start value of all numbers of a variable; 0 where they differ, which are listed one by one."""
+    """Return the start value of all elements of a variable; 0 where they differ and are listed one by one."""
     return variable.starts[0] if len(set(variable.starts)) == 1 else 0.0
 
 
 def _differing_starts(model: Model) -> list[tuple[int, float]]:
-    """Indices and start values of the numbers that do not have the common one of their array."""
+    """Return indices and start values of the elements of arrays whose start values differ."""
     listed = []
     for variable, indices in zip(model.variables, index_ranges(model.variables).values(), strict=True):
         common = _common_start(variable)  # once: an array may have 100 000 elements
@@ -413,16 +419,19 @@ def _differing_starts(model: Model) -> list[tuple[int, float]]:
 
 
 def _initializer(*members: object) -> str:
+    """Return the C initializer of a struct."""
     return f"{{{', '.join(map(str, members))}}}"
 
 
 def _c_number(value: float) -> str:
+    """Return a C literal."""
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return repr(float(value))
 
 
 def _c_string(text: str) -> str:
+    """Return a C string literal."""
     return json.dumps(text, ensure_ascii=False)  # its escapes are those of C
 
 
@@ -430,7 +439,7 @@ def _c_string(text: str) -> str:
 
 
 def _fmi_header(name: str) -> bytes:
-    """A header of the FMI standard from FMPy, which is not imported."""
+    """Return a header of the FMI standard from the files of FMPy, which is not imported."""
     package = find_spec("fmpy")
     folder = Path(package.origin).parent if package and package.origin else Path()
     try:
@@ -440,6 +449,7 @@ def _fmi_header(name: str) -> bytes:
 
 
 def _build_description(model: Model, fmi: Fmi) -> bytes:
+    """Return buildDescription.xml."""
     files = (line for name in sources(fmi) for line in element("SourceFile", {"name": name}))
     inside = [*element("SourceFileSet", {"language": "C99"}, files), *element("Library", {"name": "m"})]
     configuration = element("BuildConfiguration", {"modelIdentifier": model.name}, inside)

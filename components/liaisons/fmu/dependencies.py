@@ -27,21 +27,21 @@ _LINKS = 12
 
 
 def while_running(model: Model) -> Pattern:
-    """Which outputs depend on which of time, states, inputs and parameters."""
+    """Return which outputs depend on which of time, states, inputs and parameters."""
     m = _shortened(model)
     groups = {0: (TIME,), 1: shown_states(m), 2: m.inputs, 3: m.parameters}
     return _variable_pattern(m.outputs_function, m.outputs, groups)
 
 
 def at_start(model: Model) -> Pattern:
-    """Which outputs depend on which of time, inputs and parameters at initialization."""
+    """Return which outputs depend on which of time, inputs and parameters at initialization."""
     m = _shortened(model)
     return _variable_pattern(initial(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
 def _shortened(model: Model) -> Model:
-    """The model of a chain with few links; any other model, or one whose elements are variables, itself."""
+    """Return the model of a chain with few links; any other model, or one without arrays, itself."""
     if not (model.programs and any(variable.dimension for variable in model.outputs)):
         return model
     name_of = {name.removesuffix("_function"): name for name in SIGNATURES}
@@ -58,27 +58,27 @@ def _shortened(model: Model) -> Model:
 
 
 def initial(model: Model) -> ca.Function:
-    """z of (t, u, k) at initialization, where states and memory follow from them."""
+    """Return the function (t, u, k) → z at initialization, where states and memory follow from these."""
     t, u, k = (ca.MX.sym(name, model.start.numel_in(i)) for i, name in enumerate("tuk"))
     y, m = _inlined_call(model.start, t, u, k)
     return ca.Function("initial", [t, u, k], _inlined_call(model.outputs_function, t, y, u, k, m))
 
 
 def between_numbers(function: ca.Function, arguments: Sequence[int]) -> csr_array:
-    """Where the Jacobian of a function's result with respect to some arguments, side by side, can be non-zero."""
+    """Return the sparsity pattern of the Jacobian with respect to some arguments, side by side."""
     return csr_array(hstack([_jacobian_pattern(function, argument) for argument in arguments], format="csr"))
 
 
 def _variable_pattern(
     function: ca.Function, results: Sequence[Variable], arguments: Mapping[int, Sequence[Variable]]
 ) -> Pattern:
-    """Which variables of a function's result depend on which variables of some arguments, by their numbers.
+    """Return which variables of a function's result depend on which variables of some arguments.
 
     :returns: shape (results, all variables of the arguments, side by side).
     """
 
     def owners(variables: Iterable[Variable]) -> NDArray:
-        """Of each number the index of its variable."""
+        """Return the index of the variable of each number."""
         counts = [variable.count for variable in variables]
         return np.repeat(np.arange(len(counts)), counts)
 
@@ -90,20 +90,20 @@ def _variable_pattern(
 
 
 def coupled(model: Model) -> int:
-    """How many of the first numbers of y any of dy/dt depends on; behind them are integrals along the motion."""
+    """Return how many of the first numbers of y the rates depend on; those behind are integrals along the motion."""
     m, states = _shortened(model), shown_states(model)
     columns = _variable_pattern(m.derivatives, shown_states(m), {1: shown_states(m)}).nonzero()[1]
     return scalar_count(states[: columns.max(initial=-1) + 1])
 
 
 def shown_states(model: Model) -> tuple[Variable, ...]:
-    """The variables that show the states, in the order of y."""
+    """Return the output variables that show the states, in the order of y."""
     named = {variable.name: variable for variable in model.outputs}
     return tuple(named[state.name] for state in model.states)
 
 
 def states_that_jump(model: Model) -> set[str]:
-    """States that an impact or a jump of the inputs changes, e.g. the work of an impulse."""
+    """Return names of the states that an impact or a jump of the inputs changes, such as the work."""
     if model.contacts:  # momenta and work by impacts, coordinates by rounding
         return {state.name for state in model.states if state.name.rpartition(".")[2] != "dissipated"}
     m = _shortened(model)
@@ -114,7 +114,7 @@ def states_that_jump(model: Model) -> set[str]:
 
 
 def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
-    """Outputs that change at events alone, and those that depend on them.
+    """Return names of the outputs that change at events alone, and of those that depend on them.
 
     Contacts decide them from everything, at an event and at the start.
     """
@@ -129,11 +129,12 @@ def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
 
 
 def _inlined_call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
-    """Results of a function, its expressions in place of a call where that can be."""
+    """Return the results of a function, with its expressions in the place of a call where possible."""
     return list(function.call(list(arguments), function.is_a("MXFunction"), False))
 
 
 def _jacobian_pattern(function: ca.Function, argument: int) -> csr_array:
+    """Return the sparsity pattern of the Jacobian with respect to one argument."""
     sparsity = function.jac_sparsity(0, argument)
     rows, columns = np.array(sparsity.get_triplet(), dtype=int)
     return csr_array((np.ones(rows.size, dtype=bool), (rows, columns)), shape=sparsity.shape)

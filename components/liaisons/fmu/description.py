@@ -65,12 +65,12 @@ LOG_CATEGORIES = {
 
 
 def sources(fmi: Fmi) -> tuple[str, ...]:
-    """Names of the C files that make up a binary."""
+    """Return the names of the C files that make up a binary."""
     return (*_SOURCES, f"fmi{fmi}.c")
 
 
 def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
-    """The model description, the same bytes for the same arguments.
+    """Return modelDescription.xml of FMI 2.0, the same bytes for the same arguments.
 
     :param guid: that of the binary, ``"{...}"``.
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports.
@@ -80,6 +80,7 @@ def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
 
 
 def _parts(model: Model, backend: Backend) -> Iterator[str]:
+    """Yield the children of the root."""
     if backend == "native":
         no_step_events = {} if model.indicators else {"completedIntegratorStepNotNeeded": "true"}
         kinds = {"ModelExchange": no_step_events | _MODEL_EXCHANGE, "CoSimulation": _CO_SIMULATION}
@@ -100,7 +101,7 @@ def _parts(model: Model, backend: Backend) -> Iterator[str]:
 
 
 def root_attributes(model: Model, version: str, **token: str) -> dict[str, str]:
-    """Name, description and origin of a model.
+    """Return the attributes of the root: name, description and origin of a model.
 
     :param token: ``guid`` in FMI 2.0, ``instantiationToken`` in FMI 3.0.
     """
@@ -115,13 +116,14 @@ def root_attributes(model: Model, version: str, **token: str) -> dict[str, str]:
 
 
 def unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
-    """Units of variables, with base units and display units."""
+    """Yield the units of variables, with base units and display units."""
     names = sorted({variable.unit for variable in variables} - {units.ANY})
     if names:
         yield from element("UnitDefinitions", {}, chain.from_iterable(map(_unit, names)))
 
 
 def _unit(name: str) -> Iterator[str]:
+    """Yield the definition of a unit."""
     unit = units.parse(name)
     base = element("BaseUnit", {base: str(exponent) for base, exponent in unit.exponents})
     display = (element("DisplayUnit", {"name": name, "factor": repr(factor)}) for name, factor in unit.display)
@@ -129,25 +131,25 @@ def _unit(name: str) -> Iterator[str]:
 
 
 def log_categories() -> Iterator[str]:
-    """The categories of messages."""
+    """Yield the categories of log messages."""
     lines = (element("Category", {"name": name, "description": text}) for name, text in LOG_CATEGORIES.items())
     yield from element("LogCategories", {}, chain.from_iterable(lines))
 
 
 def default_experiment(model: Model) -> Iterator[str]:
-    """Times, step size and tolerance of the default experiment."""
+    """Yield times, step size and tolerance of the default experiment."""
     e = model.experiment
     values = {"startTime": 0.0, "stopTime": e.stop_time, "tolerance": e.tolerance, "stepSize": e.step_size}
     yield from element("DefaultExperiment", {name: repr(float(value)) for name, value in values.items()})
 
 
 def integer_attributes(setting: Setting) -> dict[str, str]:
-    """Range and start value of a setting."""
+    """Return range and start value of a setting."""
     return {"min": "0", "max": str(setting.most), "start": str(setting.start)}
 
 
 def size_attributes(size: Dimension, reference: int, causality: str, variability: str) -> dict[str, str]:
-    """General attributes of a structural size."""
+    """Return the general attributes of a structural size."""
     return {
         "name": size.name,
         "valueReference": str(reference),
@@ -159,7 +161,7 @@ def size_attributes(size: Dimension, reference: int, causality: str, variability
 
 
 def general_attributes(variable: Variable, reference: int) -> dict[str, str]:
-    """Attributes that variables of all types have."""
+    """Return the attributes that variables of all types have."""
     # min and max include the bounds; a bound that is excluded can only be described.
     domain = f" ({variable.domain()})" if variable.strict else ""
     attributes = {
@@ -175,7 +177,7 @@ def general_attributes(variable: Variable, reference: int) -> dict[str, str]:
 
 
 def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
-    """Unit, range and nominal value of a variable; integers and Booleans have none.
+    """Return unit, range and nominal value of a variable; none of integers and Booleans.
 
     :param nominal: where it declares none; 1 is FMI's default.
     """
@@ -193,7 +195,7 @@ def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
 
 
 def start_attribute(variable: Variable) -> dict[str, str]:
-    """Start value; one number for all elements."""
+    """Return the attribute of the start value; of an array one number stands for all elements."""
     if variable.start is None:
         return {}
     values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
@@ -201,7 +203,7 @@ def start_attribute(variable: Variable) -> dict[str, str]:
 
 
 def nominals(model: Model) -> dict[str, list[float]]:
-    """Nominal values of the states at the default start, by name; 1 where there is none."""
+    """Return nominal values of the states at the default start, by name; 1 where there is none."""
     u, k = start_vectors(model)
     y, _ = model.start.call([ca.DM(0), u, k])
     sizes = np.asarray(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
@@ -258,6 +260,7 @@ def unknowns(
 
 
 def _variables(model: Model, backend: Backend) -> Iterator[str]:
+    """Yield the variables, arrays element by element."""
     references_of = _references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model) | states_moved_along(model) if backend == "native" else set()
@@ -281,13 +284,14 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
 
 
 def _references(model: Model) -> dict[str, range]:
-    """The value references of each variable's numbers."""
+    """Return the value references of each variable's elements."""
     first = first_reference(model)
     ranges = index_ranges(model.variables)
     return {name: range(first + indices.start, first + indices.stop) for name, indices in ranges.items()}
 
 
 def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]) -> Iterator[str]:
+    """Yield a ScalarVariable with the element of its type."""
     yield from element("ScalarVariable", attributes, element(kind, of_kind))
 
 
@@ -295,6 +299,7 @@ def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]
 
 
 def _structure(model: Model) -> Iterator[str]:
+    """Yield the groups of unknowns."""
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
     states, parameters, inputs = shown_states(model), model.parameters, model.inputs
     running = (*states, *inputs), between_numbers(model.outputs_function, (1, 2)) if sparse else None

@@ -40,7 +40,7 @@ _TYPES: dict[NumberType, str] = {"Real": "Float64", "Integer": "Int32", "Boolean
 
 
 def model_description3(model: Model, *, token: str, arrays: bool = True) -> bytes:
-    """The model description of a native FMU.
+    """Return modelDescription.xml of FMI 3.0 of a native FMU.
 
     :param token: that of the binary, ``"{...}"``.
     :param arrays: False: the elements of arrays are variables, and structural sizes constants.
@@ -51,6 +51,7 @@ def model_description3(model: Model, *, token: str, arrays: bool = True) -> byte
 
 
 def _parts(model: Model) -> Iterator[str]:
+    """Yield the children of the root."""
     identifier = {"modelIdentifier": model.name}
     instants = {"mightReturnEarlyFromDoStep": "true"} if model.events.numel_out(0) or model.indicators else {}
     completes = {"needsCompletedIntegratorStep": "true"} if model.indicators else {}
@@ -67,6 +68,7 @@ def _parts(model: Model) -> Iterator[str]:
 
 
 def _variables(model: Model) -> Iterator[str]:
+    """Yield the structural sizes, the variables, the time and the settings."""
     reference = _references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model) | states_moved_along(model)
@@ -97,11 +99,12 @@ def _variables(model: Model) -> Iterator[str]:
 
 
 def _dimension_attributes(size: Dimension, references: Mapping[str, int]) -> dict[str, str]:
-    """Reference of a structural size, or a number."""
+    """Return the reference of a structural size, or a fixed number."""
     return {"valueReference": str(references[size.name])} if size.name in references else {"start": str(size.count)}
 
 
 def _references(model: Model) -> dict[str, int]:
+    """Return the value reference of each variable."""
     return {variable.name: i for i, variable in enumerate((*model.variables, TIME), first_reference(model))}
 
 
@@ -109,6 +112,7 @@ def _references(model: Model) -> dict[str, int]:
 
 
 def _structure(model: Model) -> Iterator[str]:
+    """Yield the unknowns."""
     running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model))
     starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model))
     titles = ("Output", "ContinuousStateDerivative", "InitialUnknown", "EventIndicator")

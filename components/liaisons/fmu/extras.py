@@ -23,7 +23,7 @@ The headers of the FMI standard in sources: BSD-2-Clause, its text stands in the
 
 
 def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Members beside the model description, sources and binaries, by path in the archive; the same on every machine."""
+    """Return documentation, terminals, picture and reference results, by path in the archive."""
     picture = {} if model.picture is None else {"resources/picture.json": json.dumps(model.picture, indent=1).encode()}
     return picture | {
         "documentation/index.html": index_page(model),
@@ -35,7 +35,7 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
 
 @cache
 def _license() -> bytes:
-    """Licences of the parts of an FMU."""
+    """Return the licences of the parts of an FMU."""
     distribution = metadata.distribution("liaisons")
     texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]
     return _LICENSES.format(ours=texts[0] if texts else distribution.metadata["License-Expression"]).encode()

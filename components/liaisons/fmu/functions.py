@@ -20,7 +20,7 @@ _STATES = 1
 
 
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
-    """Definitions of functions, each name once, as lines, and the numbers of work space that they need.
+    """Return C definitions of functions, each name once, as lines, and the size of the work space that they need.
 
     Scalar code is printed by :mod:`liaisons.expressions`: straight lines, in which a compiler merges sine and cosine of
     one argument.  CasADi prints the rest: maps over the links of a chain, external calls.
@@ -41,11 +41,13 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
 
 
 def _is_scalar(function: ca.Function) -> bool:
+    """Return whether all operations of a function can be printed as straight-line code."""
     printable = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *OPERATIONS}
     return function.is_a("SXFunction") and operation_codes(function) <= printable
 
 
 def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
+    """Return the definition of a function of scalar operations, and the size of its work space."""
     arguments = function.sx_in()
     results = function.call(arguments, True, False)
     clear: list[str] = []
@@ -77,14 +79,14 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
 
 
 def _nonzero_ranges(is_zero: list[bool]) -> list[tuple[int, int]]:
-    """First and end of the entries that are not 0."""
+    """Return first and end of the ranges of entries that are not 0."""
     edges = [True, *is_zero, True]
     changes = [i for i in range(len(edges) - 1) if edges[i] != edges[i + 1]]
     return list(zip(changes[::2], changes[1::2], strict=True))
 
 
 def define(name: str, statements: Iterable[str]) -> list[str]:
-    """Definition of a function as core.h declares them, as lines."""
+    """Return the C definition of a function as core.h declares them, as lines."""
     return [
         f"static int {name}(const double **arguments, double **results, long long *integers, double *reals,",
         "    int memory) {",

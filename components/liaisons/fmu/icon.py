@@ -31,7 +31,7 @@ _METADATA = {"png": {"Software": None}, "svg": dict.fromkeys(("Creator", "Date",
 
 
 def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """The icon as PNG and SVG by path in the archive; FMI 2.0 has another one at the root."""
+    """Return the icon as PNG and SVG by path in the archive; FMI 2.0 has a PNG at the root, too."""
     import matplotlib.style
     from matplotlib.figure import Figure
 
@@ -50,7 +50,7 @@ def icon_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
 
 
 def _draw_experiment(axes: Axes, results: Trajectory | None) -> bool:
-    """Named points, else a path in the plane, else one in phase space, else a signal; False if nothing moves."""
+    """Draw named points, else a path in the plane or in phase space, else a signal; return False if nothing moves."""
     if results is None:
         return False
     ports = results.model.ports
@@ -79,14 +79,14 @@ def _draw_experiment(axes: Axes, results: Trajectory | None) -> bool:
 
 
 def _draw_paths(axes: Axes, paths: Sequence[NDArray], start: NDArray) -> None:
-    """Paths, thin, and where they start; (n, 2) each."""
+    """Draw thin paths, (n, 2) each, and dots where they start."""
     for path in paths:
         axes.plot(*path.T, color=_ACCENT, linewidth=2, clip_on=False)
     axes.plot(*start.T, "o", color=_INK, markersize=11, clip_on=False)
 
 
 def _paths_in_planes(results: Trajectory, names: list[str]) -> list[NDArray]:
-    """Paths of points with components x, y, z: in the two that vary most, in this order; (n, count, 2) each."""
+    """Return paths of points, (n, count, 2) each, in the two of x, y, z that vary most."""
     components: dict[str, list[str]] = {}
     for name in names:
         point, _, axis = name.rpartition("_")
@@ -101,7 +101,7 @@ def _paths_in_planes(results: Trajectory, names: list[str]) -> list[NDArray]:
 
 
 def _write_initials(axes: Axes, name: str) -> None:
-    """Up to three initials of a name, in a frame."""
+    """Write up to three initials of a name into a frame."""
     initials = re.findall(r"[A-Z0-9]|(?<![a-zA-Z0-9])[a-z]", name.replace("_", " "))[:3]
     axes.plot([0, 1, 1, 0, 0], [0, 0, 1, 1, 0], color=_INK, linewidth=3, clip_on=False)
     size = 56 if len(initials) < 2 else 60 / len(initials)

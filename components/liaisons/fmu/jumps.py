@@ -54,7 +54,7 @@ class Jumps:
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
 def jump_effects(model: Model) -> Jumps:
-    """Effects of jumps of prescribed coordinates, from rates at seeded random states.
+    """Return the effects of jumps of prescribed coordinates, from rates at seeded random states.
 
     Sparsity is not enough: it has terms that cancel.
     """
@@ -85,13 +85,13 @@ def jump_effects(model: Model) -> Jumps:
 
 
 def jump_table(model: Model) -> list[list[int]]:
-    """Flags for the FMU's runtime (JUMPS, MIXES of core.h), a row a number; empty where jumps move no states."""
+    """Return flags for the runtime (JUMPS, MIXES of core.h), a row a number; none where jumps move no states."""
     effects = jump_effects(model)
     return (np.diag(effects.moves.astype(int)) + 2 * effects.mixes).tolist() if effects.move_states else []
 
 
 def states_moved_along(model: Model) -> set[str]:
-    """States that a jump of a prescribed coordinate moves."""
+    """Return names of the states that a jump of a prescribed coordinate moves."""
     effects = jump_effects(model)
     states = index_ranges(shown_states(model)) if effects.move_states else {}
     return {name for name, indices in states.items() if effects.moved[indices].any()}
@@ -107,7 +107,7 @@ class _Sample:
     sizes: NDArray  # of the coupled states
 
     def changes(self, u: NDArray, *indices: int) -> NDArray[np.bool_]:
-        """Which rates have a term with these inputs as factors: an alternating sum is more than rounding errors."""
+        """Return which rates have a term with these inputs as factors: an alternating sum exceeds rounding errors."""
         terms = []
         for count in range(len(indices) + 1):
             for chosen in combinations(indices, count):
@@ -118,7 +118,7 @@ class _Sample:
 
 
 def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
-    """Seeded samples."""
+    """Return seeded random states that satisfy the conditions of the model."""
 
     def rates(t: float, y: NDArray, k: NDArray, u: NDArray) -> NDArray:
         return _flattened(model.derivatives.call([t, y, u, k])[0])
@@ -144,7 +144,7 @@ def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
 
 
 def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDArray:
-    """Numbers near the start values and in the domains; coefficients that start at 0 are small."""
+    """Return numbers near the start values and in the domains; coefficients that start at 0 are small."""
     numbers: list[float] = []
     for variable in variables:
         scale = 0.05 if variable.causality == "parameter" else 1.0
@@ -157,4 +157,5 @@ def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]
 
 
 def _flattened(value: ca.DM) -> NDArray:
+    """Return a column of CasADi as an array, (n,)."""
     return np.array(value, dtype=float).ravel()

@@ -73,41 +73,41 @@ STIFF_SOLVER = Setting(
 
 
 def scalar_count(variables: Iterable[Variable]) -> int:
-    """How many numbers variables hold."""
+    """Return the number of elements of all variables."""
     return sum(variable.count for variable in variables)
 
 
 def index_ranges(variables: Iterable[Variable]) -> dict[str, range]:
-    """Indices of each variable's numbers in a vector of all of them, by its name."""
+    """Return the indices of each variable's elements in a vector of all of them, by name."""
     counts = {variable.name: variable.count for variable in variables}
     ends = accumulate(counts.values())
     return {name: range(end - count, end) for (name, count), end in zip(counts.items(), ends, strict=True)}
 
 
 def start_vectors(model: Model) -> tuple[NDArray, NDArray]:
-    """Start values of the inputs, (u,), and of the parameters, (k,)."""
+    """Return the start values of the inputs, (u,), and of the parameters, (k,)."""
     u, k = (np.array([x for v in variables for x in v.starts]) for variables in (model.inputs, model.parameters))
     return u, k
 
 
 def mismatch_index(model: Model, prescribed: ActiveInput) -> int:
-    """Index in the memory of the mismatch of a prescribed coordinate; -1: it has none."""
+    """Return the index in the memory of the mismatch of a prescribed coordinate; -1: it has none."""
     names = (f"{prescribed.value}_mismatch", f"{prescribed.value}_mismatch[1]")
     return next((i for i, name in enumerate(model.memory) if name in names), -1)
 
 
 def size_references(model: Model) -> dict[str, int]:
-    """Value references of the structural sizes, by name."""
+    """Return the value references of the structural sizes, by name."""
     return {size.name: 1 + i for i, size in enumerate(model.dimensions)}
 
 
 def first_reference(model: Model) -> int:
-    """Value reference of the first number in FMI 2.0, of the first variable in FMI 3.0."""
+    """Return the value reference of the first number in FMI 2.0, of the first variable in FMI 3.0."""
     return 1 + len(model.dimensions)
 
 
 def settings(model: Model, fmi: Fmi) -> dict[int, Setting]:
-    """The settings of a model's native FMU, by value reference."""
+    """Return the settings of a model's native FMU, by value reference."""
     first = first_reference(model) + (scalar_count(model.variables) if fmi == "2" else len(model.variables) + 1)
     solvers = [SYMPLECTIC_STEPS, STIFF_SOLVER] * bool(model.states)
     return dict(enumerate([RECONSTRUCTION] * bool(model.inputs) + solvers, first))

@@ -20,7 +20,7 @@ _BEFORE = b' generationTool="'
 
 
 def provenance(model: Model) -> dict[str, str]:
-    """Attributes of the model description, alike in FMI 2.0 and FMI 3.0.
+    """Return author, version, licence and date as attributes of the model description of FMI 2.0 and 3.0.
 
     The date is that of the environment variable SOURCE_DATE_EPOCH, else, of a component of this package, that of the
     package's version.
@@ -35,12 +35,13 @@ def provenance(model: Model) -> dict[str, str]:
 
 
 def signed(description: bytes, model: Model) -> bytes:
-    """A model description with the attributes of :func:`provenance`, which its guid does not depend on."""
+    """Return a model description with the attributes of :func:`provenance`, which its guid does not depend on."""
     attributes = "".join(f" {name}={quoteattr(value)}" for name, value in provenance(model).items())
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
 
 
 def _source_date() -> str:
+    """Return the date of SOURCE_DATE_EPOCH; empty if that is not set."""
     seconds = os.environ.get(_EPOCH, "")
     try:
         return datetime.fromtimestamp(int(seconds), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if seconds else ""

@@ -47,7 +47,7 @@ held.append(globals())
 
 
 def python_members(model: Model, guid: str) -> dict[str, bytes]:
-    """All members of the Python FMU of a model, by path in the archive; the same bytes for the same arguments."""
+    """Return all members of the Python FMU of a model, by path; the same bytes for the same arguments."""
     members = {
         "modelDescription.xml": model_description(model, guid=guid, backend="python"),
         "documentation/externalDependencies.txt": _DEPENDENCIES,
@@ -59,7 +59,7 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
 
 
 def _component_table(model: Model, guid: str) -> bytes:
-    """The table that ``python_runtime.component`` reads."""
+    """Return the JSON table that ``python_runtime.component`` reads."""
     names = [variable.name for variable in model.inputs]
     active = [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active]
     settable, first = model.parameters + model.inputs, first_reference(model) + len(model.parameters)
@@ -81,7 +81,7 @@ def _component_table(model: Model, guid: str) -> bytes:
 
 
 def _warnings(model: Model) -> list[tuple[int, list[str]]]:
-    """For each prescribed coordinate the index of its mismatch, and two texts: contradiction, jump."""
+    """Return the index of the mismatch of each prescribed coordinate, and two texts: contradiction, jump."""
     effects = jump_effects(model)
     stay = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
     warnings = []
@@ -99,7 +99,7 @@ def _warnings(model: Model) -> list[tuple[int, list[str]]]:
 
 
 def _runtime_members() -> dict[str, bytes]:
-    """Our slave.  Its modules carry a hash of their text: one process may hold FMUs of several versions."""
+    """Return our slave, whose modules carry a hash of their text: a process may hold FMUs of several versions."""
     folder = resources.files("liaisons.fmu") / "python_runtime"
     sources = {item.name: item.read_bytes() for item in folder.iterdir() if item.name.endswith(".py")}
     version = hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()[:12]
@@ -112,7 +112,7 @@ def _runtime_members() -> dict[str, bytes]:
 
 
 def _pythonfmu_members(identifier: str) -> dict[str, bytes]:
-    """pythonfmu's package and, named after the model, its binaries for all of its platforms."""
+    """Return pythonfmu's package and its binaries for all platforms, named after the model."""
     import pythonfmu
 
     folder = Path(pythonfmu.__file__).parent

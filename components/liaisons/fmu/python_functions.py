@@ -50,14 +50,14 @@ _LARGEST = 1.7976931348623157e308
 
 
 def bounds(variable: Variable) -> tuple[float, float]:
-    """Least and largest allowed number; an excluded bound is replaced by its neighbour."""
+    """Return the least and the largest allowed number; an excluded bound is replaced by its neighbour."""
     low = -_LARGEST if variable.minimum is None else variable.minimum
     high = _LARGEST if variable.maximum is None else variable.maximum
     return (math.nextafter(low, math.inf), math.nextafter(high, -math.inf)) if variable.strict else (low, high)
 
 
 def initial_numbers(model: Model) -> dict[str, list[float]]:
-    """Numbers of a new instance, by name."""
+    """Return the numbers of a new instance, by name."""
     inputs, zero = [_start(variable) for variable in model.inputs], [0.0]
     states, prescribed = zero * model.start.numel_out(0), zero * len(model.active)
     return {
@@ -84,7 +84,7 @@ def _start(variable: Variable) -> float:
 
 
 def functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
-    """Functions (all numbers) → (all numbers,), by name.
+    """Return the functions of a slave, (all numbers) → (all numbers,), by name.
 
     :param model: without arrays.
     :param active: for each active coordinate the indices of σ, σ̇, σ̈ among the inputs.
@@ -121,7 +121,7 @@ def functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
 
 
 def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
-    """(x, H, mode, u at the start, u at the end) → (u,), as functions of the time x since the start."""
+    """Return (x, H, mode, u at the start, u at the end) → (u,) at the time x since the start of a step."""
     x, H, mode = ca.SX.sym("x"), ca.SX.sym("H"), ca.SX.sym("mode")
     start, end = ca.SX.sym("start", len(model.inputs)), ca.SX.sym("end", len(model.inputs))
     tau, interpolates = x / H, mode == _INTERPOLATE
@@ -143,7 +143,7 @@ def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
 
 
 def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Callable[[ca.MX, ca.MX], ca.MX]:
-    """dy/dt of (x, y) inside a step; NaN where a domain is left.
+    """Return dy/dt of (x, y) inside a step; NaN where a domain is left.
 
     Time is kept between the earliest and the latest, that is on one side of an event.
     """
@@ -163,7 +163,7 @@ def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Call
 
 
 def _runge_kutta_step(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:
-    """A step of the explicit pair of Dormand and Prince of order 5(4), with SciPy's tableau."""
+    """Return the result and the error of a step of the pair of Dormand and Prince, with SciPy's tableau."""
     slopes, y = rates(n.x, n.y), n.y
     for part, row in zip([*RK45.C[1:], 1], [*RK45.A[1:], RK45.B], strict=True):
         y = n.y + n.h * ca.mtimes(slopes, ca.DM(row[: slopes.shape[1]]))
@@ -180,7 +180,7 @@ def _mismatch_and_jump(
     n: SimpleNamespace,
     active: list[list[int]],
 ) -> dict[str, ca.MX]:
-    """How σ differs from its rates over the last step, or over the next one if inputs are interpolated."""
+    """Return how σ differs from its rates over the last step, or the next one if inputs are interpolated."""
     if not active:
         return {"target": n.given}
     values, rates, accelerations = map(list, zip(*active, strict=True))
@@ -215,7 +215,7 @@ def _mismatch_and_jump(
 
 
 def _jump_rates(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
-    """dy/dx of (x, y) by jumps up to u, 0 <= x <= 1: what they add to the rates of states that act on the motion."""
+    """Return dy/dx of (x, y) by jumps up to u, 0 <= x <= 1."""
     values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
     count, jump = coupled(model), n.jump
 

@@ -71,7 +71,7 @@ class Trajectory:
         return name in self._outputs
 
     def __getitem__(self, name: str) -> NDArray:
-        """An output, shape (n, count)."""
+        """Values of an output, shape (n, count)."""
         return self.values[:, self._outputs[name]]
 
 
@@ -81,7 +81,7 @@ class _GivenUpError(Exception):
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def trajectory(model: Model) -> Trajectory | None:
-    """Integrate the default experiment; None where it leads to a singularity, has contacts, or takes too long."""
+    """Return the integrated default experiment; None if it is singular, has contacts, or takes too long."""
     count = model.derivatives.numel_in(1)
     if model.contacts or count * INTERVALS > WORK:
         return None
@@ -106,6 +106,7 @@ def trajectory(model: Model) -> Trajectory | None:
 
 
 def _with_reference_starts(model: Model) -> Model:
+    """Return the model with the start values of ``Experiment(reference=...)``."""
     reference = model.experiment.reference
     scalars = [v.name for v in (*model.parameters, *model.inputs) if v.dimension is None]
     for name in reference:
@@ -124,7 +125,7 @@ _Motion = Callable[[float], NDArray]
 
 
 def _input_motion(model: Model, start: NDArray) -> _Motion:
-    """Prescribed coordinates move at constant acceleration, the other inputs rest.
+    """Return the inputs as a function of time: prescribed coordinates at constant acceleration, others at rest.
 
     Such a motion is exact in an FMU for any communication step size.
     """
@@ -145,7 +146,7 @@ def _input_motion(model: Model, start: NDArray) -> _Motion:
 
 
 def _integrate_states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArray) -> Iterator[NDArray]:
-    """States at the times; the integration restarts at each event."""
+    """Yield the states at the times; the integration restarts at each event."""
     yield y
     if not y.size:
         yield from (y for _ in times[1:])
@@ -163,7 +164,7 @@ def _integrate_states(model: Model, times: NDArray, y: NDArray, motion: _Motion,
 
 
 def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
-    """The right-hand side, called in place, since it is most of the work."""
+    """Return dy/dt of (t, y), which raises an error when the allowed work is done."""
     state, result = np.zeros((2, model.derivatives.numel_out(0)))
     time = np.zeros(1)
     call = Call(model.derivatives, (time, state, motion(0.0), k), (result,))
@@ -183,7 +184,7 @@ def _right_hand_side(model: Model, motion: _Motion, k: NDArray) -> Callable[[flo
 
 
 def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dict[str, bytes]:
-    """The manifest and, unless there are no results, the table; by path in the archive.
+    """Return the manifest and, with results, their tables and parameters, by path in the archive.
 
     :param results: of this model; None where there are none.
     :param fmi: for FMI 3.0 a cell of the table holds all elements of an array.
@@ -220,13 +221,14 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
 
 
 def _moving_inputs(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
-    """Scalar inputs that leave their start values, and their values, shape (n, 1)."""
+    """Return the inputs that leave their start values, with their values, (n, 1)."""
     indices = index_ranges(model.inputs)
     values = {variable: results.inputs[:, indices[variable.name]] for variable in model.inputs}
     return {variable: column for variable, column in values.items() if np.any(column != variable.starts)}
 
 
 def _parameter_set(starts: Mapping[str, float]) -> bytes:
+    """Return start values as a parameter set of SSP."""
     attributes = {"xmlns:ssv": f"{_SSP}SystemStructureParameterValues", "version": "1.0", "name": "reference"}
     parameters = (
         line
@@ -237,7 +239,7 @@ def _parameter_set(starts: Mapping[str, float]) -> bytes:
 
 
 def columns(model: Model) -> list[Variable]:
-    """What the table shows: the states, energy, the operators' forces, a signal; no long arrays."""
+    """Return the variables in the table: states, energy, operators' forces, signals; no long arrays."""
     states = [state.name for state in model.states if state.name not in _BOOKED]
     forces = [f"{active.value}_force" for active in model.active]
     signals = [member.variable for port in model.ports if port.kind == "signal" for member in port.members]
@@ -247,7 +249,7 @@ def columns(model: Model) -> list[Variable]:
 
 
 def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
-    """Columns of the times (n,) and of variables (n, count)."""
+    """Return a table of the times (n,) and of variables (n, count)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [[e.name for e in v.elements()] if fmi == "2" else [v.name] for v in shown]
@@ -260,7 +262,7 @@ def _csv_table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> b
 
 
 def _rounded(column: NDArray) -> NDArray:
-    """Rounded to nine digits of the greatest number of each column; rounding errors alone become 0."""
+    """Return the columns with nine digits of their greatest number; rounding errors alone become 0."""
     greatest = np.max(np.abs(column), axis=0)
     with np.errstate(divide="ignore"):
         digits = np.where(greatest > TOLERANCE, _DIGITS - 1 - np.floor(np.log10(greatest)), 0)
@@ -269,6 +271,7 @@ def _rounded(column: NDArray) -> NDArray:
 
 
 def _manifest(related: list[dict[str, str]], why: str) -> bytes:
+    """Return fmi-ls-manifest.xml."""
     attributes = {
         "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
         "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",

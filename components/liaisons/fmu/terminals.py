@@ -32,12 +32,13 @@ _TEXTS = {
 
 
 def terminals_and_icons(model: Model, fmi: Fmi) -> bytes:
-    """The file, in UTF-8; the same bytes for the same arguments."""
+    """Return terminalsAndIcons.xml, the same bytes for the same arguments."""
     ports = model.ports if fmi == "3" else tuple(_scalar_ports(model))
     return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _root_content(ports)))
 
 
 def _root_content(ports: tuple[Terminal, ...]) -> Iterator[str]:
+    """Yield the children of the root: the place of the icon, and the terminals."""
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     graphics = [
         *element("CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}),
@@ -49,6 +50,7 @@ def _root_content(ports: tuple[Terminal, ...]) -> Iterator[str]:
 
 
 def _terminals(ports: tuple[Terminal, ...]) -> Iterator[str]:
+    """Yield the terminals of ports; those of the components of one point are nested."""
     points: dict[tuple[str, str], dict[str, Terminal]] = {}  # (kind, point) -> components by axis
     for port in ports:
         if match := _COMPONENT.fullmatch(port.name):
@@ -67,6 +69,7 @@ def _terminals(ports: tuple[Terminal, ...]) -> Iterator[str]:
 
 
 def _terminal(port: Terminal, name: str) -> Iterator[str]:
+    """Yield the terminal of a port; of a signal one for translations, and one for rotations."""
     yield from _member_terminal(port, name, port.members)
     if port.kind == "signal":  # fits translations and rotations
         members = tuple(TerminalMember(_ROTATION[member.role], member.variable) for member in port.members)
@@ -74,6 +77,7 @@ def _terminal(port: Terminal, name: str) -> Iterator[str]:
 
 
 def _member_terminal(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> Iterator[str]:
+    """Yield a terminal with its members."""
     attributes = {
         "name": name,
         # The force of an active port may stay unconnected.
@@ -92,7 +96,7 @@ def _member_terminal(port: Terminal, name: str, members: tuple[TerminalMember, .
 
 
 def _scalar_ports(model: Model) -> Iterator[Terminal]:
-    """Ports of scalars and of elements of arrays, as FMI 2.0 names them."""
+    """Yield ports of scalars and of elements of arrays, as FMI 2.0 names them."""
     variables = {variable.name: variable for variable in model.variables}
     for port in model.ports:
         variable = variables[port.members[0].variable]

@@ -57,13 +57,15 @@ class Algebra:
     # ---- atoms ------------------------------------------------------------------------------------------------
 
     def atom(self, operation: str, *arguments: Polynomial, name: str = "") -> Polynomial:
-        """The atom as a polynomial; equal atoms are one."""
+        """Return the atom as a polynomial; equal atoms are one."""
         return {((self._atom_index(operation, arguments, name), 1),): ONE}
 
     def symbol(self, name: str) -> Polynomial:
+        """Return a symbol as a polynomial."""
         return self.atom(SYMBOL, name=name)
 
     def _atom_index(self, operation: str, arguments: Sequence[Polynomial], name: str = "") -> int:
+        """Return the index of an atom, which is added unless there is an equal one."""
         key = (operation, name, *(tuple(sorted(argument.items())) for argument in arguments))
         if key not in self._indices:
             self._indices[key] = len(self.atoms)
@@ -73,14 +75,17 @@ class Algebra:
     # ---- arithmetic -------------------------------------------------------------------------------------------
 
     def plus(self, *summands: Polynomial) -> Polynomial:
+        """Return the sum."""
         return _sum_of_terms(item for summand in summands for item in summand.items())
 
     def times(self, a: Polynomial, b: Polynomial) -> Polynomial:
+        """Return the product, expanded up to the limit of terms."""
         if len(a) * len(b) > self.limit:
             a, b = (x if is_number(x) or is_number(y) else self.grouped(x) for x, y in ((a, b), (b, a)))
         return _sum_of_terms((_monomial_product(m, n), c * d) for m, c in a.items() for n, d in b.items())
 
     def power(self, base: Polynomial, exponent: Exponent) -> Polynomial:
+        """Return a power, expanded up to the limit of terms."""
         if not base or exponent == 0:
             return {} if exponent else {(): ONE}
         if exponent.denominator != 1:  # no factor leaves a root, since √x² is not x
@@ -91,7 +96,7 @@ class Algebra:
         return {_monomial_power(m, exponent): c**exponent for m, c in self.grouped(base).items()}
 
     def grouped(self, p: Polynomial) -> Polynomial:
-        """A sum as one product: the common factor of its terms times the rest in brackets."""
+        """Return a sum as one product: the common factor of its terms times the rest in brackets."""
         if len(p) < 2:
             return p
         common, rest = content(p)
@@ -99,7 +104,7 @@ class Algebra:
         return self.times(common, rest if len(rest) < 2 else self.atom(GROUP, rest))
 
     def collected(self, p: Polynomial) -> Polynomial:
-        """The sum with common factors put before brackets, the most frequent one first."""
+        """Return the sum with common factors put before brackets, the most frequent one first."""
         if len(p) < 2:
             return p
         common, rest = content(p)
@@ -117,7 +122,7 @@ class Algebra:
     # ---- functions --------------------------------------------------------------------------------------------
 
     def call(self, operation: str, *arguments: Polynomial) -> Polynomial:
-        """A function of polynomials; sin(-x) = -sin x and cos(-x) = cos x, and both at 0."""
+        """Return a function of polynomials; sin(-x) = -sin x and cos(-x) = cos x, and both at 0."""
         simple = [self.simplified(argument) for argument in arguments]
         if operation in _COFUNCTION:
             (angle,) = simple
@@ -129,12 +134,13 @@ class Algebra:
         return self.atom(operation, *simple)
 
     def simplified(self, p: Polynomial) -> Polynomial:
-        """The sum with sin² + cos² = 1 and the addition theorems applied where that makes it shorter."""
+        """Return the sum, with sin² + cos² = 1 and the addition theorems applied where that makes it shorter."""
         while (shorter := self._pythagoras(p) or self._addition_theorem(p)) is not None:
             p = shorter
         return p
 
     def _pythagoras(self, p: Polynomial) -> Polynomial | None:
+        """Return the sum shortened by sin² + cos² = 1; None where that is not possible."""
         for index in sorted({atom for monomial in p for atom, exponent in monomial if exponent >= 2}):
             function = self.atoms[index]
             if function.operation not in _COFUNCTION:
@@ -152,6 +158,7 @@ class Algebra:
         return None
 
     def _addition_theorem(self, p: Polynomial) -> Polynomial | None:
+        """Return the sum shortened by sin(a ± b) or cos(a ± b); None where that is not possible."""
         for monomial, c in p.items():
             waves = [index for index, e in monomial if e >= 1 and self.atoms[index].operation in _COFUNCTION]
             for first, second in combinations(waves, 2):
@@ -175,14 +182,14 @@ class Algebra:
     # ---- from CasADi ------------------------------------------------------------------------------------------
 
     def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
-        """The scalar result of a function of scalars with these names."""
+        """Return the scalar result of a function of scalars with these names."""
         (values,) = interpret(
             function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._operation_result
         )
         return self.simplified(values[0] if values else {})
 
     def number(self, value: float) -> Polynomial:
-        """A constant: a fraction, a fraction of π or the root of a fraction where it is one to the last bit."""
+        """Return a constant: a fraction, a fraction of π or the root of a fraction, where it is one to the last bit."""
         number = _simple_fraction(value)
         if isinstance(number, float) and math.isfinite(value):
             of_pi, square = _simple_fraction(value / math.pi), Fraction(value * value).limit_denominator(100)
@@ -193,6 +200,7 @@ class Algebra:
         return {(): number} if number else {}
 
     def _operation_result(self, operation: int, x: list[Polynomial]) -> Polynomial:
+        """Return the result of CasADi's operation of a code."""
         if operation in _ARITHMETIC:
             return _ARITHMETIC[operation](self, *x)
         if operation in (ca.OP_POW, ca.OP_CONSTPOW):
@@ -204,29 +212,29 @@ class Algebra:
 
 
 def is_supported(function: ca.Function) -> bool:
-    """Whether all operations of a function can be written here; calls of others cannot."""
+    """Return whether formulas have all operations of a function; calls of other functions are none of them."""
     plain = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_POW, ca.OP_CONSTPOW, *_ARITHMETIC, *_FUNCTIONS}
     return operation_codes(function) <= plain
 
 
 def is_number(p: Polynomial) -> bool:
-    """Whether a sum is a constant."""
+    """Return whether a sum is a constant."""
     return p.keys() <= {()}
 
 
 def alone(p: Polynomial) -> int | None:
-    """The atom that equals a sum, if any."""
+    """Return the atom that equals a sum; None if there is none."""
     ((monomial, coefficient),) = p.items() if len(p) == 1 else [((), ONE)]
     return monomial[0][0] if coefficient == 1 and len(monomial) == 1 and monomial[0][1] == 1 else None
 
 
 def scaled(p: Polynomial, factor: int | Fraction) -> Polynomial:
-    """The sum times a number that is not 0."""
+    """Return the sum times a number that is not 0."""
     return {monomial: coefficient * factor for monomial, coefficient in p.items()}
 
 
 def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """The common factor of all terms, and the remaining sum, whose first term is positive."""
+    """Return the common factor of all terms, and the remaining sum, whose first term is positive."""
     exponents = [dict(monomial) for monomial in p]
     shared = set.intersection(*map(set, exponents))
     monomial = tuple(sorted((atom, min(e[atom] for e in exponents)) for atom in shared))
@@ -241,6 +249,7 @@ def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
 
 
 def _sum_of_terms(terms: Iterable[tuple[Monomial, Coefficient]]) -> Polynomial:
+    """Return a polynomial of terms, like ones added up."""
     total: Polynomial = {}
     for monomial, coefficient in terms:
         total[monomial] = total[monomial] + coefficient if monomial in total else coefficient
@@ -248,6 +257,7 @@ def _sum_of_terms(terms: Iterable[tuple[Monomial, Coefficient]]) -> Polynomial:
 
 
 def _monomial_product(a: Monomial, b: Monomial) -> Monomial:
+    """Return the product of two monomials."""
     if not a or not b:
         return a or b
     exponents: dict[int, Exponent] = dict(a)
@@ -257,10 +267,12 @@ def _monomial_product(a: Monomial, b: Monomial) -> Monomial:
 
 
 def _monomial_power(monomial: Monomial, exponent: Exponent) -> Monomial:
+    """Return a power of a monomial."""
     return tuple((atom, e * exponent) for atom, e in monomial)
 
 
 def _simple_fraction(value: float) -> Coefficient:
+    """Return the fraction with a small denominator that a number is to the last bit, else the number."""
     if not math.isfinite(value):
         return value
     simple = Fraction(value).limit_denominator(1000)

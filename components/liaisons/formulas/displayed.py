@@ -56,6 +56,7 @@ class DisplayedEquations:
 
     @cached_property
     def _formulas(self) -> list[tuple[Equation, Formula | None]]:
+        """The equations with their formulas; None for one that is too long."""
         return [(equation, formula(equation.right, self.notation)) for equation in self.equations]
 
     def _sections(self, printer: Printer, inline: str) -> Iterator[tuple[Law, str, list[tuple[str, Formula]], str]]:
@@ -68,7 +69,7 @@ class DisplayedEquations:
             yield law, general, [(left, right) for left, right in own if right is not None], remark
 
     def html(self) -> list[str]:
-        """Lines of HTML with MathML: each law in its general form, then for this component."""
+        """Return lines of HTML with MathML: each law in its general form, then for this component."""
         printer, lines = MathML(self.notation), list[str]()
         for law, general, equations, remark in self._sections(printer, "<math>{}</math>"):
             general = general.replace("<math>", '<math display="block">')  # noqa: PLW2901
@@ -79,7 +80,7 @@ class DisplayedEquations:
         return lines
 
     def latex(self) -> str:
-        """Paragraphs of LaTeX, with the package amsmath."""
+        """Return paragraphs of LaTeX, with the package amsmath."""
         printer, lines = LaTeX(self.notation), list[str]()
         for law, general, equations, remark in self._sections(printer, "${}$"):
             lines.append(rf"\paragraph{{{law.title}}} {general}")
@@ -89,7 +90,7 @@ class DisplayedEquations:
         return "\n".join(lines)
 
     def _latex_rows(self, left: str, right: Formula, printer: LaTeX) -> Iterator[str]:
-        """One equation and its abbreviations, broken between terms."""
+        """Yield the rows of an equation and its abbreviations, broken between terms."""
         plain = Unicode(self.notation)
         for i, (name, term) in enumerate([(Name(left), right.term), *right.where]):
             first, *further = _broken_lines(printer.terms(term), map(width, plain.terms(term)), _PAGE)
@@ -98,7 +99,7 @@ class DisplayedEquations:
             yield from (rf"&\quad {line}" for line in further)
 
     def text(self, width: int | None = None) -> str:
-        """Lines for a terminal.
+        """Return lines for a terminal.
 
         :param width: columns; those of the terminal unless given, 80 where there is none.
         """
@@ -106,6 +107,7 @@ class DisplayedEquations:
         return "\n\n".join("\n".join(lines) for lines in self._paragraphs(columns))
 
     def _paragraphs(self, columns: int) -> Iterator[list[str]]:
+        """Yield the lines of each part."""
         printer = Unicode(self.notation)
         for law, general, equations, remark in self._sections(printer, "{}"):
             formula = " ".join(general.split()).replace("( ", "(").replace(" )", ")")
@@ -119,7 +121,7 @@ class DisplayedEquations:
             yield lines + textwrap.wrap(remark, columns, initial_indent="  ", subsequent_indent="  ")
 
     def sympy(self) -> list[Any]:
-        """Equations of SymPy, without those that are too long to be read.
+        """Return equations of SymPy, without those that are too long to be read.
 
         Symbols have the names of the FMU's variables, ``theta_dot``.
 
@@ -143,12 +145,12 @@ class DisplayedEquations:
 
 
 def of_model(model: Model) -> DisplayedEquations:
-    """Equations of a model, as the page inside its FMU has them."""
+    """Return the equations of a model, as the page inside its FMU has them."""
     return DisplayedEquations(model.name, model.equations, Notation.from_model(model))
 
 
 def of_component(component: type[Component]) -> DisplayedEquations:
-    """Equations of a component, those of Hamilton's mechanics included."""
+    """Return the equations of a component, with those of Hamilton's mechanics."""
     shown = of_model(assemble(component))
     if not issubclass(component, Mechanism):
         return shown if shown.equations else replace(shown, notes={"signal": "It is read from a table."})
@@ -164,13 +166,13 @@ def of_component(component: type[Component]) -> DisplayedEquations:
 
 
 def _paragraphs(left: str, right: Formula, printer: MathML) -> list[str]:
-    """One equation and its abbreviations."""
+    """Return HTML of an equation and its abbreviations."""
     where = [_paragraph(name.name, term, printer) for name, term in right.where]
     return [_paragraph(left, right.term, printer), *(["<p>where</p>", *where] if where else [])]
 
 
 def _paragraph(left: str, right: Term, printer: MathML) -> str:
-    """An equation that breaks between its terms where the page ends."""
+    """Return HTML of an equation that breaks between its terms where the page ends."""
     first, *further = printer.terms(right)
     signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in further)  # spaced as between its neighbours
     pieces = (f"{printer.name(left)}<mo>=</mo>{first}", *signed)
@@ -179,7 +181,7 @@ def _paragraph(left: str, right: Term, printer: MathML) -> str:
 
 
 def _broken_lines(terms: Iterable[str], widths: Iterable[int], room: int) -> list[str]:
-    """Terms on lines as wide as a room, if each is."""
+    """Return terms on lines that are no wider than the room, if no term is."""
     lines, used = list[str](), room
     for term, size in zip(terms, widths, strict=True):
         if used + size > room or not lines:
@@ -191,7 +193,7 @@ def _broken_lines(terms: Iterable[str], widths: Iterable[int], room: int) -> lis
 
 
 def _aligned_lines(left: str, terms: Sequence[str], margin: int, columns: int) -> Iterator[str]:
-    """An equation that breaks between its terms, its sign of equality behind the margin."""
+    """Yield an equation that breaks between its terms, its sign of equality behind the margin."""
     head = " " * (margin - width(left)) + f"{left} = "
     room = max(columns - width(head), 10)
     for line in _broken_lines(terms, map(width, terms), room):

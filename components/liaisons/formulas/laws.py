@@ -23,7 +23,7 @@ class Law:
     formula: str = ""
 
     def written(self, printer: Printer) -> str:
-        """The law by a printer."""
+        """Return the law as a printer writes it."""
         fractions = (
             [_PART.sub(partial(_printed_part, printer), side) for side in w.split("/")] for w in self.formula.split()
         )
@@ -31,6 +31,7 @@ class Law:
 
 
 def _printed_part(printer: Printer, part: re.Match[str]) -> str:
+    """Return a letter, number or sign of a law as a printer writes it."""
     if part["letter"] is None:
         return printer.sign(part[0]) if part["sign"] else printer.digits(part[0])
     below = (Letter(part["below"]),) if part["below"] else ()

@@ -23,7 +23,7 @@ class MathML(Printer):
     plus, minus, between, space = "<mo>+</mo>", "<mo>−</mo>", "", '<mspace width="0.2em"></mspace>'
 
     def width(self, term: Term) -> int:
-        """Count of characters."""
+        """Return the number of characters of a term."""
         return len(_TAG.sub("", self.row(term)))
 
     def letter(self, letter: Letter) -> str:
@@ -48,7 +48,7 @@ class MathML(Printer):
         return f"<mrow>{row}</mrow>"
 
     def product(self, factors: tuple[Term, ...]) -> str:
-        """Nothing between the factors, a space beside words."""
+        """Return factors one after the other, with a space beside words."""
         rows = [self.factor(factor, Addition, Product) for factor in factors]
         text = rows[0]
         for before, after in pairwise(rows):

@@ -41,7 +41,7 @@ class Letter:
         return len(self.text) > 1 and not self.text.isdecimal()
 
     def texts(self) -> Iterator[str]:
-        """Its own text and those below."""
+        """Yield its own text and those of its subscripts."""
         yield self.text
         for letter in self.below:
             yield from letter.texts()
@@ -76,17 +76,17 @@ class Notation:
         return cls([v.name for v in model.variables], upheld, symbols)
 
     def rank(self, name: str) -> int:
-        """Index among the names; behind all of them for others."""
+        """Return the index among the names; of any other name the number of names."""
         return self._rank.get(name, len(self._rank))
 
     def free_letter(self) -> str:
-        """A letter that no variable has, for abbreviations: ``"a"``, if they are called a_1, a_2."""
+        """Return a letter that no variable has: ``"a"``, for abbreviations a_1, a_2."""
         taken = {name.partition("_")[0] for name in self._rank}
         taken.update(text for letter in self._symbols.values() for text in letter.texts())
         return next(x for x in "abcdefhjnuvw" if x not in taken)
 
     def _written(self, name: str, part: str = "") -> Letter:
-        """A name; of a part of a system, ``part`` is in front of the names that are declared."""
+        """Return the letter of a name; ``part`` stands before declared names of the parts of a system."""
         owner, dot, inner = name.partition("[")[0].partition(".")
         if dot:
             letter = self._written(inner + name[len(owner) + 1 + len(inner) :], f"{owner}.")
@@ -116,6 +116,6 @@ class Notation:
 
 
 def _greek(text: str) -> str:
-    """The letter that a word is the name of, else the word."""
+    """Return the Greek letter of this name, else the word."""
     letter = unescape(f"&{text};")
     return letter if "Α" <= letter <= "ω" else text

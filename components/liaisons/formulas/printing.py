@@ -25,7 +25,7 @@ _SPELLED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "log": "ln"}
 
 
 class Printer(ABC):
-    """Terms as text of one kind; abstract."""
+    """Printer of terms as text of one kind; abstract."""
 
     plus: ClassVar[str]
     minus: ClassVar[str]
@@ -37,11 +37,11 @@ class Printer(ABC):
         self.notation = notation
 
     def name(self, name: str) -> str:
-        """A variable."""
+        """Return the letter of a variable."""
         return self.letter(self.notation[name])
 
     def terms(self, term: Term) -> tuple[str, ...]:
-        """Each term of a sum with its sign, so that a line may break before it."""
+        """Return each term of a sum with its sign, so that a line may break before it."""
         return tuple(
             self.minus + self.factor(t.term, Addition)
             if isinstance(t, Negative)
@@ -50,7 +50,7 @@ class Printer(ABC):
         )
 
     def row(self, term: Term) -> str:  # noqa: PLR0911 - one for each kind
-        """A term on one line."""
+        """Return a term on one line."""
         match term:
             case Number(value):
                 return self.number(value)
@@ -70,12 +70,12 @@ class Printer(ABC):
                 return self._application(function, arguments)
 
     def factor(self, term: Term, *kinds: type[Term]) -> str:
-        """A term, in brackets if it is of these kinds."""
+        """Return a term, in brackets if it is of these kinds."""
         row = self.row(term)
         return self.around("(", row, ")") if isinstance(term, kinds) else row
 
     def number(self, value: float) -> str:
-        """A number that is not negative."""
+        """Return a number that is not negative."""
         mantissa, _, exponent = f"{value!r}".partition("e")
         if not exponent:
             return self.digits(mantissa)
@@ -113,6 +113,7 @@ class Printer(ABC):
         return self._called(self.function(_SPELLED.get(function, function)), arguments)
 
     def _called(self, function: str, arguments: tuple[Term, ...]) -> str:
+        """Return a function with its arguments."""
         inner = self.sign(",").join(map(self.row, arguments))
         is_name = len(arguments) == 1 and isinstance(arguments[0], Name)
         return self.applied(function, self.space + inner if is_name else self.around("(", inner, ")"))
@@ -122,11 +123,11 @@ class Printer(ABC):
 
     @abstractmethod
     def letter(self, letter: Letter) -> str:
-        """A letter with its dots and subscripts."""
+        """Return a letter with its dots and subscripts."""
 
     @abstractmethod
     def function(self, name: str) -> str:
-        """The name of a function."""
+        """Return the name of a function."""
 
     @abstractmethod
     def product(self, factors: tuple[Term, ...]) -> str: ...
@@ -139,8 +140,8 @@ class Printer(ABC):
 
     @abstractmethod
     def raised(self, base: str, above: str) -> str:
-        """A base with its exponent."""
+        """Return a base with its exponent."""
 
     @abstractmethod
     def around(self, left: str, row: str, right: str) -> str:
-        """A row between brackets."""
+        """Return a row between brackets."""

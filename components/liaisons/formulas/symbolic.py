@@ -15,7 +15,7 @@ _RELATIONS = {"lt": "Lt", "le": "Le", "eq": "Eq", "ne": "Ne"}
 
 
 def sympy_package() -> Any:
-    """The package.
+    """Return the module ``sympy``.
 
     :raises ProjectError: if it is missing.
     """
@@ -27,12 +27,12 @@ def sympy_package() -> Any:
 
 
 def symbol(name: str) -> Any:
-    """Symbol of a variable."""
+    """Return the symbol of a variable."""
     return sympy_package().Symbol(name, real=True)
 
 
 def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
-    """A formula without abbreviations; its symbols are real and have the names of the variables."""
+    """Return a formula without abbreviations; its symbols are real and have the names of the variables."""
     sympy = sympy_package()
     known = {"π": sympy.pi}
 

@@ -89,17 +89,17 @@ class Formula:
 
 
 def summands(term: Term) -> tuple[Term, ...]:
-    """The terms of a sum; of any other term itself."""
+    """Return the terms of a sum; any other term itself."""
     return term.terms if isinstance(term, Addition) else (term,)
 
 
 def added(terms: Sequence[Term]) -> Term:
-    """The sum of terms."""
+    """Return the sum of terms."""
     return terms[0] if len(terms) == 1 and not isinstance(terms[0], Negative) else Addition(tuple(terms) or (ZERO,))
 
 
 def multiplied(factors: Sequence[Term]) -> Term:
-    """The product of at least one factor."""
+    """Return the product of at least one factor."""
     return factors[0] if len(factors) == 1 else Product(tuple(factors))
 
 

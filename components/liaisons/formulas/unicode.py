@@ -20,7 +20,7 @@ FIRM, SOFT = "\u00a0", "\u202f"
 
 
 def wrapped(text: str, columns: int) -> list[str]:
-    """Lines of a text, with plain blanks."""
+    """Return the lines of a text, with plain blanks."""
     lines = list[str]()
     for line in textwrap.wrap(text, columns, break_long_words=False):
         lines += [line] if width(line) <= columns else textwrap.wrap(line.replace(SOFT, " "), columns)
@@ -28,7 +28,7 @@ def wrapped(text: str, columns: int) -> list[str]:
 
 
 def width(text: str) -> int:
-    """Columns of a terminal that a text takes."""
+    """Return the columns of a terminal that a text takes."""
     return sum(not unicodedata.combining(character) for character in text)
 
 
@@ -56,7 +56,7 @@ class Unicode(Printer):
         return name
 
     def product(self, factors: tuple[Term, ...]) -> str:
-        """Letters with a blank between them, words with a dot."""
+        """Return letters with a blank between them, words with a dot."""
         rows = [self.factor(factor, Addition, Product, Quotient) for factor in factors]
         words = [isinstance(factor, Name) and self._is_word(factor.name) for factor in factors]
         gaps = (f"{SOFT}·{FIRM}" if any(pair) else SOFT for pair in pairwise(words))

@@ -57,7 +57,7 @@ WIDE = 60
 
 
 def formula(expression: ca.SX, notation: Notation, longest: float = LONGEST, *, breaks: bool = False) -> Formula | None:
-    """The shortest form of a scalar expression; None if it takes more operations than ``longest``.
+    """Return the shortest form of a scalar expression; None if it takes more operations than ``longest``.
 
     :param breaks: whether a line may break inside of brackets.
     """
@@ -72,7 +72,7 @@ def formula(expression: ca.SX, notation: Notation, longest: float = LONGEST, *, 
 
 
 class _Writer:
-    """Writes one expression; repeated brackets of a long one get names."""
+    """Writer of one expression, in which repeated brackets of a long one get names."""
 
     def __init__(
         self, function: ca.Function, names: list[str], algebra: Algebra, notation: Notation, breaks: bool
@@ -97,13 +97,13 @@ class _Writer:
     # ---- how long it is ---------------------------------------------------------------------------------------
 
     def _total_operations(self, p: Polynomial) -> int:
-        """Operations, those of repeated parts once."""
+        """Return the number of operations, those of repeated parts counted once."""
         return _operation_count(p) + sum(
             sum(map(_operation_count, self.algebra.atoms[index].arguments), 1) for index in self._use_counts(p)
         )
 
     def _use_counts(self, p: Polynomial) -> Counter[int]:
-        """How often each function and bracket is written, if its definition is written once."""
+        """Return how often each function and bracket is written, if its definition is written once."""
         uses: Counter[int] = Counter()
         waiting = [p]
         while waiting:
@@ -115,7 +115,7 @@ class _Writer:
         return uses
 
     def _abbreviate(self) -> None:
-        """Name what a long formula repeats and what is too wide for a line."""
+        """Name what a long formula repeats, and what is too wide for a line."""
         long = self.operations > SHORT
         letter = self.notation.free_letter()
         for index, count in sorted(self._use_counts(self.polynomial).items()):  # its parts have lower indices
@@ -130,17 +130,19 @@ class _Writer:
     # ---- sums -------------------------------------------------------------------------------------------------
 
     def _sum(self, p: Polynomial) -> Term:
-        """Terms with their signs, positive ones first, short ones before long ones."""
+        """Return terms with their signs, positive ones first, short ones before long ones."""
         ordered = sorted(p.items(), key=lambda item: (item[1] < 0, len(item[0]), self._rank(item[0])))
         return added([term for monomial, coefficient in ordered for term in self._terms(monomial, coefficient)])
 
     def _terms(self, monomial: Monomial, coefficient: Coefficient) -> tuple[Term, ...]:
+        """Return a monomial as a term; a bracket that multiplies nothing as its terms."""
         if self._is_bare_group({monomial: coefficient}):  # a bracket that multiplies nothing
             return summands(self._factor(monomial[0][0]))
         term = self._product(monomial, abs(coefficient))
         return (Negative(term) if coefficient < 0 else term,)
 
     def _is_bare_group(self, p: Polynomial) -> bool:
+        """Return whether a sum is one bracket without a name."""
         index = alone(p)
         return index is not None and self.algebra.atoms[index].operation == GROUP and index not in self.abbreviations
 
@@ -166,7 +168,7 @@ class _Writer:
         return base if exponent == 1 else Power(base, self._product((), Fraction(exponent)))
 
     def _factor(self, index: int) -> Term:
-        """The term of an atom."""
+        """Return the term of an atom."""
         atom = self.algebra.atoms[index]
         if index in self.abbreviations:
             return self.abbreviations[index]
@@ -180,7 +182,7 @@ class _Writer:
         return Application(_FUNCTIONS.get(atom.operation, atom.operation), inner)
 
     def _rank(self, monomial: Monomial) -> tuple[tuple[int, int], ...]:
-        """Order of writing: numbers, symbols in the order of the variables, brackets, functions."""
+        """Return the order of writing: numbers, symbols in the order of the variables, brackets, functions."""
         ranks = []
         for index, _ in monomial:
             atom = self.algebra.atoms[index]
@@ -194,7 +196,7 @@ class _Writer:
 
 
 def _operation_count(p: Polynomial) -> int:
-    """Operations of a sum of products, without those inside of its factors."""
+    """Return the number of operations of a sum of products, without those inside its factors."""
     count = max(len(p) - 1, 0)
     for monomial, coefficient in p.items():
         count += max(len(monomial) - 1, 0) + sum(e not in (1, -1) for _, e in monomial)

@@ -64,7 +64,7 @@ def flatten(
 
 
 def composed(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
-    """The equations of motion of a whole system; raises what :func:`flatten` does."""
+    """Return the equations of motion of a whole system; raise what :func:`flatten` does."""
     from liaisons.mechanics.composition import compose
 
     if not isinstance(system, System):
@@ -88,7 +88,7 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
 
 
 def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
-    """The model that an FMU of ours was built from, its arrays element by element, and the start values in the file.
+    """Return the model, without arrays, that an FMU of ours was built from, and the start values in the file.
 
     :raises SimulationError: if the catalogue does not have it.
     """
@@ -98,7 +98,7 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
 
 
 def _model_of_part(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Model:
-    """The model that an FMU of ours was built from."""
+    """Return the model that the FMU of a part was built from."""
     fmu = part.fmu
     if has_table(fmu.path):
         raise SimulationError(
@@ -127,7 +127,7 @@ def _model_of_part(part: SystemComponent, classes: Mapping[str, type[Component]]
 
 
 def _start_values(part: SystemComponent, derived: Model) -> dict[str, float]:
-    """Start values of parameters and inputs: those of the system, else those that the file has."""
+    """Return start values of parameters and inputs: those of the system, else those in the file."""
     own = part.element_starts
     names = [variable.name for variable in (*derived.parameters, *derived.inputs)]
     starts: dict[str, Any] = {name: own.get(name, part.fmu.variables[name].start) for name in names}
@@ -135,7 +135,7 @@ def _start_values(part: SystemComponent, derived: Model) -> dict[str, float]:
 
 
 def identifier(name: str) -> str:
-    """Name of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
+    """Return the name of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
     words = re.findall(r"[A-Za-z0-9]+", name)
     joined = "".join(word[0].upper() + word[1:] for word in words)
     return joined if joined[:1].isalpha() else f"System{joined}"

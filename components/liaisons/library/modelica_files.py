@@ -34,7 +34,7 @@ _EXAMPLES = {
 
 
 def modelica(subject: Target | System, /, *, standard_library: bool = False) -> str:
-    """Modelica text of a component, of several, or of a system: a package that stands alone.
+    """Return Modelica text of a component, of several, or of a system: a package that stands alone.
 
     A component is a package of its name.  ``Motion`` has the equations; ``Signals`` takes value, rate and acceleration
     of each active coordinate ``s`` as the input ``u_s[3]``; ``Flanges`` has connectors like those of the Modelica
@@ -58,6 +58,7 @@ def modelica(subject: Target | System, /, *, standard_library: bool = False) -> 
 
 
 def _composition(subject: System) -> Composition:
+    """Return a system as Modelica text describes it: components, start values, connections."""
     from liaisons.modelica_text import Composition
 
     classes, parts = catalogue(), subject.filled()
@@ -77,7 +78,7 @@ def _composition(subject: System) -> Composition:
 
 
 def modelica_library(chosen: Collection[type[Component]], *, standard_library: bool = False) -> str:
-    """Text of the package ``Liaisons``: components, and as ``Examples`` their default experiments and some systems.
+    """Return the package ``Liaisons``: components, and as ``Examples`` default experiments and some systems.
 
     Those with unilateral liaisons or dry friction, and those that read samples, are left out.
     """

@@ -34,14 +34,14 @@ _owners: dict[tuple[Path, str], str] = {}
 
 
 def catalogue() -> dict[str, type[Component]]:
-    """The components of :mod:`liaisons.models`, by name."""
+    """Return the components of :mod:`liaisons.models`, by name."""
     from liaisons.models import CATALOGUE
 
     return {component.__name__: component for component in CATALOGUE}
 
 
 def catalogue_names() -> list[str]:
-    """Names of these components, read from the files: completion loads no component."""
+    """Return the names of these components, read from the files: completion loads no component."""
     files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
@@ -49,13 +49,13 @@ def catalogue_names() -> list[str]:
 
 
 def is_target(word: object) -> bool:
-    """Whether it names a component or an FMU, and no other file."""
+    """Return whether a word names a component or an FMU, and no other file."""
     name = str(word)
     return isinstance(word, type) or name in catalogue_names() or name.endswith((".fmu", ".py")) or ".py:" in name
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
-    """Name, causality and start of the variables of a catalogue's component or an FMU file; none of anything else."""
+    """Return name, causality and start of the variables of a catalogue's component or an FMU file; else none."""
     if target in catalogue_names():
         from liaisons import models
 
@@ -71,7 +71,7 @@ def variables(target: str) -> list[tuple[str, str, str]]:
 
 
 def components(target: Target) -> list[type[Component]]:
-    """Components of a name, file or class.
+    """Return the components of a name, file or class.
 
     :param target: ``all`` are those of the catalogue, ``my_component.py`` those of a file.
     :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
@@ -114,7 +114,7 @@ def components(target: Target) -> list[type[Component]]:
 
 
 def component(target: Target) -> type[Component]:
-    """The one component of a name, file or class.
+    """Return the one component of a name, file or class.
 
     :raises ProjectError: as :func:`components` does, or if a file has several.
     """
@@ -127,14 +127,14 @@ def component(target: Target) -> type[Component]:
 
 
 def has_size(component: type[Component]) -> bool:
-    """Whether a component has a structural size n."""
+    """Return whether a component has a structural size n."""
     from liaisons.language import Size
 
     return isinstance(getattr(component, "n", None), Size)
 
 
 def model(component: type[Component], **sizes: object) -> Model:
-    """The model of a component, with other structural sizes than it declares if any are given.
+    """Return the model of a component, with structural sizes other than declared if any are given.
 
     :raises ProjectError: if the component has no size of that name.
     :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
@@ -151,7 +151,7 @@ def model(component: type[Component], **sizes: object) -> Model:
 
 
 def derive(target: Target) -> Equations:
-    """Equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` writes them to be read.
+    """Return equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` writes them.
 
     :param target: its name, file or class.
     :raises ProjectError: if it names no mechanism, or several.
@@ -175,7 +175,7 @@ def build(
     fmi: FmiVersion = "2",
     arrays: bool = True,
 ) -> Path:
-    """Build the FMU of a component; one that is there already and up to date is left as it is.
+    """Build the FMU of a component, unless the file is up to date.
 
     :param target: name, file or class of a component, or a model (``assemble(PendulumChain, 20)``).
     :param output: folder, ``fmus/`` unless given; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``,
@@ -208,7 +208,7 @@ def build(
 
 
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
-    """The FMU of one component, built before the path is returned if it is missing or out of date.
+    """Return the path of the FMU of one component, built first if it is missing or out of date.
 
     :param backend: as of :func:`build`.
     :param sizes: structural sizes, for example ``n=100``; such FMUs go to a folder of their own, ``fmus/n=100/``.
@@ -229,7 +229,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
 
 
 def sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
-    """The folder for FMUs of these sizes, ``n=100``, in the one for those as they are declared."""
+    """Return the folder for FMUs of these sizes, ``n=100``, in the one for those as they are declared."""
     return folder / "-".join(f"{name}={size}" for name, size in sizes.items())
 
 
@@ -252,16 +252,18 @@ def claim(component: type[Component], folder: Path | str) -> None:
 
 
 def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
+    """Raise an error if a folder is that of the catalogue."""
     if folder.is_relative_to(fmus_directory().resolve()):
         raise ProjectError(_name_taken(name, origin, folder, "the catalogue's component of this name"))
 
 
 def _name_taken(name: str, origin: str, folder: Path, owner: str) -> str:
+    """Return a message about an FMU of another component."""
     return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
 
 
 def _file_status(path: Path) -> tuple[int, ...]:
-    """Status that changes with a file's content; empty without a file."""
+    """Return what changes with a file's content; empty without a file."""
     if not path.is_file():
         return ()
     status = path.stat()
@@ -269,7 +271,7 @@ def _file_status(path: Path) -> tuple[int, ...]:
 
 
 def fmu_file(target: Target) -> Path:
-    """Path of an FMU file, or of the FMU of a component, built if need be.
+    """Return the path of an FMU file, or of the FMU of a component, built if need be.
 
     :raises ProjectError: if there is no such file or component; else as :func:`fmu_path` does.
     """
@@ -289,6 +291,7 @@ def fmu_file(target: Target) -> Path:
 
 
 def _no_component_message(target: object, text: str) -> str:
+    """Return a message about what is no component."""
     from liaisons.cosim import System
 
     if isinstance(target, System):

@@ -40,7 +40,7 @@ class LivePage:
 
 
 def default_path(subject: Path | System) -> Path:
-    """Default path of the page of an FMU or a system: ``NAME.html`` in the working directory."""
+    """Return the default path of the page of an FMU or a system: ``NAME.html`` in the working directory."""
     name = subject.name if isinstance(subject, System) else subject.stem
     return Path(re.sub(r"[^\w .=-]", "_", name) + ".html")
 

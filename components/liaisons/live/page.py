@@ -40,7 +40,7 @@ _INTERPOLATE = 2
 
 
 def live_page(subject: Path | System, starts: Mapping[str, object] | None = None) -> bytes:
-    """The page of an FMU or of a system: sliders, picture, plot, energy account.
+    """Return the page of an FMU or of a system: sliders, picture, plot, energy account.
 
     :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own.
     :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0.
@@ -91,13 +91,14 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
 
 
 def _encoded_module(path: Path) -> str:
-    """An FMU's C as WebAssembly, gzipped, in base64."""
+    """Return an FMU's C as WebAssembly, gzipped, in base64."""
     status = path.stat()
     return _compile_module(path, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=64)
 def _compile_module(path: Path, *_identity: int) -> str:
+    """Compile the C of an FMU; return it as :func:`_encoded_module` does."""
     with Archive(path) as archive:
         members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
         sources = {}
@@ -124,7 +125,7 @@ def _component_data(
     feeds: Mapping[tuple[str, str], tuple[str, str]],
     before: Collection[str],
 ) -> dict[str, Any]:
-    """Data of a component for the page.
+    """Return the data of a component for the page.
 
     :param before: names of the components that are stepped before it.
     """
@@ -168,6 +169,7 @@ def _component_data(
 def _variable_data(
     v: Attributes, part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
 ) -> dict[str, Any]:
+    """Return the data of a variable for the page."""
     name, causality = v["name"], v["causality"]
     base, index = split(name)
     start_value = starts.get(name, v.get("start"))
@@ -189,6 +191,7 @@ def _variable_data(
 
 
 def _slider_data(v: Attributes, base: str) -> dict[str, Any]:
+    """Return the data of the slider of a variable."""
     return {
         "description": v.get("description"),
         "minimum": float(v["min"]) if "min" in v else None,
@@ -199,7 +202,7 @@ def _slider_data(v: Attributes, base: str) -> dict[str, Any]:
 
 
 def _first_signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:
-    """Names of the signals plotted at first: angles, else the attitude, else other coordinates with both rates."""
+    """Return the signals plotted at first: angles, else the attitude, else coordinates with both rates."""
     shown = {v["name"]: v.get("unit") for v in component["variables"] if v.get("read") and "start" not in v}
     triples = {name: Port(part, name).triple() for name in shown}
     coordinates = [name for name, triple in triples.items() if triple and {p.name for p in triple} <= shown.keys()]

@@ -19,7 +19,7 @@ _NAME = 'Text(extent={{-90, -40}, {90, 40}}, textString="%name")'
 
 
 def annotation(component: type[Component]) -> str:
-    """Annotation of a package."""
+    """Return the annotation of a package: icon and sources."""
     blocks = (inspect.getdoc(component) or "").split("\n\n")
     texts = [" ".join(block.split()) for block in blocks if block.startswith("Source:")]
     texts += [component.summary() if issubclass(component, Operator) else _LAWS]
@@ -29,7 +29,7 @@ def annotation(component: type[Component]) -> str:
 
 
 def _graphics(component: type[Mechanism]) -> list[str]:
-    """Graphics of the shapes, in the plane in which they are widest; none if they are many."""
+    """Return graphics of the shapes, in the plane in which they are widest; none if they are many."""
     m = component()
     starts = [m.start_values()[name] for name in m.symbols]
 
@@ -52,6 +52,7 @@ def _graphics(component: type[Mechanism]) -> list[str]:
 
 
 def _outline(**shape: Any) -> list[list[float]]:
+    """Return some points of a shape, in order."""
     points = shape.get("points") or [shape[end] for end in ("at", "from", "to") if end in shape]
     points = points[:: len(points) // MOST_POINTS or 1]
     return [*points, *points[: int(shape.get("closed", 0))]]

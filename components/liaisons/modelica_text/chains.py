@@ -29,7 +29,7 @@ _ENDS = ("", "_dot", "_ddot")
 
 
 def chain_motion(component: type[Chain]) -> list[str]:
-    """Lines of the model ``Motion``.
+    """Return lines of the model ``Motion`` of a chain.
 
     ``pi`` and ``phi`` of the links beyond a joint are ∂L/∂ẇ and ∂L/∂w with the forces from outside.
     """
@@ -48,10 +48,12 @@ def chain_motion(component: type[Chain]) -> list[str]:
     p_v, p_w = gradient(T, v), gradient(T, w_dot)
 
     def force(x: ca.SX, x_dot: ca.SX) -> ca.SX:
+        """Return ∂L/∂x with the forces from outside, friction and the links beyond."""
         applied = ca.jacobian(link.points, x).T @ attached - link.friction.against(x_dot)
         return gradient(L, x) + applied + ca.jacobian(F, x).T @ phi + ca.jacobian(F_dot, x).T @ pi
 
     def rate(p: ca.SX, slope: ca.SX) -> ca.SX:
+        """Return the rate of p with what the links beyond add."""
         turning = ca.reshape(m.dot(ca.vec(ca.densify(slope))), *slope.shape)
         return m.dot(p) + turning.T @ pi + slope.T @ pi_dot
 
@@ -113,6 +115,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
 
 
 def _units(m: Chain) -> dict[str, str]:
+    """Return the units of variables by name."""
     unit = units_of(m) | dict.fromkeys(("kinetic", "potential"), "J")
     for axis, of in type(m).joint.unit_of.items():
         unit |= {
@@ -125,10 +128,12 @@ def _units(m: Chain) -> dict[str, str]:
 
 
 def _symbol_column(names: Iterable[str]) -> ca.SX:
+    """Return a column of new symbols."""
     return ca.vertcat(*map(ca.SX.sym, names), ca.SX(0, 1))
 
 
 def _start_text(v: Variable) -> str:
+    """Return the start value of a variable of n links."""
     if v.dimension and isinstance(v.start, tuple):
         return f"cat(1, {number(v.start)}, zeros(n - {len(v.start)}))"
     return f"fill({number(v.starts[0])}, n)" if v.dimension else number(v.starts[0])

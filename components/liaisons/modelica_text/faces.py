@@ -19,12 +19,12 @@ model FixedRotation parameter Real phi_0(unit="rad") = 0; Rotation flange(phi=ph
 
 
 def interfaces(text: str) -> list[str]:
-    """Lines of the connectors and models that a text uses."""
+    """Return lines of the connectors and models that a text uses."""
     return [line for line in _INTERFACES.splitlines() if re.search(rf"\b{line.split()[1]} ", text)]
 
 
 def faces(m: MechanicalComponent) -> list[str]:
-    """Lines of the models ``Signals``, whose inputs prescribe coordinates, and ``Flanges``."""
+    """Return lines of the models ``Signals``, whose inputs prescribe coordinates, and ``Flanges``."""
     unit, size, zero = units_of(m), *(("[n]", "zeros(n)") if m.dimension else ("", "0"))
     points = [port.name for port in m.layout().ports if port.kind == "point"]
     inputs = [f"u_{s.name}[3]{f'(start={{{number(s.start)}, 0, 0}})' * bool(s.start)}" for s in m.actives]

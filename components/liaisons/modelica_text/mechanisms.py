@@ -34,7 +34,7 @@ from liaisons.modelica_text.text import (
 
 
 def motion(component: type[Mechanism]) -> list[str]:
-    """Lines of the model ``Motion``: q, s, their rates and accelerations, and forces Q from outside as unknowns."""
+    """Return lines of the model ``Motion``: coordinates, rates, accelerations and outer forces are unknowns."""
     refuse_contacts(component, "Modelica text", "import its FMU")
     if component().layout().dimensions:
         raise ComponentError(f"{component.__name__}: Modelica text takes no arrays of a mechanism; import its FMU")
@@ -65,7 +65,7 @@ def motion(component: type[Mechanism]) -> list[str]:
 
 
 def _add_laws(e: Equations, section: Section) -> None:
-    """The equations of the component's page, with forces Q in the place of drives and loads, and accelerations."""
+    """Write the equations of the component's page, with outer forces Q in place of drives and loads."""
     m, rates = e.mechanism, ca.vertsplit(e.mechanism.dot(e.momenta))
     names = [f"p_{v}".removesuffix("_dot") for v in map(str, ca.vertsplit(m.free.q_dot))]
     momenta = stack(map(ca.SX.sym, names))
@@ -95,7 +95,7 @@ def _add_laws(e: Equations, section: Section) -> None:
 
 
 def _add_constraints(e: Equations, section: Section) -> None:
-    """Residuals r, and how they decay: r̈ + 2α ṙ + α² r = 0, of non-holonomic constraints ṙ + α r = 0."""
+    """Write residuals r, and how they decay: r̈ + 2α ṙ + α² r = 0, of non-holonomic constraints ṙ + α r = 0."""
     m, constraints = e.mechanism, e.constraints
     for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
         name, rate = f"{item.name}_residual", constraints.rate_residuals[i]
@@ -108,7 +108,7 @@ def _add_constraints(e: Equations, section: Section) -> None:
 
 
 def _declarations(e: Equations, section: Section) -> Iterator[str]:
-    """Declarations: active and free coordinates with their rates, then all the others."""
+    """Yield declarations: active and free coordinates with their rates, then all the other variables."""
     m = e.mechanism
     unit = units_of(m) | {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
     unit |= {f"{name}_dot": units.rate(of) for name, of in unit.items() if name.endswith("_residual")}

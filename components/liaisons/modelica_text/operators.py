@@ -40,7 +40,7 @@ _FOLLOWER = 'model {0} "A flange that follows the signal" extends Signals; {1} f
 
 
 def operator_classes(component: type[Operator]) -> list[str]:
-    """Lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
+    """Return lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
     refuse_samples(component, "Modelica text", "import its FMU")
     operator, layout = component(), component().layout()
     operator.lookups = []
@@ -93,7 +93,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
 
 
 def _with_choices(signal: Callable[[ca.SX], ca.SX], t: ca.SX) -> ca.SX:
-    """The signal with choices in the place of minima and maxima: their derivatives need no division."""
+    """Return the signal with choices in place of minima and maxima: their derivatives need no division."""
     expression = ca.SX(signal(t))
     symbols = ca.symvar(expression)
 

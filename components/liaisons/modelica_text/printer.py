@@ -50,12 +50,12 @@ class UnsupportedError(Exception):
 
 
 def identifier(name: str) -> str:
-    """A name that is no reserved word."""
+    """Return a name in quotes where it is a reserved word."""
     return f"'{name}'" if _RESERVED.fullmatch(name) else name
 
 
 def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> str:  # noqa: C901, PLR0911 - by kind
-    """Modelica expression of a term.
+    """Return the Modelica expression of a term.
 
     :param names: what some of its names are written as.
     :param events: whether relations are events.

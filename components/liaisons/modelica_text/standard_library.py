@@ -35,13 +35,13 @@ _UNIT = re.compile(r'([^("]+)\(unit="([^"]+)"(?:, )?(.*)')
 
 
 def with_standard_library(text: str) -> str:
-    """A package with connectors and types of the Modelica Standard Library 4."""
+    """Return a package with connectors and types of the Modelica Standard Library 4."""
     head, body = _FLANGE.sub(r"Modelica.Mechanics.\1al.Interfaces.Flange_a", _OWN.sub("", text)).split("\n", 1)
     return f"{head}\n  import Modelica.Units.SI;\n{_DECLARATION.sub(_typed, body)}"
 
 
 def _typed(declaration: re.Match[str]) -> str:
-    """A declaration for each type, of the variables of one."""
+    """Return a declaration for each type."""
     indentation, prefix, kind, listed = declaration.groups()
     variables, depth = [""], 0
     for token in _TOKEN.findall(listed):

@@ -26,7 +26,7 @@ class Composition:
 
 
 def composition(whole: Composition, prefix: str = "") -> list[str]:
-    """Lines of a model of the parts.
+    """Return lines of the model of a system.
 
     :param prefix: of the names of their classes.
     :raises ComponentError: if a connection is none of coordinates, points, signals and inputs of operators.
@@ -63,7 +63,7 @@ def composition(whole: Composition, prefix: str = "") -> list[str]:
 
 
 def default_experiment(component: type[Component], prefix: str = "") -> list[str]:
-    """Lines of a model of the default experiment: a prescribed coordinate moves by its start, rate and acceleration."""
+    """Return lines of a model in which prescribed coordinates move at constant acceleration."""
     e, layout = component.experiment, component().layout()
     starts = {v.name: v.starts[0] for v in layout.inputs} | dict(e.reference)
     values = {name: number(value) for name, value in e.reference.items()}

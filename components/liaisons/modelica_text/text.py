@@ -25,7 +25,7 @@ STRING = r'"(?:[^"\\]|\\.)*"'
 
 
 def number(value: float | tuple[float, ...]) -> str:
-    """A literal of a number or an array."""
+    """Return the literal of a number or an array."""
     if isinstance(value, tuple):
         return f"{{{', '.join(map(number, value))}}}"
     if not math.isfinite(value):
@@ -34,24 +34,24 @@ def number(value: float | tuple[float, ...]) -> str:
 
 
 def quoted(text: str) -> str:
-    """A string."""
+    """Return the literal of a string."""
     return '"' + re.sub(r'([\\"])', r"\\\1", text) + '"'
 
 
 def named(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
-    """A variable in a declaration: name, attributes, description."""
+    """Return a variable in a declaration: name, attributes, description."""
     modified = {"unit": unit and quoted(unit)} | attributes
     values = modification({attribute: value for attribute, value in modified.items() if value})
     return identifier(name) + f"({values})" * bool(values) + f" {quoted(text)}" * bool(text)
 
 
 def modification(values: Mapping[str, str]) -> str:
-    """What stands between the brackets."""
+    """Return the list of attributes between the brackets of a declaration."""
     return ", ".join(f"{identifier(name)}={value}" for name, value in values.items())
 
 
 def declared(kind: str, variables: Iterable[str]) -> list[str]:
-    """A declaration of several variables; nothing if there are none."""
+    """Return a declaration of several variables; nothing if there are none."""
     listed = ", ".join(variables)
     return [f"{kind} {listed};"] if listed else []
 
@@ -59,7 +59,7 @@ def declared(kind: str, variables: Iterable[str]) -> list[str]:
 def parameters(
     component: Component, value: Callable[[Variable], str] = lambda v: number(v.starts[0]), size: str = ""
 ) -> tuple[list[str], list[str]]:
-    """Declarations of parameters, of all start values together, and statements that give them to variables.
+    """Return declarations of parameters and start values, and statements that give these to variables.
 
     :param size: of arrays.
     """
@@ -79,13 +79,13 @@ def parameters(
 
 
 def units_of(component: Component) -> dict[str, str]:
-    """Units of variables, and of forces Q from outside."""
+    """Return the units of variables, and of forces Q from outside."""
     unit = {v.name: v.unit for v in component.layout().variables}
     return unit | {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
 
 
 def asserted(symbols: Iterable[Symbol]) -> list[str]:
-    """Statements that keep to bounds that are excluded, which ``min`` and ``max`` cannot say."""
+    """Return statements that keep to excluded bounds, which ``min`` and ``max`` cannot say."""
     limits = [
         (s.name, f"{sign} {number(bound)}")
         for s in symbols
@@ -96,14 +96,14 @@ def asserted(symbols: Iterable[Symbol]) -> list[str]:
 
 
 def wrapped(statement: str) -> list[str]:
-    """Lines of one statement; strings stay whole."""
+    """Return the lines of one statement; strings stay whole."""
     text = re.sub(STRING, lambda string: string[0].replace(" ", "\0"), statement)
     lines = textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     return [line.replace("\0", " ") for line in lines]
 
 
 def filled(statements: Iterable[str]) -> list[str]:
-    """Lines of statements, as many on a line as fit."""
+    """Return the lines of statements, as many on a line as fit."""
     lines: list[str] = []
     for statement in statements:
         if lines and len(lines[-1] + statement) < WIDTH and not lines[-1].startswith(" "):
@@ -114,7 +114,7 @@ def filled(statements: Iterable[str]) -> list[str]:
 
 
 def indented(lines: Iterable[str]) -> list[str]:
-    """Lines two columns further right."""
+    """Return lines two columns further right."""
     return [f"  {line}" for line in lines]
 
 
@@ -125,7 +125,7 @@ def model(
     initial: Iterable[str] = (),
     experiment: Experiment | None = None,
 ) -> list[str]:
-    """Lines of a model from statements.
+    """Return the lines of a model.
 
     :param head: the first line.
     :param equations: lines.
@@ -159,7 +159,7 @@ class Section:
     _abbreviations: dict[str, str] = field(default_factory=dict)  # names by what they stand for
 
     def written(self, right: ca.SX, longest: float = math.inf) -> str | None:
-        """A formula, after equations of its abbreviations; None if it is too long or cannot be said."""
+        """Return a formula, after writing its abbreviations; None if it is too long or cannot be said."""
         tree = formula(right, self.notation, longest, breaks=True)
         if tree is None:
             return None
@@ -193,11 +193,11 @@ class Section:
             self.add(left, right)
 
     def further(self, *without: str) -> list[str]:
-        """Names of its variables, and of abbreviations."""
+        """Return the names of its variables and abbreviations, without some."""
         names = dict.fromkeys([*self.variables, *self._abbreviations.values()])
         return [name for name in names if name not in {*without, "t"}]
 
     @property
     def comment(self) -> list[str]:
-        """What is missing."""
+        """Comment on the equations that are missing; none if all are written."""
         return [f"/* Too long, or not to be said in Modelica: {', '.join(self.unsaid)}. */"] if self.unsaid else []

@@ -63,7 +63,7 @@ def animate(
     against: Mapping[str, ArrayLike] | None = None,
     turns: float = 0.0,
 ) -> float:
-    """Write a motion in the format of the suffix of the path.
+    """Write a motion in the format of the suffix of the path; return its speed.
 
     :param time: of the signals [s].
     :param speed: seconds of motion a second; real time unless that takes longer than :data:`LONGEST`.
@@ -116,7 +116,7 @@ def animate(
 
 
 def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, title: str, most: int) -> bytes:
-    """The motion as a page of HTML; empty if there is nothing to draw.
+    """Return the motion as a page of HTML; empty if there is nothing to draw.
 
     :param most: bytes of all frames; a picture of many variables has fewer frames a second.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
@@ -132,6 +132,7 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
 
 
 def _recorded_page(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
+    """Return a page that plays frames."""
     plan = {
         "picture": picture.document,
         "signals": picture.variables,
@@ -155,7 +156,7 @@ def motion_frames(
     *,
     shifts: Sequence[float] | None = None,
 ) -> Frames:
-    """The shapes of the picture at every step [s].
+    """Return the shapes of the picture at every step [s].
 
     :param shifts: as in :func:`liaisons.pictures.frames.frames`.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
@@ -167,11 +168,12 @@ def motion_frames(
 
 
 def _default_speed(time: NDArray[np.float64]) -> float:
-    """Seconds of motion a second: real time, unless that takes longer than :data:`LONGEST`."""
+    """Return seconds of motion a second: 1, unless the film takes longer than :data:`LONGEST` so."""
     return max(1.0, float(time[-1] - time[0]) / LONGEST)
 
 
 def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> float:
+    """Return the speed unless it is not positive or takes too many frames."""
     finite("speed", speed)
     most = min(_MOST, _MOST_POINTS // points)
     least = float(time[-1] - time[0]) * RATE / most
@@ -185,7 +187,7 @@ def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> floa
 def _interpolated(
     time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Values at instants between communication points, by Akima's curves, which do not overshoot at jumps."""
+    """Return values between communication points, by Akima's curves, which do not overshoot at jumps."""
     if len(time) < 3 or not np.isfinite(values).all():  # frames() names it
         return np.interp(instants, time, values)
     from scipy.interpolate import Akima1DInterpolator

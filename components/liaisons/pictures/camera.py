@@ -26,7 +26,7 @@ class Camera:
     pitch: float
 
     def see(self, points: NDArray) -> NDArray:
-        """Right, up and depth (larger towards the eye) of points (..., 3); any unit."""
+        """Return right, up and depth (larger towards the eye) of points (..., 3); any unit."""
         return points @ self.axes.T
 
     @property
@@ -37,6 +37,6 @@ class Camera:
 
 
 def facing(plane: str | None, angle: float = 0.0) -> Camera:
-    """The camera that faces a plane, or circles a spatial mechanism, rotated about it by an angle [rad]."""
+    """Return the camera that faces a plane, or looks at a spatial mechanism, rotated about it by an angle [rad]."""
     yaw, pitch = FACING[plane]
     return Camera(yaw + (angle if plane is None else 0.0), pitch)

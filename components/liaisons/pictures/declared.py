@@ -44,7 +44,7 @@ class Picture:
 
     @classmethod
     def of(cls, text: bytes, owner: str) -> Picture:
-        """Read the file.
+        """Read the picture of an FMU.
 
         :param owner: for messages.
         :raises SimulationError: if it has another version, or is no picture.
@@ -69,7 +69,7 @@ class Picture:
 
     @classmethod
     def of_points(cls, names: Iterable[str]) -> Picture:
-        """Balls and trails where variables are called like the coordinates of a point, ``bob_x``, ``bob_z``."""
+        """Return balls and trails of points whose coordinates are variables, ``bob_x``, ``bob_z``."""
         ordered = dict.fromkeys(sorted(names))
         points = dict.fromkeys(name[:-2] for name in ordered if name[-2:] in {"_x", "_y", "_z"})
         triples = [[name if (name := f"{point}_{axis}") in ordered else 0.0 for axis in "xyz"] for point in points]
@@ -93,7 +93,7 @@ class Picture:
         return list(names)
 
     def renamed(self, rename: Any) -> Picture:
-        """The picture with other names of variables."""
+        """Return the picture with other names of variables."""
 
         def coordinates(value: Any) -> Any:
             if isinstance(value, str):
@@ -116,12 +116,13 @@ class Picture:
 
 
 def _point_coordinates(shape: Shape) -> Iterator[list[float | str]]:
+    """Yield the points of a shape."""
     yield from (shape[member] for member in _POINTS if member in shape)
     yield from shape.get("points", ())
 
 
 def _check_shape(shape: Shape) -> None:
-    """Check that points and axes are triples, as many as there have to be, of names and numbers that can be drawn.
+    """Check that points and axes are triples, as many as a shape needs, of names and numbers that can be drawn.
 
     :raises ValueError: if they are not.
     """
@@ -147,7 +148,7 @@ def _check_shape(shape: Shape) -> None:
 
 
 def together(pictures: Mapping[str, Picture], groups: Iterable[Collection[int]] = ()) -> Picture:
-    """The pictures of the parts of a system in one.
+    """Return the pictures of the parts of a system in one.
 
     :param pictures: prefix of a part's variables -> its picture.
     :param groups: numbers of the parts that are drawn together, each group beside the others; none: all in one.

@@ -28,7 +28,7 @@ def add_polygons(stage: Stage, axes: Axes) -> PolyCollection:
 
 
 def draw(polygons: PolyCollection, faces: list[Face]) -> None:
-    """Show these polygons."""
+    """Replace the polygons of a collection."""
     polygons.set_verts([face.corners for face in faces])
     colours: Any = np.array([face.colour for face in faces])
     polygons.set_facecolor(colours)
@@ -36,7 +36,7 @@ def draw(polygons: PolyCollection, faces: list[Face]) -> None:
 
 
 def pixels(stage: Stage, *, turns: float = 0.0, width: int = 480) -> Iterator[NDArray]:
-    """The frames one after the other, (height, width, 3) of bytes; even numbers, as films want.
+    """Yield the frames, (height, width, 3) of bytes; even numbers, as films want.
 
     :param turns: how often the camera goes round a spatial mechanism.
     """

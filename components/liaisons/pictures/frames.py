@@ -84,7 +84,7 @@ class Frames:
 def frames(
     picture: Picture, time: NDArray, signal: Signal, *, title: str, shifts: Sequence[float] | None = None
 ) -> Frames:
-    """The shapes of a picture at some times, those of different groups side by side.
+    """Return the shapes of a picture at some times, those of different groups side by side.
 
     :param title: for messages.
     :param shifts: of each shape along x [m]; None: what places the groups side by side at the first time.
@@ -117,7 +117,7 @@ def frames(
 
 
 def _group_shifts(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[float]:
-    """Shifts of shapes along x that place their groups side by side, with room to swing; as on live pages."""
+    """Return shifts of shapes along x that place their groups side by side, with room to swing."""
     right, shifts = None, {}
     for group in dict.fromkeys(groups):
         members = [shape for shape, number in zip(shapes, groups, strict=True) if number == group]
@@ -130,7 +130,10 @@ def _group_shifts(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[f
 
 
 def _shape_motion(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
+    """Return the points of a declared shape at all frames."""
+
     def columns(coordinates: list[float | str]) -> NDArray:
+        """Return the values of coordinates, (n, k)."""
         return np.stack([signal(x) if isinstance(x, str) else np.full(count, float(x)) for x in coordinates], axis=-1)
 
     ends = [shape[member] for member in ("from", "to", "at") if member in shape] or shape["points"]
@@ -154,7 +157,7 @@ def _shape_motion(shape: Mapping[str, Any], count: int, signal: Signal) -> Movin
 
 
 def _rope_points(ends: NDArray, length: NDArray) -> NDArray:
-    """Points (n, 17, 3) of a rope of a length (n, 1): a parabola below the line between its ends (n, 2, 3)."""
+    """Return points (n, 17, 3) of a rope of a length (n, 1): a parabola below the line of its ends (n, 2, 3)."""
     part = np.linspace(0, 1, 17)[:, None]
     straight = ends[:, :1] + part * (ends[:, 1:] - ends[:, :1])
 
@@ -170,7 +173,7 @@ def _rope_points(ends: NDArray, length: NDArray) -> NDArray:
 
 
 def _axes_along(normal: NDArray) -> NDArray:
-    """Axes (n, 3, 3), the third along a normal (n, 3)."""
+    """Return axes (n, 3, 3), the third along a normal (n, 3)."""
 
     def unit(vectors: NDArray) -> NDArray:
         return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
@@ -181,7 +184,7 @@ def _axes_along(normal: NDArray) -> NDArray:
 
 
 def _flash_strength(count: NDArray) -> NDArray:
-    """Strength of a flash, (n, 1): 1 where its count (n, 1) changes, 0 after :data:`FLASH` frames."""
+    """Return the strength of a flash, (n, 1): 1 where its count (n, 1) changes, 0 after :data:`FLASH` frames."""
     frame, whole = np.arange(len(count))[:, None], np.round(count)
     last = np.maximum.accumulate(np.where(np.diff(whole, axis=0, prepend=whole[:1]) != 0, frame, -FLASH))
     return np.maximum(1 - (frame - last) / FLASH, 0)

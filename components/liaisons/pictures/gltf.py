@@ -29,7 +29,7 @@ Mesh = tuple[NDArray, NDArray, NDArray]
 
 
 def glb(frames: Frames, name: str) -> bytes:
-    """The content of a .glb file.
+    """Return the content of a .glb file.
 
     :param name: of the scene.
     """
@@ -40,6 +40,7 @@ def glb(frames: Frames, name: str) -> bytes:
 
 
 def _add_shape(scene: _Scene, shape: Moving, stage: Stage) -> None:
+    """Add the nodes of a shape to a scene."""
     centre = shape.points[:, 0]
     if shape.axes is not None:
         scene.add_node(shape.kind, scene.mesh(shape.kind), centre, _rotations_of_axes(shape.axes), shape.size)
@@ -78,11 +79,12 @@ class _Scene:
         self.time = self.accessor(time - time[0])
 
     def add(self, key: str, **item: Any) -> int:
+        """Append an item to a list of the document; return its index."""
         self.document[key].append(item)
         return len(self.document[key]) - 1
 
     def accessor(self, values: NDArray, **view: int) -> int:
-        """Append numbers (n,) or (n, k) to the buffer; the index of their accessor."""
+        """Append numbers (n,) or (n, k) to the buffer; return the index of their accessor."""
         component = _SHORT if view.get("target") == _ELEMENT_ARRAY_BUFFER else _FLOAT
         table = values.reshape(len(values), -1).astype(np.uint16 if component == _SHORT else np.float32)
         self.buffer += bytes(-len(self.buffer) % 4)
@@ -99,6 +101,7 @@ class _Scene:
         )
 
     def mesh(self, kind: str) -> int:
+        """Return the index of the mesh of a kind of shape, which is added once."""
         if kind not in self.meshes:
             positions, normals, triangles = _MESHES[kind]()
             indices = self.accessor(triangles.ravel(), target=_ELEMENT_ARRAY_BUFFER)
@@ -106,7 +109,7 @@ class _Scene:
         return self.meshes[kind]
 
     def primitive(self, kind: str, *, mode: int = 4, indices: int | None = None, **attributes: NDArray) -> int:
-        """Add a mesh of one primitive, by default of triangles; its index."""
+        """Add a mesh of one primitive, by default of triangles; return its index."""
         accessors = {name: self.accessor(values, target=_ARRAY_BUFFER) for name, values in attributes.items()}
         primitive = {"attributes": accessors, "mode": mode, "material": list(COLOURS).index(kind)}
         return self.add("meshes", name=kind, primitives=[primitive | ({} if indices is None else {"indices": indices})])
@@ -131,7 +134,7 @@ class _Scene:
                 self.samplers.append({"input": self.time, "output": output, "interpolation": "LINEAR"})
 
     def binary(self, name: str) -> bytes:
-        """The file, all nodes under a root."""
+        """Return the file, all nodes under a root."""
         children = list(range(len(self.document["nodes"])))
         root = self.add("nodes", name=name, rotation=[-sqrt(0.5), 0.0, 0.0, sqrt(0.5)], children=children)
         animation = {"name": "motion", "samplers": self.samplers, "channels": self.channels}
@@ -150,6 +153,7 @@ class _Scene:
 
 
 def _material(kind: str) -> dict[str, Any]:
+    """Return the material of a kind of shape."""
     colour = ((np.array(rgb(kind)) + 0.055) / 1.055) ** 2.4  # from sRGB to linear
     properties = {"baseColorFactor": [*colour.tolist(), 1.0], "metallicFactor": 0.1, "roughnessFactor": 0.55}
     return {"name": kind, "pbrMetallicRoughness": properties}
@@ -159,20 +163,21 @@ def _material(kind: str) -> dict[str, Any]:
 
 
 def _rotations_from_z(unit: NDArray) -> NDArray:
-    """Quaternions (n, 4), scalar last, of the shortest rotations from z to directions."""
+    """Return quaternions (n, 4), scalar last, of the shortest rotations from z to directions."""
     quaternions = np.column_stack([-unit[:, 1], unit[:, 0], 0 * unit[:, 0], 1 + unit[:, 2]])
     quaternions[1 + unit[:, 2] < 1e-9] = (1.0, 0.0, 0.0, 0.0)  # straight down: about x
     return _continuous(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
 def _rotations_of_axes(axes: NDArray) -> NDArray:
+    """Return quaternions (n, 4), scalar last, of axes (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return _continuous(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat())
 
 
 def _continuous(quaternions: NDArray) -> NDArray:
-    """Choose of q and -q, which are the same rotation, the one nearer to the previous keyframe."""
+    """Return quaternions with signs such that each is near the previous keyframe; q and -q are one rotation."""
     flips = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0)
     return quaternions * np.cumprod([1.0, *flips])[:, None]
 
@@ -181,7 +186,7 @@ def _continuous(quaternions: NDArray) -> NDArray:
 
 
 def _grid_mesh(positions: NDArray, normals: NDArray) -> Mesh:
-    """A grid of points (rows, columns, 3), without the triangles that have no area."""
+    """Return a grid of points (rows, columns, 3) as triangles, without those that have no area."""
     rows, columns = positions.shape[:2]
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
     triangles = (first + np.array([0, 1, columns, 1, columns + 1, columns])).reshape(-1, 3)
@@ -191,7 +196,7 @@ def _grid_mesh(positions: NDArray, normals: NDArray) -> Mesh:
 
 
 def _revolved_mesh(profile: ArrayLike) -> Mesh:
-    """A surface about z, from rows upwards: radius and z of a point, and of its normal."""
+    """Return a surface about z, from rows upwards: radius and z of a point, and of its normal."""
     angle = np.linspace(0, 2 * pi, 2 * _SIDES + 1)
     circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     points = [radius * circle + np.array([0.0, 0.0, z]) for radius, z in np.reshape(profile, (-1, 2))]
@@ -199,12 +204,13 @@ def _revolved_mesh(profile: ArrayLike) -> Mesh:
 
 
 def _sphere() -> Mesh:
+    """Return a sphere of radius 1."""
     latitude = np.linspace(-pi / 2, pi / 2, _SIDES + 1)
     return _revolved_mesh(np.column_stack(2 * [np.cos(latitude), np.sin(latitude)]))
 
 
 def _cylinder() -> Mesh:
-    """Radius 1, from z = 0 to 1, with both discs."""
+    """Return a cylinder of radius 1, from z = 0 to 1, with both discs."""
     bottom, side, top = (0, -1), (1, 0), (0, 1)
     return _revolved_mesh(
         [[(0, 0), bottom], [(1, 0), bottom], [(1, 0), side], [(1, 1), side], [(1, 1), top], [(0, 1), top]]
@@ -212,7 +218,7 @@ def _cylinder() -> Mesh:
 
 
 def _coil() -> Mesh:
-    """A helix of radius 1 from z = 0 to 1."""
+    """Return a helix of radius 1 from z = 0 to 1."""
     z = np.linspace(0, 1, 24 * _COILS + 1)
     phase = 2 * pi * _COILS * z
     outward = np.column_stack([np.cos(phase), np.sin(phase), 0 * z])[:, None]
@@ -222,7 +228,7 @@ def _coil() -> Mesh:
 
 
 def _cube() -> Mesh:
-    """Six copies of the upper face and of its normal, rotated."""
+    """Return a cube of edge 1: six copies of the upper face and of its normal, rotated."""
     face = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1], [0, 0, 2]]) / 2
     faces = np.array([np.roll(face * side, axis, axis=1) for side in ([1, 1, 1], [1, -1, -1]) for axis in range(3)])
     triangles = 4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])

@@ -17,7 +17,7 @@ from liaisons.pictures.stage import COILS, LIGHT, SIZES, TEETH
 
 
 def page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
-    """A page, with the constants that all pictures have in common as ``DRAWING``.
+    """Return a page, with the constants that all pictures have in common as ``DRAWING``.
 
     :param template: name of the file of its body.
     :param modules: names of the ES modules, each after those that it imports.
@@ -49,7 +49,7 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
 
 
 def _as_script(module: str) -> str:
-    """A module as part of one script, after those that it imports, because a file:// page loads no modules.
+    """Return a module as part of one script, after those that it imports: a file:// page loads no modules.
 
     Without indentation, and without comments that have lines of their own, which mean nothing in JavaScript.
     """
@@ -57,4 +57,5 @@ def _as_script(module: str) -> str:
 
 
 def _hash(text: str) -> str:
+    """Return the hash of a text in a content security policy."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

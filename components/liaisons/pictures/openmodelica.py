@@ -26,7 +26,7 @@ Attributes = Mapping[str, object]
 
 
 def visual(shown: Frames) -> tuple[bytes, bytes]:
-    """The description of the shapes, and the table of what moves."""
+    """Return the description of the shapes, and the table of what moves."""
     root, columns = ElementTree.Element("visualization"), {"time": shown.time}
     for i, (kind, body_type, attributes) in enumerate(_bodies(shown), 1):
         body = ElementTree.SubElement(root, "shape")
@@ -53,7 +53,7 @@ def visual(shown: Frames) -> tuple[bytes, bytes]:
 
 
 def _bodies(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
-    """Kind, type in OMEdit, and attributes of each body."""
+    """Yield kind, type in OMEdit, and attributes of each body."""
     stage = Stage(shown)
     for shape in shown.shapes:
         points = shape.path @ _UP.T
@@ -72,11 +72,13 @@ def _bodies(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
 
 
 def _centred_body(centre: NDArray, length: NDArray, width: NDArray, height: NDArray) -> Attributes:
+    """Return the attributes of a body about its centre."""
     start = -0.5 * length * np.array(_ALONG)
     return {"r": centre, "r_shape": start, "length": length, "width": width, "height": height}
 
 
 def _body_between(ends: NDArray, across: NDArray | float) -> Attributes:
+    """Return the attributes of a body from one end to the other."""
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     return {"r": ends[:, 0], "lengthDir": along, "length": length, "width": across, "height": across}

@@ -70,7 +70,7 @@ class Stage:
         self.ratio = float(self.half[1] / self.half[0])
 
     def faces(self, k: int, angle: float = 0.0) -> list[Face]:
-        """Polygons of the frame k, those behind first.
+        """Return the polygons of the frame k, those behind first.
 
         :param angle: rotation of the camera about a spatial mechanism [rad].
         """
@@ -81,6 +81,7 @@ class Stage:
         return sorted(faces, key=lambda face: face.depth)
 
     def _faces(self, frames: Frames, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
+        """Yield the polygons of all shapes."""
         for shape in frames.shapes:
             if shape.axes is not None:
                 floor = shape.kind == "floor"
@@ -106,7 +107,7 @@ class Stage:
                 yield from _line_faces(points[-1], radius, colour)
 
     def _hatching(self, centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
-        """A floor that is seen from its side."""
+        """Yield the lines of a floor that is seen from its side."""
         assert shape.axes is not None  # as for all floors
         assert shape.size is not None
         up = camera.see(shape.axes[k, 2])
@@ -118,25 +119,25 @@ class Stage:
         yield from (_line_face(a, a - along - shape.size[k, 2] * up, radius / 2, colour) for a in edge[1:])
 
     def radius(self, shape: Moving) -> NDArray:
-        """Radius [m] of a shape without axes, (n, 1); of a flash 0 when it is over."""
+        """Return the radius [m] of a shape without axes, (n, 1); of a flash 0 when it is over."""
         default = np.broadcast_to(SIZES[shape.kind] * self.extent, (len(shape.points), 1))
         if shape.kind == "flash":
             return default * shape.size
         return default if shape.size is None else np.where(shape.size > 0, shape.size, default)
 
     def coils(self, spring: Moving) -> int:
-        """Number of coils of a spring; a short one of a chain has fewer."""
+        """Return the number of coils of a spring; a short one of a chain has fewer."""
         length = float(np.linalg.norm(spring.points[0, 1] - spring.points[0, 0]))
         return min(max(round(30 * length / self.extent), COILS[0]), COILS[1])
 
 
 def rgb(kind: str) -> tuple[float, ...]:
-    """Colour of a kind of shape in sRGB, each component from 0 to 1."""
+    """Return the colour of a kind of shape in sRGB, each component from 0 to 1."""
     return tuple(byte / 255 for byte in bytes.fromhex(COLOURS[kind][1:]))
 
 
 def _line_face(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...]) -> Face:
-    """A line from a to b (3,) with round ends."""
+    """Return a line from a to b (3,) with round ends."""
     angle = np.arctan2(b[1] - a[1], b[0] - a[0]) + np.linspace(np.pi / 2, 3 * np.pi / 2, 7)
     end = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     return Face((a[2] + b[2]) / 2, np.concatenate([a[:2] + end, b[:2] - end]), colour)
@@ -147,12 +148,14 @@ def _line_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> It
 
 
 def _ball_faces(centre: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+    """Yield a disc and its highlight."""
     yield Face(centre[2], centre[:2] + radius * _CIRCLE, colour)
     light = tuple(0.6 * c + 0.4 for c in colour[:3])
     yield Face(centre[2], centre[:2] + radius * ((-0.3, 0.3) + 0.35 * _CIRCLE), (*light, colour[3]))
 
 
 def _box_faces(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
+    """Yield the three faces of a box that the eye sees."""
     assert shape.axes is not None  # as for all boxes
     assert shape.size is not None
     edges = shape.axes[k] * shape.size[k, :, None] / 2
@@ -166,6 +169,7 @@ def _box_faces(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: 
 
 
 def _zigzag_points(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
+    """Return the points of a spring from a to b."""
     along = b - a
     length = float(np.hypot(along[0], along[1])) or 1.0
     across = min(width, length / 6) * np.array([-along[1], along[0], 0]) / length
@@ -175,5 +179,6 @@ def _zigzag_points(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
 
 
 def _trail_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+    """Yield the lines of a trail, the older the paler."""
     for i, (a, b) in enumerate(pairwise(points)):
         yield _line_face(a, b, radius, (*colour[:3], 0.7 * colour[3] * (i + 1) / len(points)))._replace(depth=-np.inf)

@@ -24,7 +24,7 @@ _COLOURS = ("#c8532b", "#2f6fa8", "#3f8f6b", "#8a5aa8")
 
 
 def picture(model: Model, results: Trajectory | None) -> list[str]:
-    """The mechanism at the start of its default experiment, and its trail; nothing without a picture.
+    """Return SVG of the mechanism at the start of its default experiment, with its trail; nothing without a picture.
 
     :param results: of the default experiment, if there are any.
     """
@@ -41,7 +41,7 @@ def picture(model: Model, results: Trajectory | None) -> list[str]:
 
 
 def _picture_values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
-    """All numbers that a picture may use, by name: (n,) at the times of the results, else (1,)."""
+    """Return the values of all variables that a picture may use, (n,) at the times of the results, else (1,)."""
     m = model if results is None else results.model
     u, k = start_vectors(m)
     if results is None:
@@ -62,10 +62,12 @@ def _picture_values(model: Model, results: Trajectory | None) -> Mapping[str, ND
 
 
 def _element_names(variables: Iterable[Variable]) -> list[str]:
+    """Return the names of the elements of variables."""
     return [element.name for variable in variables for element in variable.elements()]
 
 
 def _svg_polygons(faces: list[Face], name: str) -> list[str]:
+    """Return SVG of polygons."""
     corners = np.concatenate([face.corners for face in faces])
     low, high = corners.min(axis=0), corners.max(axis=0)
     scale = float(np.min(np.array([_WIDTH, _TALLEST]) / np.maximum(high - low, 1e-9)))
@@ -80,7 +82,7 @@ def _svg_polygons(faces: list[Face], name: str) -> list[str]:
 
 
 def plot(results: Trajectory | None) -> list[str]:
-    """Curves of the default experiment: free coordinates of one unit, or signals; nothing without results."""
+    """Return SVG curves of free coordinates of one unit, or of signals; nothing without results."""
     if results is None or not (variables := _plotted_variables(results.model)):
         return []
     names = _element_names(variables)[: len(_COLOURS)]
@@ -102,7 +104,7 @@ def plot(results: Trajectory | None) -> list[str]:
 
 
 def _plotted_variables(model: Model) -> list[Variable]:
-    """Free coordinates, or signals, of the unit of the first one."""
+    """Return the free coordinates, or the signals, that have the unit of the first one."""
     moving = {s.name for s in model.states if not s.name.startswith("p_")} - {"work", "dissipated"}
     signals = {port.members[0].variable for port in model.ports if port.kind == "signal"}
     chosen = [variable for variable in model.outputs if variable.name in (moving or signals)]
@@ -110,9 +112,11 @@ def _plotted_variables(model: Model) -> list[Variable]:
 
 
 def _svg_start(x: float, y: float, width: float, height: float, label: str) -> str:
+    """Return the start tag of a figure."""
     box = f"{x:.0f} {y:.0f} {width:.0f} {height:.0f}"
     return f'<svg class="figure" viewBox="{box}" role="img" aria-label="{escape(label)}">'
 
 
 def _point_list(points: NDArray) -> str:
+    """Return coordinates as SVG writes them."""
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in (np.round(points, 1) + 0.0).tolist())

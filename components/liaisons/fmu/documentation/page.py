@@ -66,7 +66,7 @@ _RECONSTRUCTION = (
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def index_page(model: Model) -> bytes:
-    """The page, in UTF-8; the same bytes for the same model."""
+    """Return documentation/index.html, the same bytes for the same model."""
     printer = MathML(Notation.from_model(model))
     results = trajectory(model)
     sections = {
@@ -97,6 +97,7 @@ def index_page(model: Model) -> bytes:
 
 
 def _picture_section(model: Model, results: Trajectory | None) -> list[str]:
+    """Return the figure of the mechanism with its caption."""
     shown = figures.picture(model, results)
     command = f"<code>liaisons show {escape(model.name)}.fmu</code>"
     return shown and [
@@ -109,7 +110,7 @@ def _picture_section(model: Model, results: Trajectory | None) -> list[str]:
 
 
 def _docstring_markup(docstring: str) -> list[str]:
-    """A docstring as paragraphs, displayed blocks and lists of fields."""
+    """Return a docstring as paragraphs, displayed blocks and lists of fields."""
     lines: list[str] = []
     displayed = False
     for block in re.split(r"\n\s*\n", docstring.strip("\n")):
@@ -127,7 +128,7 @@ def _docstring_markup(docstring: str) -> list[str]:
 
 
 def _inline_markup(text: str) -> str:
-    """Code marks of a docstring; references to other objects by their names alone."""
+    """Return text with code marks as markup; references to other objects become their names."""
     named = re.sub(r":\w+:`[~]?([^`]+)`", r"``\1``", text.strip())
     return re.sub(r"``(.+?)``", r"<code>\1</code>", escape(named))
 
@@ -137,7 +138,7 @@ def _anchor(title: str) -> str:
 
 
 def _html_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    """A table of markup."""
+    """Return a table whose cells are markup."""
 
     def row(cells: Iterable[str], tag: str) -> str:
         return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in cells)}</tr>"
@@ -149,6 +150,7 @@ def _html_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]
 
 
 def _variable_tables(model: Model, printer: MathML) -> list[str]:
+    """Return tables of parameters, inputs, outputs and further symbols."""
     head = ("", "name", "unit", "kind", "start", "allowed", "meaning")
     lines = [
         f"<p class=field><code>{escape(size.name)}</code> = {size.count}: {escape(size.description)}; fixed</p>"
@@ -173,19 +175,20 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
 
 
 def _joined_rows(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
-    """One row for all numbers of a picture."""
+    """Return one variable for all numbers of a picture; none without them."""
     named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
     return tuple(named)
 
 
 def _symbol_meaning(name: str, variables: Collection[str]) -> str:
-    """Meaning of a symbol that is no variable."""
+    """Return the meaning of a symbol that is no variable."""
     if name == "t":
         return "time [s]"
     return f"that of a link: one of {name}[1], {name}[2], ..." if f"{name}[1]" in variables else _JOINT
 
 
 def _variable_cells(variable: Variable, printer: MathML) -> tuple[str, ...]:
+    """Return the cells of the row of a variable."""
     size = "" if variable.dimension is None else f"[1…{variable.dimension.name or variable.count}]"
     starts = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]  # those of an array may be alike
     kind = variable.causality + (", tunable" if variable.variability == "tunable" else "")
@@ -202,6 +205,7 @@ def _variable_cells(variable: Variable, printer: MathML) -> tuple[str, ...]:
 
 
 def _port_tables(ports: tuple[Terminal, ...], variables: dict[str, Variable]) -> list[str]:
+    """Return tables of the ports, and of how ports fit each other."""
     if not ports:
         return []
 
@@ -221,6 +225,7 @@ def _port_tables(ports: tuple[Terminal, ...], variables: dict[str, Variable]) ->
 
 
 def _reconstruction_section(model: Model) -> list[str]:
+    """Return what inputs do inside a communication step."""
     rows = ((f"<code>{value}</code>", name, escape(text)) for value, name, text in _RECONSTRUCTION)
     text = "Between two communication points a prescribed coordinate has to move; this fixed parameter says how:"
     lines = [f"<p>{text}</p>", *_html_table(("<code>input_reconstruction</code>", "", "motion during a step"), rows)]
@@ -228,7 +233,7 @@ def _reconstruction_section(model: Model) -> list[str]:
 
 
 def _jump_sentences(model: Model) -> str:
-    """Effects of jumps of prescribed coordinates."""
+    """Return sentences about the effects of jumps of prescribed coordinates."""
     effects, inputs = jump_effects(model), index_ranges(model.inputs)
     values = [a.value for a in model.active for _ in inputs[a.value]]
 
@@ -249,6 +254,7 @@ def _jump_sentences(model: Model) -> str:
 
 
 def _closed_form_section(model: Model) -> list[str]:
+    """Return the docstring of the closed form."""
     if not model.closed_form:
         return []
     return [
@@ -258,6 +264,7 @@ def _closed_form_section(model: Model) -> list[str]:
 
 
 def _experiment_section(model: Model) -> list[str]:
+    """Return a table of the default experiment, and where its results are."""
     e = model.experiment
     rows = (
         ("stop time", f"{e.stop_time:g} s"),
@@ -270,7 +277,7 @@ def _experiment_section(model: Model) -> list[str]:
 
 
 def _cited_sources(sections: dict[str, list[str]]) -> list[str]:
-    """Entries of the marks in the other sections."""
+    """Return the bibliography of the marks in the other sections."""
     entries = cited("\n".join(line for lines in sections.values() for line in lines))
     titled = {mark: re.sub(r"\*([^*]+)\*", r"<i>\1</i>", escape(text)) for mark, text in entries.items()}
     return [f"<p><b>{mark}</b> {text}</p>" for mark, text in titled.items()]

@@ -18,7 +18,7 @@ __all__ = ["PREAMBLE", "Code", "loop_functions", "loops"]
 
 
 def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: bool) -> dict[str, Code]:
-    """The functions of a component by the names of core.h.
+    """Return the C functions of a component, by the names of core.h.
 
     :param programs: as in :class:`liaisons.mechanics.model.Model`.
     :param coupled: how many numbers of y act on the motion.

@@ -24,7 +24,7 @@ class FusedLoop:
 
 
 class LoopFusion:
-    """The loops of a program in the order of execution; their expressions are inlined."""
+    """The loops of a program in the order of execution, whose expressions contain no definitions."""
 
     def __init__(self, program: RowProgram) -> None:
         self.loops: list[FusedLoop] = []
@@ -50,11 +50,11 @@ class LoopFusion:
                     self._add_carry(inlined)
 
     def inlined(self, expression: ca.SX) -> ca.SX:
-        """The expression in terms of what is no definition."""
+        """Return the expression with definitions replaced by what they stand for."""
         return substituted(expression, self.definitions)
 
     def at_links(self, expression: ca.SX) -> FusedLoop:
-        """The first loop that can calculate what is not carried, apart from carries it does not need."""
+        """Return the first loop that can calculate an expression that is not carried; add one if there is none."""
         needed = keys(expression)
         for loop in self.loops[self._earliest_loop(expression) :]:
             if loop.inward is None or any(needed & keys(carry.symbols) for carry in loop.carries):
@@ -63,7 +63,7 @@ class LoopFusion:
         return self.loops[-1]
 
     def _add_carry(self, carry: Carry) -> None:
-        """Add it to the first loop in its direction in which all its arguments are available."""
+        """Add a scan to the first loop in its direction in which all that it reads is available."""
         index = self._earliest_loop(carry.read)
         while index < len(self.loops) and self.loops[index].inward is not carry.inward:
             index += 1
@@ -74,11 +74,12 @@ class LoopFusion:
         self._first |= dict.fromkeys(keys(carry.last), index + 1)
 
     def _earliest_loop(self, expression: ca.SX) -> int:
+        """Return the index of the first loop in which an expression can be used."""
         return max((self._first.get(symbol, 0) for symbol in keys(expression)), default=0)
 
 
 def depends_on_neighbours(program: RowProgram) -> bool:
-    """Whether nothing has to be carried: it follows from the neighbours by a few products."""
+    """Return whether what is carried follows from the neighbours by a few products."""
     available = {symbol for vector in program.arguments for symbol in keys(vector.entries)}
     definitions: list[tuple[ca.SX, ca.SX]] = []
     for step in program.steps:
@@ -94,5 +95,6 @@ def depends_on_neighbours(program: RowProgram) -> bool:
 
 
 def _is_cheap(expressions: ca.SX) -> bool:
+    """Return whether expressions have sums and products only."""
     function = ca.Function("expressions", ca.symvar(expressions), [expressions])
     return operation_codes(function) <= _CHEAP

@@ -49,7 +49,7 @@ class LoopPlan:
         return [*(x for _, x in self.rows), *(x for _, x, _ in self.sums), *(x for _, _, x in self.carried)]
 
     def renumbered(self, of: Sequence[int]) -> LoopPlan:
-        """The plan with other numbers."""
+        """Return the plan with each number x replaced by ``of[x]``."""
         return LoopPlan(
             self.inward,
             self.links,
@@ -102,12 +102,12 @@ class LoopPlans:
             self._assign_work_space({node_of[number] for number in named_numbers})
 
     def leaf(self, number: int) -> Leaf | None:
-        """The leaf of a number that is no operation and no constant."""
+        """Return the leaf of a node; None for an operation or a constant."""
         node = self.nodes[number]
         return self._leaves[node.arguments[1]] if node.operation is None and node.constant is None else None
 
     def needed(self, targets: Iterable[int], kept: Container[int]) -> tuple[set[int], set[int]]:
-        """Nodes that a link has to calculate for targets, and kept ones that it has to read."""
+        """Return nodes that a link has to calculate for targets, and kept ones that it has to read."""
         needed: set[int] = set()
         read: set[int] = set()
         ahead = [number for number in targets if self.each[number]]
@@ -121,12 +121,13 @@ class LoopPlans:
         return needed, read
 
     def kept_in(self, index: int) -> list[tuple[str, int]]:
-        """Arrays in work space that a loop writes, and their elements."""
+        """Return arrays in work space that a loop writes, and their elements."""
         return [(array, number) for number, (array, since) in self.kept.items() if since == index]
 
     # ---- numbering ------------------------------------------------------------------------------------------------
 
     def _add_argument(self, index: int, vector: Vector) -> None:
+        """Register the leaves of an argument."""
         for i, (symbol, offset) in enumerate(zip(scalars(vector.entries), vector.offsets(self._n), strict=False)):
             if vector.each[i]:
                 self._arrays[key(symbol)] = name = f"x{index}_{i}"
@@ -135,7 +136,7 @@ class LoopPlans:
                 self._origins[key(symbol)] = symbol, Leaf(f"argument[{index}][{offset}]", each=False)
 
     def _add_result(self, index: int, vector: Vector) -> Iterator[tuple[str, ca.SX]]:
-        """Add its rows to the loops, and yield its single numbers with their text."""
+        """Add the rows of a result to the loops, and yield its single numbers with their text."""
         entries = scalars(self._fusion.inlined(vector.entries))
         for i, (entry, offset) in enumerate(zip(entries, vector.offsets(self._n), strict=False)):
             if vector.each[i]:
@@ -146,6 +147,7 @@ class LoopPlans:
                 yield f"result[{index}][{offset}]", entry
 
     def _plan(self, index: int, loop: FusedLoop) -> LoopPlan:
+        """Return the plan of a loop, with numbers of expressions."""
         symbols, last, starts, following = (
             [x for carry in loop.carries for x in scalars(column(carry))]
             for column in (lambda s: s.symbols, lambda s: s.last, lambda s: s.start, lambda s: s.following)
@@ -172,11 +174,12 @@ class LoopPlans:
         return LoopPlan(loop.inward, range(reach, self._n - reach), rows, edges, sums, carried)
 
     def _add_expression(self, expression: ca.SX, link: AtLink) -> int:
-        """The number of an expression at a link."""
+        """Append an expression at a link; return its number."""
         self._expressions.append(self._expression_at(expression, link))
         return len(self._expressions) - 1
 
     def _expression_at(self, expression: ca.SX, link: AtLink) -> ca.SX:
+        """Return an expression of one link with the arrays and neighbours of a certain link in it."""
         pairs = []
         for symbol in ca.symvar(expression):
             name = key(symbol)
@@ -192,7 +195,7 @@ class LoopPlans:
         return substituted(expression, pairs)
 
     def _carried_value(self, carry: Carry, i: int, link: AtLink) -> ca.SX:
-        """The carried value at a link: from the link before it, or the start."""
+        """Return a carried value at a link: from the link before it, or the start."""
         moving, offset = link
         before = offset + 1 if carry.inward else offset - 1
         if moving:
@@ -202,6 +205,7 @@ class LoopPlans:
         return self._expression_at(carry.following[i], (moving, before))
 
     def _array_element(self, array: str, link: AtLink) -> ca.SX:
+        """Return the symbol of the element of an array at a link."""
         moving, offset = link
         if moving:
             self._reach = max(self._reach, abs(offset))
@@ -234,5 +238,5 @@ class LoopPlans:
 
 
 def operands(node: Instruction) -> tuple[int, ...]:
-    """Numbers of an operation's operands."""
+    """Return the numbers of an operation's operands."""
     return node.arguments if node.operation is not None else ()

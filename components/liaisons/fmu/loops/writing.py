@@ -44,7 +44,7 @@ class Code:
 
 
 def loops(program: RowProgram) -> Code:
-    """The function of a program; its text needs :data:`PREAMBLE`."""
+    """Return the C function of a program; its text needs :data:`PREAMBLE`."""
     writer = _Writer(LoopPlans(program))
     lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop(index)]
     for target, number in writer.plans.ends:
@@ -58,7 +58,7 @@ def loops(program: RowProgram) -> Code:
 
 
 class _Writer:
-    """Operands for single numbers, and pending statements that define them."""
+    """Writer of the statements of loops, and of the single numbers that they need."""
 
     def __init__(self, plans: LoopPlans) -> None:
         self.plans = plans
@@ -76,12 +76,12 @@ class _Writer:
         self._use_counts = _use_counts(alone, ends, in_loops)
 
     def pending(self) -> list[str]:
-        """Statements that have to come next."""
+        """Return the statements that have to come next, and forget them."""
         statements, self._pending = self._pending, []
         return statements
 
     def single(self, number: int) -> str:
-        """A single number as an operand; its statements are pending."""
+        """Return the operand for a single number; add the statements that define it to the pending ones."""
         nodes, ahead, needed = self.plans.nodes, [number], set()
         while ahead:
             i = ahead.pop()
@@ -98,7 +98,7 @@ class _Writer:
         return self._texts[number]
 
     def loop(self, index: int) -> list[str]:
-        """The statements of a loop."""
+        """Return the statements of a loop, and those that have to stand before it."""
         plan = self.plans.plans[index]
         lines = [f"{target} = {_without_brackets(self.single(x))};" for target, x in plan.edges]
         lines += [f"double {name} = {_without_brackets(self.single(start))};" for name, start, _ in plan.carried]
@@ -108,7 +108,7 @@ class _Writer:
         return [*self.pending(), *lines, *loop]
 
     def inverse(self, number: int) -> str:
-        """1/x of a single number, so that each link multiplies instead of dividing."""
+        """Return the operand for 1/x of a single number, by which each link multiplies."""
         if number not in self._inverses:
             self._inverses[number] = f"r{number}"
             divisor = self.single(number)
@@ -116,6 +116,7 @@ class _Writer:
         return self._inverses[number]
 
     def _loop(self, index: int, plan: LoopPlan) -> list[str]:
+        """Return the ``for`` statement of a loop."""
         link = _Link(self, index, plan)
         body = link.lines
         body += [
@@ -144,7 +145,7 @@ class _Writer:
 
 
 class _Link:
-    """Statements for one link of a loop, and operands for its numbers behind them."""
+    """Statements for one link of a loop, and operands for its numbers."""
 
     def __init__(self, writer: _Writer, index: int, plan: LoopPlan) -> None:
         plans = writer.plans
@@ -169,13 +170,14 @@ class _Link:
             self._texts[number] = text
 
     def text(self, number: int) -> str:
-        """A number as an operand."""
+        """Return the operand for a number."""
         leaf = self._writer.plans.leaf(number)
         if number in self._texts:
             return self._texts[number]
         return leaf.text if leaf and leaf.each else self._writer.single(number)  # carried, but needed in no operation
 
     def _calculated(self, number: int) -> str:
+        """Return the text that calculates a node."""
         node, leaf = self._writer.plans.nodes[number], self._writer.plans.leaf(number)
         if leaf:
             return leaf.text
@@ -185,6 +187,7 @@ class _Link:
         return _operation_text(node, self.text)
 
     def _inverse(self, number: int) -> str:
+        """Return the operand for 1/x of a number, whose definition is added once."""
         if not self._writer.plans.each[number]:
             return self._writer.inverse(number)
         if number not in self._inverses:
@@ -194,7 +197,7 @@ class _Link:
 
 
 def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
-    """How often numbers are used, as operands of nodes and otherwise."""
+    """Return how often numbers are used, as operands of nodes and otherwise."""
     uses = Counter([*once, *several, *several])
     for node in nodes:
         if node.operation is not None:
@@ -204,7 +207,7 @@ def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iter
 
 
 def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
-    """An operation, or a constant, as an operand."""
+    """Return an operation, or a constant, as an operand."""
     if node.operation is None:
         return literal(0.0 if node.constant is None else node.constant)
     text = node.operation.c.format(*map(text_of, node.arguments))
@@ -212,12 +215,12 @@ def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
 
 
 def _without_brackets(text: str) -> str:
-    """An operand without brackets around all of it."""
+    """Return an operand without brackets around all of it."""
     return text[1:-1] if text.startswith("(") else text
 
 
 def _is_short(text: str) -> bool:
-    """Whether it is a name or a number."""
+    """Return whether an operand is a name or a number."""
     return text.replace(".", "").isalnum() or text.isidentifier()
 
 

@@ -29,12 +29,12 @@ _MANIFEST = f"""\
 
 
 def binary_path(name: str) -> str:
-    """Where the component of a model is in its FMU."""
+    """Return the path of the component of a model in its FMU."""
     return f"binaries/wasm32-wasip2/{name}.wasm"
 
 
 def component(sources: Mapping[str, bytes]) -> bytes:
-    """The component of an FMU of FMI 3.0.
+    """Return the WebAssembly component of an FMU of FMI 3.0.
 
     :param sources: contents of its ``.c`` and ``.h`` files by name.
     :returns: the same bytes for the same sources and compiler.
@@ -44,12 +44,12 @@ def component(sources: Mapping[str, bytes]) -> bytes:
 
 
 def core_module(sources: Mapping[str, bytes]) -> bytes:
-    """What a component is made of: a module with the functions of the draft, laid out by the canonical ABI."""
+    """Compile the core module of a component: the functions of the draft, laid out by the canonical ABI."""
     return compile_wasm({**sources, "wasm.c": _packaged_file("wasm.c")})
 
 
 def section(module: bytes) -> bytes:
-    """A core module as a part of a component: its kind, its length in seven bits a byte, and itself."""
+    """Return a core module as a section of a component: its kind, its length in seven bits a byte, and itself."""
     head, rest = b"\x01", len(module)
     while rest > 127:
         head, rest = head + bytes([rest & 127 | 128]), rest >> 7
@@ -57,7 +57,7 @@ def section(module: bytes) -> bytes:
 
 
 def manifest() -> dict[str, bytes]:
-    """The member that says by which version of the draft, and by which recipe of ours, an FMU's component is made."""
+    """Return the manifest: the version of the draft, and a hash of what an FMU's component is made by."""
     recipe = hashlib.sha256(
         " ".join(WASM_FLAGS).encode() + _packaged_file("wasm.c") + _packaged_file("wrapper.wasm")
     ).hexdigest()
@@ -66,4 +66,5 @@ def manifest() -> dict[str, bytes]:
 
 @cache
 def _packaged_file(name: str) -> bytes:
+    """Return the content of a file of this package."""
     return (files("liaisons.fmu.wasm") / name).read_bytes()
