@@ -219,7 +219,7 @@ def test_time_out_ends_the_whole_process_group(tmp_path, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("choices", "message"),
     [
-        ({"backend": "nativ"}, "backend = 'nativ': choose one of 'native', 'python', 'auto'"),
+        ({"backend": "nativ"}, "backend = 'nativ': choose one of 'auto', 'native', 'python'"),
         ({"platforms": "linux"}, "platforms = 'linux': choose one of 'host', 'all', 'wasm'"),
         ({"fmi": "1"}, "fmi = '1': choose one of '2', '3'"),
         ({"backend": "python", "fmi": "3"}, r"FMUs in Python are FMI 2\.0; for FMI 3\.0 take backend='native'"),

@@ -20,6 +20,10 @@ from typing import Literal
 
 from liaisons.errors import BuildError
 
+Backend = Literal["auto", "native", "python"]
+Platforms = Literal["host", "all", "wasm"]
+Fmi = Literal["2", "3"]
+
 # The same sources give the same bytes: no contraction to fused operations, no build id, no symbols, no paths.
 FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off"),
@@ -45,7 +49,7 @@ class Target:
     triple: str
     flags: tuple[str, ...] = ()
 
-    def folder(self, fmi: Literal["2", "3"]) -> str:
+    def folder(self, fmi: Fmi) -> str:
         """Folder of a version of FMI in ``binaries/``."""
         return self.folders[("2", "3").index(fmi)]
 

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
+from liaisons.base.compiler import Backend, Platforms
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, from_here
 from liaisons.cli._command import Size, command, flag, option, show, show_scenarios, subject
 from liaisons.errors import BackEndError
-from liaisons.library import Backend, catalogue, claim, model, sized_folder
+from liaisons.library import catalogue, claim, model, sized_folder
 from liaisons.library import components as find
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def build(
         Backend, typer.Option(help="native: generated C; python: pythonfmu; auto: native where a C compiler is found")
     ] = "auto",
     platforms: Annotated[
-        Literal["host", "all", "wasm"],
+        Platforms,
         typer.Option(
             help="binaries inside a native FMU: for this machine; for Linux, Windows and macOS; or, experimental and "
             "of FMI 3.0, for this machine and WebAssembly"

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 from uuid import UUID
 
 from liaisons.base.arguments import as_path, chosen
@@ -15,6 +15,9 @@ from liaisons.base.compiler import (
     FLAGS,
     INSTALLATION,
     TARGETS,
+    Backend,
+    Fmi,
+    Platforms,
     compile_library,
     host,
     no_compiler,
@@ -28,13 +31,9 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
-from liaisons.fmu.layout import Fmi
 from liaisons.fmu.origin import signed
 from liaisons.fmu.wasm import binary_path, component, manifest
 from liaisons.mechanics.model import Model, refuse_contacts
-
-Backend = Literal["native", "python", "auto"]
-Platforms = Literal["host", "all", "wasm"]
 
 _DESCRIPTION = "modelDescription.xml"
 # In place of the guid, which is a hash of everything else.
@@ -51,17 +50,10 @@ def build(
     fmi: Fmi = "2",
     arrays: bool = True,
 ) -> Path:
-    """Build the FMU of a model; an FMU that is up to date is left unchanged.
+    """Build the FMU of a model, unless the file is up to date.
 
     :param model: e.g. ``assemble(Pendulum)``.
-    :param output: folder; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, without arrays
-        ``fmi3/scalars/NAME.fmu``, of the Python back end ``python/NAME.fmu``.
-    :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
-    :param platforms: binaries for this machine; ``"all"``: for Linux, Windows and macOS; ``"wasm"``: for this machine,
-        and, experimental, a WebAssembly component (FMI 3.0). Both are of the native back end and need ziglang.
-    :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
-    :param arrays: False: in FMI 3.0 the elements of arrays are variables, ``theta[1]``, as they are in FMI 2.0, for
-        importers that know no arrays.
+    :param output: folder; this and the further ones as in :func:`liaisons.build`.
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     :raises BackEndError: if the back end cannot do what the model needs.

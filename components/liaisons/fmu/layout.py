@@ -12,16 +12,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base import units
+from liaisons.base.compiler import Fmi
 from liaisons.language import Variable
 from liaisons.mechanics.model import ActiveInput, Model
-
-Fmi = Literal["2", "3"]
 
 TIME = Variable("time", "s", "time since the start of the simulation", "local", "continuous")
 

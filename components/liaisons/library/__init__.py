@@ -1,45 +1,305 @@
-"""Components by their names: their FMUs, built if need be, systems of them as one FMU, and both as Modelica text."""
+"""Components by their names, files or classes, and the FMUs that are built from them."""
 
 from __future__ import annotations
 
-from liaisons.library.targets import (
-    Backend,
-    FmiVersion,
-    Platforms,
-    Target,
-    build,
-    catalogue,
-    catalogue_names,
-    claim,
-    component,
-    components,
-    derive,
-    fmu_file,
-    fmu_path,
-    has_size,
-    is_target,
-    model,
-    sized_folder,
-    variables,
-)
+import inspect
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias, TypeGuard
+from weakref import WeakKeyDictionary
 
-__all__ = [
-    "Backend",
-    "FmiVersion",
-    "Platforms",
-    "Target",
-    "build",
-    "catalogue",
-    "catalogue_names",
-    "claim",
-    "component",
-    "components",
-    "derive",
-    "fmu_file",
-    "fmu_path",
-    "has_size",
-    "is_target",
-    "model",
-    "sized_folder",
-    "variables",
-]
+from liaisons.base.arguments import as_path, shown, whole
+from liaisons.base.compiler import Backend, Fmi, Platforms
+from liaisons.base.project import ProjectError, fmus_directory, load_module
+from liaisons.errors import BuildError, SimulationError, suggestion
+
+if TYPE_CHECKING:
+    from liaisons.language import Component
+    from liaisons.mechanics import Equations, Model
+
+Target: TypeAlias = "str | Path | type[Component]"
+"""A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class.
+Where FMUs are taken, also the path of one."""
+
+_built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
+"""FMUs that are up to date in this process, and the status of these files."""
+_files: WeakKeyDictionary[type[Component], Path] = WeakKeyDictionary()
+"""The files that components were loaded from."""
+_owners: dict[tuple[Path, str], str] = {}
+"""Folder and name of an FMU -> origin of the component that this process has built into it."""
+
+
+def catalogue() -> dict[str, type[Component]]:
+    """Return the components of :mod:`liaisons.models`, by name."""
+    from liaisons.models import CATALOGUE
+
+    return {component.__name__: component for component in CATALOGUE}
+
+
+def catalogue_names() -> list[str]:
+    """Return the names of these components, read from the files: completion loads no component."""
+    files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
+    heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
+    public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
+    return sorted(public)
+
+
+def is_target(word: object) -> bool:
+    """Return whether a word names a component or an FMU, and no other file."""
+    name = str(word)
+    return isinstance(word, type) or name in catalogue_names() or name.endswith((".fmu", ".py")) or ".py:" in name
+
+
+def variables(target: str) -> list[tuple[str, str, str]]:
+    """Return name, causality and start of the variables of a catalogue's component or an FMU file; else none."""
+    if target in catalogue_names():
+        from liaisons import models
+
+        every = (scalar for v in getattr(models, target)().layout().variables for scalar in v.elements())
+        return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
+    from liaisons.cosim.description.fmu import read_description
+
+    try:
+        described = read_description(Path(target)).attributes
+    except SimulationError:
+        return []
+    return [(name, v["causality"], v.get("start", "")) for name, v in described.items()]
+
+
+def components(target: Target) -> list[type[Component]]:
+    """Return the components of a name, file or class.
+
+    :param target: ``all`` are those of the catalogue, ``my_component.py`` those of a file.
+    :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
+        else.
+    """
+    from liaisons.language import Component
+
+    if isinstance(target, type):
+        if not _is_concrete(target):
+            reason = "is abstract" if issubclass(target, Component) else "is no component"
+            raise ProjectError(
+                f"the class {target.__name__} {reason}; derive one from liaisons.Mechanism or liaisons.Operator"
+            )
+        return [target]
+    if not isinstance(target, (str, os.PathLike)):
+        raise ProjectError(
+            _no_component_message(target, "is no component; give its name ('Pendulum'), its file or its class")
+        )
+    target = str(target)
+    file, separator, name = target.rpartition(".py:")
+    if not separator and not target.endswith(".py"):
+        classes = catalogue()
+        if target == "all":
+            return list(classes.values())
+        if target.endswith(".fmu"):
+            raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
+        if target not in classes:
+            raise ProjectError(f"no component is called {target!r}{suggestion(target, classes)}")
+        return [classes[target]]
+    path = Path(f"{file}.py" if separator else target)
+    module = load_module(path)
+    defined = vars(module).items()  # without what it imports
+    classes = {name: value for name, value in defined if _is_concrete(value) and value.__module__ == module.__name__}
+    _files.update(dict.fromkeys(classes.values(), path.resolve()))
+    if not classes:
+        raise ProjectError(f"{path} defines no component; derive a class from liaisons.Mechanism or liaisons.Operator")
+    if separator and name not in classes:
+        raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, classes)}")
+    return [classes[name]] if separator else list(classes.values())
+
+
+def component(target: Target) -> type[Component]:
+    """Return the one component of a name, file or class.
+
+    :raises ProjectError: as :func:`components` does, or if a file has several.
+    """
+    found = components(target)
+    if len(found) > 1:
+        where = "" if target == "all" else f"{target}:"
+        choices = ", ".join(f"{where}{component.__name__}" for component in found)
+        raise ProjectError(f"{target} defines several components; name one: {choices}")
+    return found[0]
+
+
+def has_size(component: type[Component]) -> bool:
+    """Return whether a component has a structural size n."""
+    from liaisons.language import Size
+
+    return isinstance(getattr(component, "n", None), Size)
+
+
+def model(component: type[Component], **sizes: object) -> Model:
+    """Return the model of a component, with structural sizes other than declared if any are given.
+
+    :raises ProjectError: if the component has no size of that name.
+    :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
+    """
+    from liaisons.mechanics import assemble
+
+    if not sizes:
+        return assemble(component)
+    if not has_size(component) or set(sizes) != {"n"}:
+        text = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
+        raise ProjectError(f"{component.__name__}: {text}: only chains and arrays have a size, and it is called n")
+    whole(f"{component.__name__}: n", sizes["n"], ProjectError)
+    return assemble(component, sizes["n"])
+
+
+def derive(target: Target) -> Equations:
+    """Return equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` writes them.
+
+    :param target: its name, file or class.
+    :raises ProjectError: if it names no mechanism, or several.
+    :raises ComponentError: if it cannot be derived.
+    """
+    from liaisons import mechanics
+    from liaisons.language import Mechanism
+
+    class_ = component(target)
+    if not issubclass(class_, Mechanism):
+        raise ProjectError(f"{class_.__name__} is no Mechanism; equations({class_.__name__!r}) shows what it obeys")
+    return mechanics.derive(class_)
+
+
+def build(
+    target: Target | Model,
+    output: Path | str | None = None,
+    *,
+    backend: Backend = "auto",
+    platforms: Platforms = "host",
+    fmi: Fmi = "2",
+    arrays: bool = True,
+) -> Path:
+    """Build the FMU of a component, unless the file is up to date.
+
+    :param target: name, file or class of a component, or a model (``assemble(PendulumChain, 20)``).
+    :param output: folder, ``fmus/`` unless given; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``,
+        without arrays ``fmi3/scalars/NAME.fmu``, of the Python back end ``python/NAME.fmu``.
+    :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
+    :param platforms: binaries for this machine; ``"all"``: for Linux, Windows and macOS; ``"wasm"``: for this machine,
+        and, experimental, a WebAssembly component (FMI 3.0). Both are of the native back end and need ziglang.
+    :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
+    :param arrays: False: in FMI 3.0 the elements of arrays are variables, ``theta[1]``, as they are in FMI 2.0, for
+        importers that know no arrays.
+    :returns: path of the FMU.
+    :raises ProjectError: if the target names no component or several, or one whose FMU would take the place of
+        another component's.
+    :raises ComponentError: if it cannot be derived.
+    :raises BuildError: if it cannot be compiled or written; then nothing is written.
+    """
+    from liaisons import fmu
+    from liaisons.mechanics import Model
+
+    folder = fmus_directory() if output is None else as_path("output", output, BuildError)
+    if isinstance(target, Model):
+        derived, shipped = target, catalogue().get(target.name)
+        if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
+            _refuse_catalogue_name(derived.name, f"the model {derived.name}", folder.resolve())
+    else:
+        chosen = component(target)
+        claim(chosen, folder)
+        derived = model(chosen)
+    return fmu.build(derived, folder, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays)
+
+
+def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
+    """Return the path of the FMU of one component, built first if it is missing or out of date.
+
+    :param backend: as of :func:`build`.
+    :param sizes: structural sizes, for example ``n=100``; such FMUs go to a folder of their own, ``fmus/n=100/``.
+    :raises ProjectError: if the component has no such size; else as :func:`build` does.
+    """
+    from liaisons.fmu import build
+
+    class_ = component(target)
+    sized = model(class_, **sizes) if sizes else None
+    folder = sized_folder(fmus_directory(), sizes)
+    key = (class_, str(backend), folder)
+    path, seen = _built.get(key, (None, None))
+    if path is None or seen != _file_status(path):
+        claim(class_, folder)
+        path = build(sized or model(class_), folder, backend=backend)
+        _built[key] = path, _file_status(path)
+    return path
+
+
+def sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
+    """Return the folder for FMUs of these sizes, ``n=100``, in the one for those as they are declared."""
+    return folder / "-".join(f"{name}={size}" for name, size in sizes.items())
+
+
+def claim(component: type[Component], folder: Path | str) -> None:
+    """Reserve the FMU of this name in a folder for a component.
+
+    In ``fmus/`` the names of the catalogue belong to the catalogue; in any folder, a process builds one component of a
+    name.  One that was edited, or defined once more in a notebook, is still the same.
+
+    :raises ProjectError: if it is reserved for another component.
+    """
+    name, folder = component.__name__, Path(folder).resolve()
+    file = _files.get(component) or getattr(sys.modules.get(component.__module__), "__file__", None)
+    origin = f"{file or component.__module__}:{component.__qualname__}"
+    if catalogue().get(name, component) is not component:
+        _refuse_catalogue_name(name, origin, folder)
+    owner = _owners.setdefault((folder, name), origin)
+    if owner != origin:
+        raise ProjectError(_name_taken(name, origin, folder, owner))
+
+
+def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
+    """Raise an error if a folder is that of the catalogue."""
+    if folder.is_relative_to(fmus_directory().resolve()):
+        raise ProjectError(_name_taken(name, origin, folder, "the catalogue's component of this name"))
+
+
+def _name_taken(name: str, origin: str, folder: Path, owner: str) -> str:
+    """Return a message about an FMU of another component."""
+    return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
+
+
+def _file_status(path: Path) -> tuple[int, ...]:
+    """Return what changes with a file's content; empty without a file."""
+    if not path.is_file():
+        return ()
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
+def fmu_file(target: Target) -> Path:
+    """Return the path of an FMU file, or of the FMU of a component, built if need be.
+
+    :raises ProjectError: if there is no such file or component; else as :func:`fmu_path` does.
+    """
+    if isinstance(target, type):
+        return fmu_path(target)
+    if not isinstance(target, (str, os.PathLike)):
+        remedy = "give the path of an FMU, or the name ('Pendulum'), file or class of a component"
+        raise ProjectError(_no_component_message(target, f"is no FMU and no component; {remedy}"))
+    path = Path(target)
+    if path.suffix == ".ssp":
+        raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
+    if path.suffix == ".fmu" or (path.is_file() and path.suffix != ".py"):
+        return path
+    if path.suffix != ".py" and ".py:" not in path.name and str(target) not in catalogue():
+        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), catalogue())}")
+    return fmu_path(target)
+
+
+def _no_component_message(target: object, text: str) -> str:
+    """Return a message about what is no component."""
+    from liaisons.cosim import System
+
+    if isinstance(target, System):
+        return (
+            f"{target.name} is a system, no component; flatten() makes one FMU of it, sweep() runs it for many values"
+        )
+    return f"{shown(target)} {text}"
+
+
+def _is_concrete(value: object) -> TypeGuard[type[Component]]:
+    from liaisons.language import Component
+
+    return isinstance(value, type) and issubclass(value, Component) and not value.is_abstract

@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from liaisons.base.arguments import shown
+from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.project import fmus_directory
 from liaisons.cosim import System, SystemComponent
 from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
-from liaisons.library import Backend, FmiVersion, Platforms, catalogue, has_size, model
+from liaisons.library import catalogue, has_size, model
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def flatten(
     components: Mapping[str, type[Component]] | None = None,
     backend: Backend = "auto",
     platforms: Platforms = "host",
-    fmi: FmiVersion = "2",
+    fmi: Fmi = "2",
     arrays: bool = True,
 ) -> Path:
     """Build the FMU of a whole system from the equations of motion of our components: no coupling error.
