@@ -54,7 +54,7 @@ static Signal accept(void *context, double t, double y[]) {
         memcpy(y, self->d.y, model->states * sizeof *y);
         memset(self->v.low, 0, model->states * sizeof *self->v.low);
     }
-    core_uphold(self, self->step.start + t);
+    if (model->indicators > 0) core_uphold(self, self->step.start + t);
     if (!core_check_conditions(self, self->step.start + t, y, model->conditions)) return STOP;
     return self->options.step_finished == NULL ? GO_ON : intermediate_update(self, t);
 }
@@ -205,7 +205,8 @@ static int move_states(Instance *self) {
     const double start = self->step.start;
     const int moves = self->movers.count > 0;
     const size_t indicators = self->model->indicators;
-    const Events events = {events_shorten, indicators, watch, indicators > 0 ? clock_resolution(&self->step) : 0};
+    Events events;
+    if (indicators > 0) events = (Events){events_shorten, indicators, watch, clock_resolution(&self->step)};
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
                              indicators > 0 ? &events : NULL, report_stiffness};
@@ -295,8 +296,8 @@ static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
     const int with_events = self->options.use == USE_CO_SIMULATION_WITH_EVENTS;
-    const double end = time + size, rest = with_events ? core_next_rest(self, time) : INFINITY;
-    const double instant = fmin(core_next_instant(self, self->v.k, time), rest);
+    const double end = time + size, next = core_next_instant(self, self->v.k, time);
+    const double instant = with_events ? fmin(next, core_next_rest(self, time)) : next;
     self->step.start = time;
     self->step.size = size;
     self->step.reach = with_events && self->options.early && snapped(instant, end) > instant ? instant - time : size;
