@@ -10,7 +10,8 @@
     (memcpy(self->call.arguments, arguments, sizeof arguments), memcpy(self->call.results, results, sizeof results), \
      function(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0))
 
-/* At initialization y and m follow from u and k; with `remembering`, m follows the motion. */
+/* Directional derivatives of y, m and z; at initialization y and m follow from u and k. With `remembering`, m follows
+ * the motion. */
 static void forward(Instance *self, int remembering) {
     const Model *model = self->model;
     const Vectors *v = &self->v;
@@ -58,7 +59,7 @@ static void add(double *sum, const double *more, size_t n) {
     for (size_t i = 0; i < n; i++) sum[i] += more[i];
 }
 
-/* The same way back: weights of z become those of t, y, u, k. */
+/* Adjoint derivatives: weights of z become those of t, y, u, k. */
 static void backward(Instance *self, int remembering) {
     const Model *model = self->model;
     const Vectors *v = &self->v;
@@ -89,12 +90,13 @@ static void backward(Instance *self, int remembering) {
 
 /* ---- known and unknown variables --------------------------------------------------------------------------- */
 
+/* Set all directions to 0. */
 static void clear(Instance *self) {
     self->d.t = 0;
     memset(self->d.y, 0, (size_t)(self->d.z + self->model->outputs - self->d.y) * sizeof *self->d.y);
 }
 
-/* Where the direction of a known variable is kept; NULL if it is not known in this phase. */
+/* Address of the direction of a known variable; NULL if it is not known in this phase. */
 static double *known(Instance *self, unsigned reference) {
     const Model *model = self->model;
     const size_t index = span_of(self, reference).first;
@@ -106,6 +108,7 @@ static double *known(Instance *self, unsigned reference) {
     return &self->d.y[(size_t)variable->state + index - variable->first];
 }
 
+/* Whether a number is an output or the derivative of a state. */
 static int calculated(const Instance *self, size_t index) {
     return index >= self->model->parameters + self->model->inputs && index < self->layout.numbers - self->model->drawn;
 }
@@ -129,12 +132,12 @@ static Status check(Instance *self, const unsigned unknowns[], size_t unknown_co
     return SUCCESS;
 }
 
-/* Where the numbers of an unknown variable are, in d.z. */
+/* Address of an unknown variable's numbers in d.z. */
 static double *unknown(const Instance *self, size_t index) {
     return &self->d.z[index - self->model->parameters - self->model->inputs];
 }
 
-/* What has been found for unknown variables. */
+/* Copy the derivatives of unknown variables. */
 static void collect(const Instance *self, const unsigned unknowns[], size_t n, double *next) {
     for (size_t i = 0; i < n; i++) {
         const Span span = span_of(self, unknowns[i]);

@@ -44,9 +44,10 @@ typedef struct { /* a step, and how it is looked at */
     double *at;                /* states where it is looked at */
 } Step;
 
+/* Column i of the work space. */
 static double *column(const Problem *p, double *work, size_t i) { return work + i * p->n; }
 
-/* The polynomials of a step of which the stages are there; STOP if the rates say so. */
+/* Calculate the dense output of a step from its stages; STOP if the rates say so. */
 static Signal polynomials(const Problem *p, double t, double h, const double *y, double *work) {
     enum { K13 = 14 };
     const size_t n = p->n;
@@ -77,7 +78,7 @@ static Signal polynomials(const Problem *p, double t, double h, const double *y,
     return GO_ON;
 }
 
-/* Indicators at a part of the step; 0 if it cannot be there. */
+/* Evaluate the indicators at a fraction of the step; 0 if that is impossible. */
 static int look(const Step *s, double part, double values[]) {
     const size_t n = s->p->n;
     FOR_EACH(i) {
@@ -89,7 +90,7 @@ static int look(const Step *s, double part, double values[]) {
     return s->p->events->watch(s->p->context, s->t + part * s->h, s->at, values);
 }
 
-/* Where an indicator, which only falls between parts a and b, has the value MARGIN (Illinois' rule of false position). */
+/* Fraction at which an indicator that falls between fractions a and b has the value MARGIN (regula falsi, Illinois). */
 static double fall(const Step *s, size_t which, double a, double at_a, double b, double at_b) {
     const double target = at_a > MARGIN ? MARGIN : 0;
     double values[MOST_INDICATORS], left = at_a - target, right = at_b - target;
@@ -130,7 +131,7 @@ static double scan(const Step *s, double a, const double at_a[], double b, const
     return first < 2 ? first : scan(s, middle, values, b, at_b, depth - 1);
 }
 
-/* The part of an accepted step at which an event is; 2 if there is none. */
+/* Fraction of an accepted step at which its first event is; 2 if there is none. */
 static double first_event(const Step *s) {
     static const double PARTS[] = {0, 0.23, 0.47, 0.71, 1};
     double before[MOST_INDICATORS], after[MOST_INDICATORS];

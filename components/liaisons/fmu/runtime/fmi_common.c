@@ -14,6 +14,7 @@ static const char *const CATEGORIES[] = {"", "logStatusWarning", "logStatusDisca
 
 /* ---- messages ---------------------------------------------------------------------------------------------- */
 
+/* Pass a message to the importer's logger, unless its category is off. */
 static void report(void *owner, Status status, const char *text) {
     const FmiInstance *fmu = owner;
     char message[1024];
@@ -83,6 +84,7 @@ Status fmi_check_count(const FmiInstance *fmu, size_t n, size_t expected, const 
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
+/* Log an error of a function; NULL. */
 static void *fail(const FmiInstance *fmu, const char *function, const char *why) {
     char text[256] = "";
     strncat(text, function, 64);
@@ -91,12 +93,13 @@ static void *fail(const FmiInstance *fmu, const char *function, const char *why)
     return NULL;
 }
 
-/* Whether a guid is that of the binary, or of a copy of the FMU with other start values: then - and more follow. */
+/* Whether a guid is that of the binary, or of a copy with other start values: - and more follow then. */
 static int fits(const char *guid) {
     const size_t length = strlen(model.guid);
     return guid != NULL && strncmp(guid, model.guid, length) == 0 && (guid[length] == '\0' || guid[length] == '-');
 }
 
+/* Path of the file of start values; NULL without memory for it. */
 static char *path_of_starts(const char *resources) {
     static const char FORMAT[] = "%s/starts.txt";
     const size_t size = strlen(resources) + sizeof FORMAT;
@@ -150,6 +153,7 @@ void fmi_free_instance(FmiInstance *fmu) {
 
 /* ---- saved states ------------------------------------------------------------------------------------------ */
 
+/* Memory for a saved state: that of the old one if it has this size. */
 static Saved *reserve(void **state, size_t size) {
     Saved *saved = *state;
     if (saved != NULL && saved->size == size) return saved;

@@ -4,6 +4,7 @@
 
 /* ---- derivatives of inputs, given for one step ------------------------------------------------------------- */
 
+/* Report a derivative of what is no input, of an order that is not supported, or that is not finite. */
 static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
     if (core_check_references(self, &reference, 1, 1) != SUCCESS) return ERROR;
     const size_t index = span_of(self, reference).first;
@@ -34,13 +35,13 @@ Status core_set_input_derivatives(Instance *self, const unsigned references[], s
 
 /* ---- polynomials ------------------------------------------------------------------------------------------- */
 
-/* Derivative with respect to time of a polynomial in the fraction of a step of size H. */
+/* Differentiate a polynomial in the fraction of a step of size H with respect to time. */
 static void differentiate(const double *c, double H, double *derivative) {
     for (int j = 0; j < ORDER; j++) derivative[j] = (j + 1) * c[j + 1] / H;
     derivative[ORDER] = 0;
 }
 
-/* Quintic Hermite polynomial: value, rate and acceleration at both ends of the step. */
+/* Coefficients of the quintic Hermite polynomial: value, rate and acceleration at both ends of the step. */
 static void interpolate(const double *u, const double *set, const Prescribed *at, double H, double *c) {
     c[0] = u[at->value];
     c[1] = H * u[at->rate];
@@ -54,6 +55,7 @@ static void interpolate(const double *u, const double *set, const Prescribed *at
     c[5] = 6 * value - 3 * rate + acceleration / 2;
 }
 
+/* Whether a prescribed coordinate rests during the step. */
 static int rests(const Instance *self, const Prescribed *at) {
     const double *u = self->v.u, *set = self->v.set;
     if (u[at->rate] != 0 || u[at->acceleration] != 0) return 0;
@@ -61,7 +63,7 @@ static int rests(const Instance *self, const Prescribed *at) {
            || (set[at->value] == u[at->value] && set[at->rate] == 0 && set[at->acceleration] == 0);
 }
 
-/* The polynomial of an input, which is constant so far. */
+/* The polynomial of an input, which is added to those that move, and constant, if it is none of them. */
 static double *polynomial(Instance *self, size_t index) {
     Mover *mover = mover_of(self, index);
     if (mover != NULL) return mover->c;
@@ -71,7 +73,7 @@ static double *polynomial(Instance *self, size_t index) {
     return self->movers.list[self->movers.count++].c;
 }
 
-/* A coordinate that an operator prescribes, with its rate and its acceleration. */
+/* Give a prescribed coordinate, its rate and its acceleration their polynomials. */
 static void reconstruct_active(Instance *self, const Prescribed *at, double H) {
     if (rests(self, at)) return;
     double *value = polynomial(self, at->value), *rate = polynomial(self, at->rate);

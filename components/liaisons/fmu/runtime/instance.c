@@ -16,7 +16,7 @@ static size_t count_prescribed(const Model *model) {
     return count;
 }
 
-/* The next n numbers of a block. */
+/* Take the next n numbers of a block. */
 static double *cut(double **rest, size_t n) {
     double *part = *rest;
     *rest += n;
@@ -29,6 +29,7 @@ static Directions cut_directions(double **rest, const Model *model, size_t outpu
     return (Directions){0, y, u, k, m, cut(rest, outputs)};
 }
 
+/* Columns of work space that the solver needs. */
 static size_t columns_of_work(const Model *model) { return model->indicators > 0 ? EVENT_COLUMNS : SOLVER_COLUMNS; }
 
 static void lay_out_contacts(Contacts *c, double **rest, const Model *model) {
@@ -48,7 +49,7 @@ static void lay_out_contacts(Contacts *c, double **rest, const Model *model) {
     c->slide = c->numbers + rows->slide;
 }
 
-/* Where everything is in the two blocks that are there; which have this order for what is copied or cleared at once. */
+/* Distribute the two blocks of memory, in an order in which parts can be copied or cleared at once. */
 static void lay_out(Instance *self) {
     const Model *model = self->model;
     double *rest = (double *)(self->s + 1);

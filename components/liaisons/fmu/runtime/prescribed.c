@@ -17,7 +17,7 @@ static const double VALUE = 1e-6, RATE = 1e-3;
 /* What is so many times as much as its rate and acceleration say is a jump. */
 static const double FAR = 5;
 
-/* What overflows is as large as a number can be: a state that is saved has finite numbers only. */
+/* The number, or the largest one if it overflows: a saved state has finite numbers only. */
 static double bounded(double x) { return fmax(-DBL_MAX, fmin(DBL_MAX, x)); }
 
 #define FOR_EACH(p) for (Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++)
@@ -66,9 +66,10 @@ void core_arrive(Instance *self) {
 
 /* ---- contradictions ---------------------------------------------------------------------------------------- */
 
+/* The larger absolute value at both ends of a step. */
 static double larger(const double from[3], const double to[3], int i) { return fmax(fabs(from[i]), fabs(to[i])); }
 
-/* Of a step of size H with σ, σ̇, σ̈ at both ends, and where σ should be at its end; whether it jumps there. */
+/* Compare σ at the end of a step of size H with what its rates say, and note the mismatch; whether it jumps there. */
 static int compare(Prescribed *p, double H, double said, const double from[3], const double to[3], double t) {
     const double difference = bounded(to[0] - said);
     const double went = bounded(H * (larger(from, to, 1) + H * larger(from, to, 2) / 2));
@@ -140,7 +141,7 @@ void core_warn(Instance *self) {
 
 /* ---- jumps ------------------------------------------------------------------------------------------------- */
 
-/* Which of them jump, and how far; returns whether that moves states and has a limit. */
+/* Find which coordinates jump, and how far; whether that moves states and has a limit. */
 static int find_jumps(Instance *self) {
     const size_t n = self->prescribed.count;
     int moves = 0;
@@ -173,7 +174,7 @@ static void set_prescribed(Instance *self, double part, int jumping) {
     }
 }
 
-/* What the jump adds to the rates of the states. */
+/* What a jump adds to the rates of the states. */
 static Signal leaping(void *context, double part, const double y[], double f[]) {
     Instance *self = context;
     const Model *model = self->model;
@@ -191,7 +192,7 @@ static Signal go_on(void *context, double t, double y[]) {
     return GO_ON;
 }
 
-/* By the midpoint rule, if that is good enough: between smooth communication points jumps are tiny. */
+/* Take a tiny jump by the midpoint rule; 0 if that is not accurate enough. */
 static int leap_at_once(const Problem *problem, double *y, double *work) {
     const size_t n = problem->n;
     double *begin = work, *middle = work + n, *x = work + 2 * n;

@@ -67,6 +67,7 @@ static const double SMALLEST = 1e-13;
     for (size_t i = 0; i < p->coupled; i++) x[i] = (y[i] + h * (earlier)) + (h * a_##s##_##before) * k##before[i]; \
     if (p->rates(p->context, t + c_##s * h, x, k##s) == STOP) return STOP
 
+/* Calculate the twelve stages and the weighted sum of a step, and its error in units of what is allowed. */
 #ifdef __GNUC__
 __attribute__((always_inline)) /* a call costs 3 % of a step */
 #endif
@@ -116,13 +117,14 @@ Signal solver_stages(const Problem *p, double t, double h, const double y[], dou
     return stages(p, t, h, y, work, error);
 }
 
-/* factor by which an error of order 8 says that the step may change */
+/* Factor by which the step size may change after an error of order 8. */
 static double growth(double error) {
     if (!isfinite(error)) return SHRINK;
     const double factor = SAFETY / sqrt(sqrt(sqrt(error))); /* unlike pow, the same on every machine */
     return factor < SHRINK ? SHRINK : factor > GROW ? GROW : factor;
 }
 
+/* Largest of the components in units of what the tolerance allows. */
 static double norm(const Problem *p, const double *v, const double *y) {
     double largest = 0;
     for (size_t i = 0; i < p->n; i++)
@@ -130,7 +132,7 @@ static double norm(const Problem *p, const double *v, const double *y) {
     return largest;
 }
 
-/* A first step from the sizes of y, f and df/dt (Hairer, Norsett, Wanner, II.4); f is in the first column of work. */
+/* First step size, from the sizes of y, f and df/dt (Hairer, Norsett, Wanner, II.4); work begins with f. */
 static double first_step(const Problem *p, double t, double span, const double *y, double *work) {
     const size_t n = p->n;
     double *f = work, *f1 = work + n, *x = work + 2 * n;

@@ -30,11 +30,12 @@ static FILE *open_file(const char *path) {
 #endif
 }
 
+/* Report that the file of start values is damaged. */
 static Status damaged(const FmiInstance *fmu) {
     return core_report(fmu->core, ERROR, "%s is damaged: write the archive anew", fmu->starts);
 }
 
-/* The rest of a line. */
+/* Read the rest of a line, and set the start values in it. */
 static Status read_start(const FmiInstance *fmu, FILE *file, char kind, unsigned reference, size_t count) {
     double *values = count > 0 && count <= SIZE_MAX / sizeof *values ? malloc(count * sizeof *values) : NULL;
     uint64_t bits = 0;

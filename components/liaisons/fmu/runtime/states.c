@@ -24,7 +24,7 @@ void core_save(const Instance *self, void *bytes) {
     memcpy((char *)bytes + sizeof header, self->s, self->layout.state_size);
 }
 
-/* FNV-1a, in words of 8 bytes; never 0. */
+/* Checksum of bytes: FNV-1a, in words of 8 bytes; never 0. */
 static uint64_t checksum(const void *bytes, size_t size) {
     const size_t first = offsetof(Header, guid); /* a multiple of 8, as the sizes of all parts are */
     uint64_t sum = 14695981039346656037u, word;
@@ -45,6 +45,7 @@ void core_seal(void *bytes) {
 
 /* ---- checks: no message shows what the bytes hold ---------------------------------------------------------- */
 
+/* Report bytes that do not begin with the header of a state of this FMU and version. */
 static Status check_header(const Instance *self, const void *bytes, size_t size) {
     Header header;
     if (size < sizeof header)
@@ -64,9 +65,10 @@ static Status check_header(const Instance *self, const void *bytes, size_t size)
     return SUCCESS;
 }
 
+/* Whether a number is 0 or 1. */
 static int flag(int32_t value) { return value == 0 || value == 1; }
 
-/* The phases that an instance can be saved in. */
+/* Whether an instance can be saved in the phase of a state. */
 static int phase_exists(const Instance *self, const Scalars *s) {
     switch (s->phase) {
     case CONFIGURATION: return self->options.whole && self->model->dimension_rows > 0 && !self->model->by_number;
@@ -101,6 +103,7 @@ static const char *wrong_scalar(const Instance *self, const Scalars *s) {
     return NULL;
 }
 
+/* Number i of an array that need not be aligned. */
 static double number_at(const void *numbers, size_t i) {
     double number;
     memcpy(&number, (const char *)numbers + i * sizeof number, sizeof number);
@@ -162,7 +165,7 @@ static const char *wrong_vector(const Instance *self, const Scalars *s, const ch
 #undef SAVED
 }
 
-/* Whether a time event of the component is where the state has it; there is none in some phases. */
+/* Whether the time event of a state is one of the component; there is none in some phases. */
 static int event_exists(Instance *self, const Scalars *s, const char *state) {
     if (s->limit == INFINITY) return 1;
     if (s->use == USE_CO_SIMULATION_WITH_EVENTS)

@@ -10,21 +10,24 @@
 
 /* ---- motion of the states ---------------------------------------------------------------------------------- */
 
+/* Rates of all states. */
 static Signal rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
     return (Signal)evaluate(self, self->step.motion->all, self->step.start + t, y, f);
 }
 
+/* Rates of the states that act on the motion. */
 static Signal coupled_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
     return (Signal)evaluate(self, self->step.motion->coupled, self->step.start + t, y, f);
 }
 
-/* The same where inputs move. */
+/* Rates of all states, where inputs move. */
 static Signal moved_rates(void *context, double t, const double y[], double f[]) {
     return move_inputs(context, t) ? rates(context, t, y, f) : STOP;
 }
 
+/* Rates of the states that act on the motion, where inputs move. */
 static Signal moved_coupled_rates(void *context, double t, const double y[], double f[]) {
     return move_inputs(context, t) ? coupled_rates(context, t, y, f) : STOP;
 }
@@ -43,6 +46,7 @@ static Signal intermediate_update(Instance *self, double t) {
     return STOP;
 }
 
+/* After a step of the solver: project the states, check conditions, tell the importer. */
 static Signal accept(void *context, double t, double y[]) {
     Instance *self = context;
     const Model *model = self->model;
@@ -67,7 +71,7 @@ static int watch(void *context, double t, const double y[], double values[]) {
     return 1;
 }
 
-/* Why no step from a time inside the communication step is small enough. */
+/* Report why no step from a time inside the communication step is small enough. */
 static int explain_stuck(Instance *self, double t) {
     const Model *model = self->model;
     const double time = self->step.start + t;
@@ -94,13 +98,14 @@ static int explain_stuck(Instance *self, double t) {
     return core_because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
 }
 
+/* Report that too many steps are needed. */
 static int explain_exhausted(Instance *self, double t, const char *what) {
     self->step.curable = t > 0;
     return core_because(self, "more than %d %s are needed beyond t = %.9g: something moves very fast", MOST_STEPS, what,
                         self->step.start + t);
 }
 
-/* What a function of time inside the component changes at an instant, say σ̇, is booked like a jump of the inputs. */
+/* Book what a function of time inside the component changes at an instant, say σ̇, like a jump of the inputs. */
 static void pass_instant(Instance *self, double time) {
     const Model *model = self->model;
     self->s->limit = time;
@@ -134,7 +139,7 @@ static int moves_roughly(void *context, double t, double h) {
     return 0;
 }
 
-/* In interpolation what leaps does so at the end, from where its rates have led to what was set. */
+/* Set the inputs that jump at the end of an interpolated step, from where their rates have led. */
 static void leap_to_inputs(Instance *self) {
     const Model *model = self->model;
     evaluate(self, model->remember, self->s->time, self->v.y, self->d.m);
@@ -143,6 +148,7 @@ static void leap_to_inputs(Instance *self) {
     core_jump(self);
 }
 
+/* Jacobian of the rates of all states, where inputs move. */
 static Signal jacobian(void *context, double t, const double y[], double J[]) {
     Instance *self = context;
     if (!move_inputs(self, t)) return STOP;
@@ -150,6 +156,7 @@ static Signal jacobian(void *context, double t, const double y[], double J[]) {
     return GO_ON;
 }
 
+/* Warn, once, that the motion is stiff. */
 static void report_stiffness(void *context, double t) {
     Instance *self = context;
     if (self->s->stiffness_reported) return;
@@ -158,7 +165,7 @@ static void report_stiffness(void *context, double t) {
                 self->step.start + t);
 }
 
-/* From t to the end, in a communication step of a size. */
+/* Integrate from t to the end, in a communication step of a size. */
 static Outcome solve(Instance *self, const Problem *problem, double *t, double end, double size) {
     if (self->s->stiff_solver)
         return stiff_advance(problem, jacobian, self->stiff, t, end, self->v.y, self->v.low, &self->s->step,
@@ -170,7 +177,7 @@ static Outcome solve(Instance *self, const Problem *problem, double *t, double e
                               self->v.history, &self->s->known, self->scratch.work);
 }
 
-/* One step says it; and the importer is not told. */
+/* Stop after one step, without telling the importer. */
 static Signal accept_one(void *context, double t, double y[]) {
     (void)context;
     (void)t;
@@ -178,7 +185,7 @@ static Signal accept_one(void *context, double t, double y[]) {
     return STOP;
 }
 
-/* Whether a step that is much shorter leads anywhere, where this one has led nowhere; spoils the states. */
+/* Whether a much shorter step succeeds, where this one has failed; spoils the states. */
 static int shorter_leads_on(Instance *self, const Problem *problem) {
     Problem trial = *problem;
     char reason[TEXT];
@@ -194,13 +201,13 @@ static int shorter_leads_on(Instance *self, const Problem *problem) {
     return t > 0;
 }
 
-/* The distance of times that differ, inside the step. */
+/* Distance of neighbouring times inside the step. */
 static double clock_resolution(const Step *step) {
     const double latest = fmax(fabs(step->start), fabs(step->start + step->size));
     return nextafter(latest, INFINITY) - latest;
 }
 
-/* The states from the start of the step to where it leads, event by event. */
+/* Integrate the states from the start of the step to its end, event by event. */
 static int move_states(Instance *self) {
     const double start = self->step.start;
     const int moves = self->movers.count > 0;
@@ -260,10 +267,10 @@ static int move_states(Instance *self) {
 
 /* ---- the step ---------------------------------------------------------------------------------------------- */
 
-/* A time, moved onto an instant that it means and misses by rounding: 3 * 0.3 is not 0.9. */
+/* A time, moved onto an instant that it misses by rounding: 3 * 0.3 is not 0.9. */
 static double snapped(double instant, double t) { return fabs(instant - t) <= 1e-12 * (1 + fabs(t)) ? instant : t; }
 
-/* Whether inputs that move stay in their domains for a while. */
+/* Whether inputs that move stay in their domains at first. */
 static int movers_begin_well(const Instance *self) {
     for (const Mover *mover = self->movers.list; mover < self->movers.list + self->movers.count; mover++)
         if (!allows(mover->variable, input_at(mover, 1e-9))) return 0;
@@ -280,7 +287,7 @@ static int begins_well(const Instance *self) {
     return 1;
 }
 
-/* Outputs of a component without states, of which nothing else tells that functions of time have overflowed. */
+/* Whether the outputs of a component without states are finite; its functions of time may overflow. */
 static int outputs_are_finite(Instance *self) {
     const Model *model = self->model;
     const size_t outputs = model->outputs - model->drawn;
@@ -292,6 +299,7 @@ static int outputs_are_finite(Instance *self) {
     return 0;
 }
 
+/* Take a communication step; 0 with a reason if it is refused, and then the instance has to be restored. */
 static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;

@@ -34,13 +34,14 @@ static const double SMALL = 1e-12;
 
 #define FOR_EACH(i, n) for (size_t i = 0; i < (n); i++)
 
-/* Unlike fmax without a call. */
+/* The larger of two numbers; unlike fmax without a call. */
 static double larger(double a, double b) { return a > b ? a : b; }
 
 typedef struct {
     double *rates[STAGES], *stages[STAGES], *least; /* change of a sweep so far */
 } Work;
 
+/* Distribute work space. */
 static Work share(double *work, size_t n) {
     Work w;
     FOR_EACH(s, STAGES) {
@@ -59,6 +60,7 @@ static Signal forget(const Problem *p, double t, const double *y, double *histor
     return GO_ON;
 }
 
+/* Extrapolate the rates at the stages from the history. */
 static void guess(const Problem *p, const double *history, const Work *w) {
     const size_t n = p->coupled;
     FOR_EACH(s, STAGES) FOR_EACH(i, n) {
@@ -68,6 +70,7 @@ static void guess(const Problem *p, const double *history, const Work *w) {
     }
 }
 
+/* Move the rates at the stages of a step into the history. */
 static void keep(const Problem *p, const Work *w, double *history) {
     const size_t n = p->coupled;
     FOR_EACH(s, STAGES) FOR_EACH(i, n) {
@@ -126,8 +129,8 @@ static double weight(size_t s, double x) {
     return x * (a * b - x * ((a + b) / 2 - x / 3)) / ((c - a) * (c - b));
 }
 
-/* The rates of the states that do not act on the motion anew, by five points on the polynomial of the stages: of each
- * the mean, three times. */
+/* Recalculate the rates of the states that do not act on the motion, by five points on the polynomial of the stages: of
+ * each the mean, three times. */
 static Signal refine(const Problem *p, double t, double h, const double *y, const Work *w) {
     double *x = w->stages[0], *rates = w->stages[1], *mean = w->stages[2];
     for (size_t i = p->coupled; i < p->n; i++) mean[i] = 0;

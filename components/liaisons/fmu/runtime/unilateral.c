@@ -43,17 +43,18 @@ static const char *name_of(const Model *model, size_t i) {
 
 /* ---- what the component says ------------------------------------------------------------------------------------ */
 
-/* Numbers of all contacts at the present state. */
+/* Calculate the numbers of all contacts at the present state. */
 static void inspect(Instance *self, double time) {
     evaluate(self, self->model->contact, time, self->v.y, self->contacts.numbers);
 }
 
-/* In the memory 1: closed, 0: open; below 0: open, and overlaps by less than this part of its scale are no event. */
+/* Address of a mode in the memory, 1: closed, 0: open; below 0: open, and overlaps by less than this part of its scale
+ * are no event. */
 static double *closed_of(const Instance *self, size_t i) { return &self->v.m[self->model->gap[i].closed]; }
 
 static int is_closed(const Instance *self, size_t i) { return *closed_of(self, i) > 0; }
 
-/* The modes that the memory holds. */
+/* Read the modes from the memory. */
 static void read_modes(const Instance *self, Modes modes) {
     const Model *model = self->model;
     for (size_t i = 0; i < model->gaps; i++) modes[i] = is_closed(self, i) ? CLOSED : OPEN;
@@ -61,14 +62,14 @@ static void read_modes(const Instance *self, Modes modes) {
         modes[model->gaps + i] = (signed char)self->v.m[model->friction[i].direction];
 }
 
-/* Whether a mode leaves the rate no freedom. */
+/* Whether a mode keeps the rate of a contact at 0. */
 static int holds(const Model *model, const Modes modes, size_t i) {
     if (i < model->gaps) return modes[i] == CLOSED;
     const long normal = model->friction[i - model->gaps].normal;
     return modes[i] == STICKS && (normal < 0 || modes[normal] == CLOSED);
 }
 
-/* How far a gap is from 0 by rounding, of positions and of the time at which others move. */
+/* How far a gap may be from 0 by rounding of positions, and of the time at which others move. */
 static double rounding(const Contacts *c, size_t i, double time) {
     const double tick = nextafter(fabs(time), INFINITY) - fabs(time);
     return TOUCHING * c->scale[i] + 2 * tick * c->rate_scale[i];
@@ -78,7 +79,7 @@ static double rounding(const Contacts *c, size_t i, double time) {
 
 static const double NOTHING[MOST_CONTACTS];
 
-/* The component's function: states after impulses, and moved along the gaps. */
+/* Call the function of the component that gives states after impulses, and moved along the gaps. */
 static void call_push(Instance *self, double time, const double y[], const double impulses[], const double shifts[],
                       double result[]) {
     self->call.arguments[5] = impulses;
@@ -87,6 +88,7 @@ static void call_push(Instance *self, double time, const double y[], const doubl
     evaluate(self, self->model->push, time, y, result);
 }
 
+/* Replace the states, and forget what was calculated from them. */
 static void replace_states(Instance *self, const double y[]) {
     const size_t size = self->model->states * sizeof *y;
     memcpy(self->v.y, y, size);
@@ -101,7 +103,7 @@ static void shift(Instance *self, double time, const double shifts[]) {
     replace_states(self, self->d.y);
 }
 
-/* Impulses of the contacts; the work is that of the mean rates. */
+/* Apply impulses of the contacts; the work is that of the mean rates. */
 static void push(Instance *self, double time, const double impulses[]) {
     call_push(self, time, self->v.y, impulses, NOTHING, self->d.y);
     call_push(self, time, self->d.y, impulses, NOTHING, self->e.y);
@@ -109,14 +111,14 @@ static void push(Instance *self, double time, const double impulses[]) {
     replace_states(self, self->d.y);
 }
 
-/* The same, where operators feel it. */
+/* Apply impulses of the contacts, and add those that operators feel to theirs. */
 static void hit(Instance *self, double time, const double impulses[]) {
     push(self, time, impulses);
     for (size_t i = 0; i < self->model->operators; i++)
         self->v.m[self->model->operator[i]] += self->contacts.operators[i];
 }
 
-/* x of G_LL x_L = right_L; 0 if G_LL is singular, as where forces are not unique. */
+/* Solve G_LL x_L = right_L; 0 if G_LL is singular, as where forces are not unique. */
 static int solve(const double *matrix, size_t n, double right[]) {
     double a[AT_ONCE][AT_ONCE];
     for (size_t i = 0; i < n; i++)
@@ -168,7 +170,7 @@ static int annul(Instance *self, double time, const size_t list[], size_t n, int
     return far;
 }
 
-/* Put gaps to 0, by Newton's method. */
+/* Bring gaps to 0 by Newton's method. */
 static void touch(Instance *self, double time, const size_t list[], size_t n) {
     for (int step = 0; step < NEWTON_STEPS && annul(self, time, list, n, 1); step++) continue;
 }
@@ -202,7 +204,7 @@ void core_uphold_before(Instance *self) {
 
 /* ---- complementarity ---------------------------------------------------------------------------------------------- */
 
-/* Forces in some modes, and what they make of the rates; 0 if there are none, or more than one. */
+/* Calculate forces in some modes, and the accelerations with them; 0 if there are none, or more than one. */
 static int forces_in(const Instance *self, const Problem *p, const Modes modes, double x[], double rate[]) {
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
@@ -244,7 +246,7 @@ static int forces_in(const Instance *self, const Problem *p, const Modes modes, 
     return 1;
 }
 
-/* Whether what is chosen is right: forces push where rates are 0, and so on. */
+/* Whether modes are consistent: forces push where rates are 0, and so on. */
 static int consistent(const Instance *self, const Problem *p, const Modes modes, const double x[], const double rate[]) {
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
@@ -268,7 +270,7 @@ static int consistent(const Instance *self, const Problem *p, const Modes modes,
     return 1;
 }
 
-/* Whether other forces would do as well, or contacts are too near to that. */
+/* Whether other forces satisfy the same conditions, or contacts are too near to that. */
 static int ambiguous(const Instance *self, const Problem *p, const Modes modes, const double rate[]) {
     double x[MOST_CONTACTS], other[MOST_CONTACTS];
     Modes tied;
@@ -281,6 +283,7 @@ static int ambiguous(const Instance *self, const Problem *p, const Modes modes, 
     return ties && !forces_in(self, p, tied, x, other);
 }
 
+/* Give the contacts of a problem, and why they cannot be settled, as reason; 0. */
 static int refuse(Instance *self, const Problem *p, double time, const char *why) {
     char names[TEXT / 2] = "";
     for (size_t k = 0; k < p->n; k++) {
@@ -320,7 +323,7 @@ static int choose(Instance *self, Problem *p, double time, Modes modes, double x
 
 /* ---- impacts -------------------------------------------------------------------------------------------------------- */
 
-/* The rates after an impact of all gaps in a list: v+ >= max(0, -e v-), and what rubs under them. */
+/* Apply the impulses of an impact of all gaps in a list: v+ >= max(0, -e v-), with friction. */
 static int strike(Instance *self, double time, const int touching[]) {
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
@@ -364,7 +367,7 @@ static int strike(Instance *self, double time, const int touching[]) {
 
 /* ---- events --------------------------------------------------------------------------------------------------------- */
 
-/* How long a bounce from a gap at rate v lasts, with all that follow, under an acceleration a < 0. */
+/* Duration of a bounce from a gap at rate v, with all that follow, under an acceleration a < 0. */
 static double lasts(double v, double a, double e) { return e < 1 ? 2 * v / (-a * (1 - e)) : 0; }
 
 /* Whether no gap overlaps by more than rounding, or by what an importer may be late, and friction brakes. */
@@ -420,7 +423,7 @@ void core_follow_gaps(Instance *self) {
     } while (n > before);
 }
 
-/* Modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
+/* Choose modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
 static int rest(Instance *self, double time, const int touching[], Modes modes, double x[], double rate[]) {
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
@@ -451,7 +454,7 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
     return choose(self, &p, time, modes, x, rate);
 }
 
-/* Whether a gap is at 0; what is closed drifts, and follows. */
+/* Whether a gap is at 0; one that is closed may have drifted from it. */
 static int touches(Instance *self, size_t i, double time) {
     const Contacts *c = &self->contacts;
     return c->gap[i] <= (is_closed(self, i) ? FOLLOWED * c->scale[i] : rounding(c, i, time));
@@ -473,7 +476,7 @@ int core_is_unsettled(Instance *self, double time) {
     return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, model->indicators) != 0;
 }
 
-/* A gap that bounces so little that the rest of its bounces is summed, and when they end; gaps if there is none. */
+/* Find a gap whose bounces are so small that the rest of them is summed, and when they end; gaps if there is none. */
 static size_t lowest_bounce(Instance *self, double time, const int touching[], const int was_closed[], const Modes modes,
                             const double rate[], const int rises[]) {
     const Model *model = self->model;
@@ -492,7 +495,7 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
     return model->gaps;
 }
 
-/* Take the rate of a gap that bounces no more, with those that are held: its energy is lost. */
+/* Bring the rate of a gap that bounces no more to 0, with those that are held: its energy is lost. */
 static void stop(Instance *self, double time, size_t gap, const Modes modes) {
     const Model *model = self->model;
     const size_t n = model->indicators;
@@ -517,6 +520,7 @@ static void stop(Instance *self, double time, size_t gap, const Modes modes) {
     }
 }
 
+/* Treat impacts, and choose modes, until nothing changes; 0 with a reason if that fails. */
 static int settle(Instance *self, double time, int late) {
     const Model *model = self->model;
     const size_t gaps = model->gaps, n = model->indicators;
@@ -569,7 +573,7 @@ static int settle(Instance *self, double time, int late) {
     return 1;
 }
 
-/* Move on by a time, which may be negative, at the present rates. */
+/* Move the states by a time, which may be negative, at the present rates. */
 static void drift(Instance *self, double time, double by) {
     double *u = self->v.u;
     evaluate(self, derivatives_of(self->model), time, self->v.y, self->d.y);

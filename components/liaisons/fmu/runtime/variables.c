@@ -32,6 +32,7 @@ size_t core_index_of_state(const Model *model, size_t i, int derivative) {
     return model->variables[derivative ? state->derivative : state->variable].first + i;
 }
 
+/* Report a variable of another type. */
 static Status check_type(const Instance *self, NumberType type, unsigned reference) {
     static const char *const NAMES[] = {"floating-point", "integer", "Boolean"};
     if (reference - self->layout.first >= self->layout.references)
@@ -63,7 +64,7 @@ typedef struct { /* what is left of references and of values for them */
     size_t n, count;
 } Rest;
 
-/* The numbers of the next reference and of consecutive ones behind it; 0 if there are none or too few values. */
+/* Find the numbers of the next reference and of consecutive ones behind it; 0 if there are none or too few values. */
 static int next_run(const Instance *self, Rest *rest, Span *run) {
     const unsigned reference = *rest->references;
     size_t n = 1;
@@ -84,12 +85,12 @@ static void copy(double *to, const double *from, size_t n) {
     else memcpy(to, from, n * sizeof *to);
 }
 
-/* The index of the first number that only a picture needs. */
+/* Index of the first number that only a picture needs. */
 static size_t first_drawn(const Model *model) {
     return model->parameters + model->inputs + model->outputs - model->drawn;
 }
 
-/* Calculate numbers that are about to be read. */
+/* Calculate the numbers that are about to be read. */
 static void update(Instance *self, Span run) {
     const size_t drawn = first_drawn(self->model), end = run.first + run.count;
     if (end > self->model->parameters + self->model->inputs) core_update(self);
@@ -125,6 +126,7 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
 
 static const char FIXED[] = "it is a fixed parameter; set it before initialization ends";
 
+/* Whether a variable can be set in this phase. */
 static int settable(const Instance *self, const Variable *variable) {
     switch (variable->kind) {
     case INPUT: return 1;
@@ -135,6 +137,7 @@ static int settable(const Instance *self, const Variable *variable) {
     }
 }
 
+/* Report a number that cannot be set, and why. */
 static Status refuse(const Instance *self, size_t index, Kind kind, double value) {
     return core_report(self, ERROR, "%s = %.9g: %s", core_name(self, index), value,
                        kind == FIXED_PARAMETER     ? FIXED
@@ -147,6 +150,7 @@ static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
 
 static size_t smaller(size_t a, size_t b) { return a < b ? a : b; }
 
+/* Report the first number that cannot be set, or is not finite. */
 static Status check_setting(Instance *self, Span run, const double values[]) {
     const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
     const size_t end = run.first + run.count;
@@ -169,7 +173,7 @@ static Status check_setting(Instance *self, Span run, const double values[]) {
     return SUCCESS;
 }
 
-/* Put numbers somewhere; returns whether they are new there. */
+/* Copy numbers; whether they differ from those before. */
 static int replace(double *to, const double *from, size_t n) {
     if (n == 1) { /* less than two calls */
         const int differs = memcmp(to, from, sizeof *to) != 0;
@@ -181,7 +185,7 @@ static int replace(double *to, const double *from, size_t n) {
     return 1;
 }
 
-/* Store parameters, inputs, states; returns whether parameters or the present inputs are new. */
+/* Store parameters, inputs, states; whether parameters or the present inputs have changed. */
 static int store(Instance *self, Span run, const double values[], int present) {
     const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
     const size_t end = run.first + run.count;
@@ -202,7 +206,7 @@ static int store(Instance *self, Span run, const double values[], int present) {
     return fresh;
 }
 
-/* Set inputs to finite numbers, one by one; returns 0 if that is not all that is asked for, and sets nothing. */
+/* Set inputs to finite numbers, one by one; 0, with nothing set, if other variables or values are among them. */
 static int set_inputs(Instance *self, const unsigned references[], size_t n, const double values[], int present,
                       int *fresh) {
     const size_t first = self->layout.first + self->model->parameters, inputs = self->model->inputs;
@@ -222,7 +226,7 @@ static int set_inputs(Instance *self, const unsigned references[], size_t n, con
     return 1;
 }
 
-/* Set anything, run by run. */
+/* Set variables of any kind, run by run. */
 static Status set_runs(Instance *self, const unsigned references[], size_t n, const double values[], size_t count,
                        int present, int *fresh) {
     Rest rest = {references, n, count};
@@ -249,7 +253,7 @@ Status core_ignore_zeros(Instance *self) {
     return SUCCESS;
 }
 
-/* Put the start values back where 0 was set, and is not allowed. */
+/* Restore start values where 0 was set, and is not allowed. */
 static void ignore_zeros(Instance *self, int present) {
     for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
         const size_t index = self->model->parameters + p->value;
@@ -295,7 +299,7 @@ static const struct {
     {"stiff_solver", "0 (explicit) or 1 (implicit)", 1},
 };
 
-/* Which setting a reference stands for; SETTINGS, and a report, if there is none. */
+/* Setting of a reference; SETTINGS, and a report, if there is none. */
 static size_t setting(const Instance *self, unsigned reference) {
     size_t next = self->layout.first + self->layout.references;
     if (self->model->inputs > 0 && reference == next++) return RECONSTRUCTION;
@@ -305,6 +309,7 @@ static size_t setting(const Instance *self, unsigned reference) {
     return SETTINGS;
 }
 
+/* Address of the value of a setting. */
 static int32_t *value_of(const Instance *self, size_t which) {
     int32_t *const values[SETTINGS] = {&self->s->reconstruction, &self->s->symplectic_steps, &self->s->stiff_solver};
     return values[which];
