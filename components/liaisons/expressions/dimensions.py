@@ -17,7 +17,7 @@ import casadi as ca
 from liaisons.base import units
 from liaisons.base.units import NUMBER, Powers, product, written
 from liaisons.errors import ComponentError
-from liaisons.expressions.operations import interpret
+from liaisons.expressions.operations import NAMES, interpret
 
 _READABLE = 90
 """Characters of a term in a message."""
@@ -122,7 +122,7 @@ class _Node:
             return "(...)", 3
         parts = [operand.written(depth - 1) for operand in self.operands]
         if self.code not in _WRITTEN:
-            return f"{_NAMES.get(self.code, 'call')}({', '.join(text for text, _ in parts)})", 3
+            return f"{NAMES[self.code]}({', '.join(text for text, _ in parts)})", 3
         pattern, precedences, precedence = _WRITTEN[self.code]
         texts = (text if own >= least else f"({text})" for (text, own), least in zip(parts, precedences, strict=True))
         return pattern.format(*texts), precedence
@@ -141,7 +141,7 @@ def _derive_unit(node: _Node) -> Powers | None:
         return None
     if code in _PURE:
         return _require_pure_number(
-            node, operands[0], f"{_PURE[code]}({operands[0].text()}) takes a pure number or an angle"
+            node, operands[0], f"{NAMES[code]}({operands[0].text()}) takes a pure number or an angle"
         )
     if code in (ca.OP_POW, ca.OP_CONSTPOW):
         base, exponent = operands
@@ -151,8 +151,8 @@ def _derive_unit(node: _Node) -> Powers | None:
             return pure and _require_pure_number(node, base, message)
         factors, exponents = factors[:1], (Fraction(exponent.constant).limit_denominator(1000),)
     if exponents:
-        known = [(unit, exponent) for unit, exponent in zip(factors, exponents, strict=True) if unit is not None]
-        return product(known) if len(known) == len(factors) else None
+        units_known = [(unit, exponent) for unit, exponent in zip(factors, exponents, strict=True) if unit is not None]
+        return product(units_known) if len(units_known) == len(factors) else None
     return NUMBER if code == ca.OP_SIGN else factors[_CARRIER[code]] if code in _CARRIER else None
 
 
@@ -203,21 +203,13 @@ def _unit_text(unit: Powers | None) -> str:
 # ---- the rules ---------------------------------------------------------------------------------------------------
 
 
-def _codes_with_names(*codes: str) -> Iterator[tuple[int, str]]:
-    """Yield CasADi's codes of operations with their names."""
-    return ((getattr(ca, f"OP_{code}"), code.lower()) for code in codes)
-
-
-_NAMES = dict(
-    _codes_with_names("FMIN", "FMAX", "FMOD", "REMAINDER", "HYPOT", "ATAN2", "SQRT", "SIGN", "NOT", "AND", "OR")
-)
-_NAMES |= dict(_codes_with_names("COPYSIGN", "FABS", "FLOOR", "CEIL")) | {ca.OP_IF_ELSE_ZERO: "if_else"}
-_PURE = dict(
-    _codes_with_names("EXP", "LOG", "LOG1P", "EXPM1", "ERF", "ERFINV", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN")
-)
-_PURE |= dict(_codes_with_names("SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH"))
-_NAMES |= _PURE
-"""Names of operations that are written as calls."""
+_PURE = {
+    code
+    for code, name in NAMES.items()
+    if name.removeprefix("a").removesuffix("h") in ("sin", "cos", "tan")
+    or name in ("exp", "log", "log1p", "expm1", "erf", "erfinv")
+}
+"""Operations on a pure number, or an angle."""
 
 _ALIKE = {ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_HYPOT}
 """Operations on operands of one unit, which the result has, too."""

@@ -59,6 +59,9 @@ def operation_codes(function: ca.Function) -> set[int]:
     return {function.instruction_id(k) for k in range(function.n_instructions())}
 
 
+NAMES = {code: name[3:].lower().removesuffix("_zero") for name, code in vars(ca).items() if name.startswith("OP_")}
+"""CasADi's names of its operations, by code."""
+
 _NOT_SMOOTH = {
     *(ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO, ca.OP_FABS),
     *(ca.OP_SIGN, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER),

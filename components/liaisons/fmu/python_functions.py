@@ -155,11 +155,11 @@ def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Call
     trap = ca.if_else(reduce(ca.logic_and, valid, ca.SX(1)), 0, math.nan)
     rates = ca.Function("rates", [now, y, u, k], [ca.densify(model.derivatives(now, y, u, k) + trap)], {"cse": True})
 
-    def at(x: ca.MX, y: ca.MX) -> ca.MX:
+    def slopes(x: ca.MX, y: ca.MX) -> ca.MX:
         t = ca.fmax(n.earliest, ca.fmin(n.latest, n.t + x))
         return rates(t, y, inputs(x, n.H, n.mode, n.u, n.target), n.k)
 
-    return at
+    return slopes
 
 
 def _runge_kutta_step(n: SimpleNamespace, rates: Callable[[ca.MX, ca.MX], ca.MX]) -> dict[str, ca.MX]:
@@ -219,10 +219,10 @@ def _jump_rates(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Ca
     values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
     count, jump = coupled(model), n.jump
 
-    def at(x: ca.MX, y: ca.MX) -> ca.MX:
+    def slopes(x: ca.MX, y: ca.MX) -> ca.MX:
         resting = n.u + (x - 1) * ca.mtimes(values, jump)
         jumping = model.derivatives(n.t, y, resting + ca.mtimes(rates, jump), n.k)
         change = jumping - model.derivatives(n.t, y, resting, n.k)
         return ca.vertcat(change[:count], ca.MX.zeros(y.numel() - count))
 
-    return at
+    return slopes

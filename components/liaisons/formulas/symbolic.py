@@ -34,14 +34,14 @@ def symbol(name: str) -> Any:
 def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
     """Return a formula without abbreviations; its symbols are real and have the names of the variables."""
     sympy = sympy_package()
-    known = {"π": sympy.pi}
+    values = {"π": sympy.pi}
 
     def value(term: Term) -> Any:  # noqa: C901, PLR0911
         match term:
             case kinds.Number(number):
                 return sympy.sympify(number)
             case kinds.Name(name):
-                return known[name] if name in known else symbol(name)
+                return values[name] if name in values else symbol(name)
             case kinds.Negative(subtracted):
                 return -value(subtracted)
             case kinds.Addition(terms):
@@ -61,5 +61,5 @@ def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
                 return getattr(sympy, _NAMES.get(function, function))(*x)
 
     for name, term in formula.where:
-        known[name.name] = value(term)
+        values[name.name] = value(term)
     return value(formula.term)

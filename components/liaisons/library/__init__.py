@@ -116,12 +116,12 @@ def component(target: Target) -> type[Component]:
 
     :raises ProjectError: as :func:`components` does, or if a file has several.
     """
-    found = components(target)
-    if len(found) > 1:
+    classes = components(target)
+    if len(classes) > 1:
         where = "" if target == "all" else f"{target}:"
-        choices = ", ".join(f"{where}{component.__name__}" for component in found)
+        choices = ", ".join(f"{where}{component.__name__}" for component in classes)
         raise ProjectError(f"{target} defines several components; name one: {choices}")
-    return found[0]
+    return classes[0]
 
 
 def has_size(component: type[Component]) -> bool:

@@ -38,7 +38,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
     pi, phi, pi_dot = (_symbol_column(f"{name}_{axis}" for axis in axes) for name in ("pi", "phi", "pi_dot"))
     beyond, names = ca.vertsplit(ca.vertcat(pi, phi, pi_dot)), [item.name for item in component.coordinates]
-    Q, attached = (_symbol_column(f"Q_{name}" for name in of) for of in (names, points))
+    Q, attached = (_symbol_column(f"Q_{name}" for name in group) for group in (names, points))
     of_link = ca.vertcat(q, v, m.q_ddot, w, w_dot, m.w_ddot, link.bonded, Q, attached)
     indexed = {str(x): f"{x}[i]" for x in ca.vertsplit(of_link)}
     indexed |= {str(x): f"{x}[i + 1]" for x in beyond}
@@ -57,7 +57,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
         turning = ca.reshape(m.dot(ca.vec(ca.densify(slope))), *slope.shape)
         return m.dot(p) + turning.T @ pi + slope.T @ pi_dot
 
-    for form, of, column in (
+    for form, names_of_form, column in (
         ("joint_{}[i + 1]", axes, F),
         ("joint_{}_dot[i + 1]", axes, F_dot),
         ("joint_{}_ddot[i + 1]", axes, m.dot(m.dot(F))),
@@ -71,7 +71,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
         ("{}[i]", points, link.points),
         ("{}[i]", ("kinetic", "potential"), ca.vertcat(T, link.potential)),
     ):
-        loop.rows(map(form.format, of), column)
+        loop.rows(map(form.format, names_of_form), column)
 
     base = m.base()
     joint = ca.SX.zeros(len(axes)) if base is None else m.joint_column(base)
@@ -88,14 +88,16 @@ def chain_motion(component: type[Chain]) -> list[str]:
     constants, initial = parameters(m, _start_text, "[n]")
     unit = _units(m)
     texts = {item.name: item.description for item in (*m.coordinates, *m.actives)}
-    known = [p.name for p in m.parameters] + ["bonded"]
+    declared_names = [p.name for p in m.parameters] + ["bonded"]
 
     def variable(name: str, size: str = "") -> str:
         longer = " + 1" * name.startswith(("joint_", "pi_", "phi_"))
         return named(name + size.replace("n", f"n{longer}"), unit.get(name, ""), texts.get(name, ""))
 
-    of_links = [name for name in loop.further(*known) if name not in unit or f"{name}[" in str(loop.statements)]
-    single = [*outside.further(*known, *of_links), *(f"{s.name}{end}" for s in m.actives for end in _ENDS)]
+    of_links = [
+        name for name in loop.further(*declared_names) if name not in unit or f"{name}[" in str(loop.statements)
+    ]
+    single = [*outside.further(*declared_names, *of_links), *(f"{s.name}{end}" for s in m.actives for end in _ENDS)]
     bonded = "fill(1, n)" if base is not None else "cat(1, {0}, ones(n - 1))"
     declarations = [
         f'parameter Integer n = {m.sizes["n"]} "{component.n.description}";',

@@ -90,8 +90,8 @@ def animate(
     ghost = None
     if against is not None:
         drawn = scene.picture.variables  # calculated anew for the ghost
-        others = {name: values for name, values in signals.items() if name not in drawn}
-        ghost = motion_frames(scene, time, {**others, **against}, step, title, shifts=shown.shifts)
+        recorded = {name: values for name, values in signals.items() if name not in drawn}
+        ghost = motion_frames(scene, time, {**recorded, **against}, step, title, shifts=shown.shifts)
     count = len(shown.time)
     many = title if count > _MANY else ""
     with replacing(path) as part, progress_bar(many, "frame {:g} of {:g}", 0, count) as show:

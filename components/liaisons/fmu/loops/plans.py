@@ -48,15 +48,15 @@ class LoopPlan:
         """Numbers that the loop calculates."""
         return [*(x for _, x in self.rows), *(x for _, x, _ in self.sums), *(x for _, _, x in self.carried)]
 
-    def renumbered(self, of: Sequence[int]) -> LoopPlan:
-        """Return the plan with each number x replaced by ``of[x]``."""
+    def renumbered(self, new: Sequence[int]) -> LoopPlan:
+        """Return the plan with each number x replaced by ``new[x]``."""
         return LoopPlan(
             self.inward,
             self.links,
-            [(name, of[x]) for name, x in self.rows],
-            [(name, of[x]) for name, x in self.edges],
-            [(name, of[x], [of[edge] for edge in edges]) for name, x, edges in self.sums],
-            [(name, of[start], of[x]) for name, start, x in self.carried],
+            [(name, new[x]) for name, x in self.rows],
+            [(name, new[x]) for name, x in self.edges],
+            [(name, new[x], [new[edge] for edge in edges]) for name, x, edges in self.sums],
+            [(name, new[start], new[x]) for name, start, x in self.carried],
         )
 
 
@@ -106,14 +106,14 @@ class LoopPlans:
         node = self.nodes[number]
         return self._leaves[node.arguments[1]] if node.operation is None and node.constant is None else None
 
-    def needed(self, targets: Iterable[int], kept: Container[int]) -> tuple[set[int], set[int]]:
-        """Return nodes that a link has to calculate for targets, and kept ones that it has to read."""
+    def needed(self, targets: Iterable[int], stored: Container[int]) -> tuple[set[int], set[int]]:
+        """Return nodes that a link has to calculate for targets, and stored ones that it has to read."""
         needed: set[int] = set()
         read: set[int] = set()
         ahead = [number for number in targets if self.each[number]]
         while ahead:
             number = ahead.pop()
-            if number in kept:
+            if number in stored:
                 read.add(number)
             elif number not in needed:
                 needed.add(number)
