@@ -285,13 +285,13 @@ def test_what_is_in_front_is_painted_last_and_backs_of_boxes_are_not(turn: float
     behind, _, *sides, front, _ = stage.faces(0, turn)  # a ball is a disk and its light
     assert (behind.depth, front.depth) == pytest.approx((-3, 3))
     centres = [side * h * e for h, e in zip(half, np.eye(3), strict=True) for side in (1, -1)]
-    expected = sorted(facing(None, turn).see(centre)[:2].tolist() for centre in centres if centre @ eye > 0)
+    expected = sorted(facing(None, turn).project(centre)[:2].tolist() for centre in centres if centre @ eye > 0)
     assert sorted(face.corners.mean(axis=0).tolist() for face in sides) == [pytest.approx(e) for e in expected]
     lit = [
         face.corners.mean(axis=0).tolist() for face in sides if max(face.colour[:3]) > 0.56 * max(rgb("box"))
     ]  # or 0.55
     towards = [
-        facing(None, turn).see(centre)[:2].tolist() for centre in centres if min(centre @ eye, centre @ LIGHT) > 0
+        facing(None, turn).project(centre)[:2].tolist() for centre in centres if min(centre @ eye, centre @ LIGHT) > 0
     ]
     assert sorted(lit) == [pytest.approx(e) for e in sorted(towards)]
 

@@ -229,14 +229,14 @@ def test_the_view_is_that_of_the_camera(opened: Opened) -> None:
                 return [low, high, scale, canvas.clientWidth, canvas.clientHeight];
             }"""
             )
-            corners = Camera(yaw, pitch).see(np.array(list(product(*zip(low, high, strict=True)))))
+            corners = Camera(yaw, pitch).project(np.array(list(product(*zip(low, high, strict=True)))))
             assert np.max(scale * np.ptp(corners[:, :2], axis=0) / size) == pytest.approx(0.78)  # of the canvas
             for point in np.eye(3):
                 seen, scale, origin, centre = live.evaluate(
                     "p => { const v = window.page.view; return [v.see(p), v.scale, v.origin, v.centre]; }",
                     point.tolist(),
                 )
-                right, up, depth = Camera(yaw, pitch).see(point - centre)
+                right, up, depth = Camera(yaw, pitch).project(point - centre)
                 assert (seen[0] - origin[0]) / scale == pytest.approx(right, abs=1e-12)
                 assert (origin[1] - seen[1]) / scale == pytest.approx(up, abs=1e-12)
                 assert seen[2] == pytest.approx(depth, abs=1e-12)

@@ -54,7 +54,7 @@ def reverse(original: RowProgram) -> RowProgram:
             rows = [i for i, each in enumerate(result.each) if each is not single]
             adjoints.add(result.entries[rows], weight.entries[rows], single=single)
     for step in reversed(original.steps):
-        adjoints.through(step)
+        adjoints.propagate(step)
     results = [Vector(adjoints.pop(argument.entries, argument.each), argument.each) for argument in original.arguments]
     return row_program(
         f"{original.name}_reverse",
@@ -97,7 +97,7 @@ class _Adjoints:
             popped.append(total + self._alone.get(key(symbol), 0))
         return ca.densify(ca.vertcat(*popped)) if popped else ca.SX(0, 1)
 
-    def through(self, step: Step) -> None:
+    def propagate(self, step: Step) -> None:
         """Propagate adjoints from what a step defines to what it reads."""
         count = step.symbols.shape[0]
         match step:

@@ -29,7 +29,7 @@ class _Named:
         """Return the step with its expressions rewritten."""
         return replace(self, read=rewrite(self.read))
 
-    def picked(self, needed: set[int]) -> Self:
+    def restricted_to(self, needed: set[int]) -> Self:
         """Return the step with those rows only whose symbols are needed."""
         rows = _row_indices(self.symbols, needed)
         return replace(self, symbols=self.symbols[rows], read=self.read[rows])
@@ -64,7 +64,7 @@ class Carry:
         """Return the scan with its expressions rewritten."""
         return replace(self, start=rewrite(self.start), following=rewrite(self.following))
 
-    def picked(self, needed: set[int]) -> Carry:
+    def restricted_to(self, needed: set[int]) -> Carry:
         """Return the scan of the needed quantities and of those that they depend on."""
         reached: set[int] = set()
         new = {*_row_indices(self.symbols, needed), *_row_indices(self.last, needed)}
@@ -135,14 +135,14 @@ def _needed_steps(steps: Iterable[Step], results: Sequence[Vector]) -> list[Step
     needed = keys(ca.vertcat(*(result.entries for result in results)))
     used: list[Step] = []
     for step in reversed([*steps]):
-        picked = step.picked(needed)
+        picked = step.restricted_to(needed)
         if picked.symbols.numel():
             needed |= keys(picked.read)
             used.append(picked)
     return used[::-1]
 
 
-def leading(name: str, original: RowProgram, count: int) -> RowProgram:
+def leading_results(name: str, original: RowProgram, count: int) -> RowProgram:
     """Return the program of the first ``count`` numbers of its only result."""
     (whole,) = original.results
     rows = whole.offsets(original.n).index(count)

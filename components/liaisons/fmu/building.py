@@ -31,7 +31,7 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
-from liaisons.fmu.origin import signed
+from liaisons.fmu.origin import with_provenance
 from liaisons.fmu.wasm import binary_path, component, manifest
 from liaisons.mechanics.model import Model, refuse_contacts
 
@@ -140,7 +140,7 @@ def _with_guid_and_origin(members: dict[str, bytes], model: Model) -> dict[str, 
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
     guid = f"{{{UUID(bytes=digest.digest()[:16])}}}"
     members = {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
-    return members | {_DESCRIPTION: signed(members[_DESCRIPTION], model)}
+    return members | {_DESCRIPTION: with_provenance(members[_DESCRIPTION], model)}
 
 
 def _is_current(path: Path, members: dict[str, bytes], *also: str) -> bool:

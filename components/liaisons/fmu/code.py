@@ -16,9 +16,9 @@ import numpy as np
 
 from liaisons.errors import BuildError
 from liaisons.expressions.algebra import stack
-from liaisons.fmu.dependencies import coupled, shown_states
+from liaisons.fmu.dependencies import coupled_count, shown_states
 from liaisons.fmu.description import sources
-from liaisons.fmu.functions import define, function_code
+from liaisons.fmu.functions import function_code, function_definition
 from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_index, scalar_count
 from liaisons.fmu.loops import PREAMBLE, loop_functions
@@ -64,7 +64,7 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
     """Return ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
-    loops = loop_functions(model.programs, coupled(model), adjoint=adjoint) if model.programs else {}
+    loops = loop_functions(model.programs, coupled_count(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rates(model)
     members = _members(model, adjoint=adjoint)
     row_functions = _row_functions(model, members, rates)
@@ -79,7 +79,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     fields = {
         **_fields(model, guid),
         **({} if arrays else {"by_number": 1}),
-        "coupled": rates[-1][1].numel_out(0) if rates else coupled(model),
+        "coupled": rates[-1][1].numel_out(0) if rates else coupled_count(model),
         "most_arguments": max([most, *(function.sz_arg() for function in functions)]),
         "most_results": max([_MOST, *(function.sz_res() for function in functions)]),
         "integers": max(function.sz_iw() for function in functions),
@@ -169,7 +169,7 @@ def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> lis
     if model.table and model.table.has_events:
         statements["instants"] = "return next_instant(arguments, results);"
         statements["draw"] = "return next_break(arguments, results);"
-    return [line for name, statement in statements.items() for line in define(name, [statement])]
+    return [line for name, statement in statements.items() for line in function_definition(name, [statement])]
 
 
 def _table_sizes(model: Model) -> list[str]:
@@ -205,7 +205,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     effects = _effects_of_inputs(model)
     effect_of_number = [effects[variable.name] for variable in model.inputs for _ in range(variable.count)]
     zeros = {activity: tuple(bool(effect & ~activity) for effect in effect_of_number) for activity in _ACTIVITIES}
-    count = coupled(model)
+    count = coupled_count(model)
     pairs: dict[tuple[bool, ...], tuple[ca.Function, ca.Function]] = {}
     for activity, suffix in reversed(_ACTIVITIES.items()):
         if (is_zero := zeros[activity]) not in pairs:

@@ -26,17 +26,17 @@ _LINKS = 12
 """Links of a chain in which each variable depends on all that it depends on in a longer one."""
 
 
-def while_running(model: Model) -> Pattern:
+def running_dependencies(model: Model) -> Pattern:
     """Return which outputs depend on which of time, states, inputs and parameters."""
     m = _shortened(model)
     groups = {0: (TIME,), 1: shown_states(m), 2: m.inputs, 3: m.parameters}
     return _variable_pattern(m.outputs_function, m.outputs, groups)
 
 
-def at_start(model: Model) -> Pattern:
+def initial_dependencies(model: Model) -> Pattern:
     """Return which outputs depend on which of time, inputs and parameters at initialization."""
     m = _shortened(model)
-    return _variable_pattern(initial(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
+    return _variable_pattern(initial_outputs(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
@@ -57,14 +57,14 @@ def _shortened(model: Model) -> Model:
     return replace(model, **functions, **groups)
 
 
-def initial(model: Model) -> ca.Function:
+def initial_outputs(model: Model) -> ca.Function:
     """Return the function (t, u, k) → z at initialization, where states and memory follow from these."""
     t, u, k = (ca.MX.sym(name, model.start.numel_in(i)) for i, name in enumerate("tuk"))
     y, m = _inlined_call(model.start, t, u, k)
     return ca.Function("initial", [t, u, k], _inlined_call(model.outputs_function, t, y, u, k, m))
 
 
-def between_numbers(function: ca.Function, arguments: Sequence[int]) -> csr_array:
+def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_array:
     """Return the sparsity pattern of the Jacobian with respect to some arguments, side by side."""
     return csr_array(hstack([_jacobian_pattern(function, argument) for argument in arguments], format="csr"))
 
@@ -83,13 +83,13 @@ def _variable_pattern(
         return np.repeat(np.arange(len(counts)), counts)
 
     knowns = list(chain.from_iterable(arguments.values()))
-    rows, columns = between_numbers(function, list(arguments)).nonzero()
+    rows, columns = jacobian_sparsity(function, list(arguments)).nonzero()
     pattern = np.zeros((len(results), len(knowns)), dtype=bool)
     pattern[owners(results)[rows], owners(knowns)[columns]] = True
     return pattern
 
 
-def coupled(model: Model) -> int:
+def coupled_count(model: Model) -> int:
     """Return how many of the first numbers of y the rates depend on; those behind are integrals along the motion."""
     m, states = _shortened(model), shown_states(model)
     columns = _variable_pattern(m.derivatives, shown_states(m), {1: shown_states(m)}).nonzero()[1]

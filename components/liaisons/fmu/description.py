@@ -17,7 +17,13 @@ from scipy.sparse import csr_array
 
 from liaisons.base import units
 from liaisons.base.version import __version__
-from liaisons.fmu.dependencies import between_numbers, decided_at_events, initial, shown_states, states_that_jump
+from liaisons.fmu.dependencies import (
+    decided_at_events,
+    initial_outputs,
+    jacobian_sparsity,
+    shown_states,
+    states_that_jump,
+)
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
     RECONSTRUCTION,
@@ -302,8 +308,8 @@ def _structure(model: Model) -> Iterator[str]:
     """Yield the groups of unknowns."""
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
     states, parameters, inputs = shown_states(model), model.parameters, model.inputs
-    running = (*states, *inputs), between_numbers(model.outputs_function, (1, 2)) if sparse else None
-    starting = (*parameters, *inputs), between_numbers(initial(model), (2, 1)) if sparse else None
+    running = (*states, *inputs), jacobian_sparsity(model.outputs_function, (1, 2)) if sparse else None
+    starting = (*parameters, *inputs), jacobian_sparsity(initial_outputs(model), (2, 1)) if sparse else None
     groups = unknowns(model, ["Unknown"] * 3, "index", _references(model), running=running, starting=starting)
     for title, lines in zip(("Outputs", "Derivatives", "InitialUnknowns"), groups, strict=True):
         if lines:

@@ -8,7 +8,7 @@ from itertools import chain
 
 from scipy.sparse import csr_array
 
-from liaisons.fmu.dependencies import at_start, shown_states, states_that_jump, while_running
+from liaisons.fmu.dependencies import initial_dependencies, running_dependencies, shown_states, states_that_jump
 from liaisons.fmu.description import (
     default_experiment,
     general_attributes,
@@ -113,8 +113,8 @@ def _references(model: Model) -> dict[str, int]:
 
 def _structure(model: Model) -> Iterator[str]:
     """Yield the unknowns."""
-    running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model))
-    starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model))
+    running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(running_dependencies(model))
+    starting = (TIME, *model.inputs, *model.parameters), csr_array(initial_dependencies(model))
     titles = ("Output", "ContinuousStateDerivative", "InitialUnknown", "EventIndicator")
     references = {name: [reference] for name, reference in _references(model).items()}
     groups = unknowns(model, titles, "valueReference", references, running=running, starting=starting)

@@ -68,14 +68,16 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
         late=_STATES,
     )
     if len(parts) == 1:
-        return define(function.name(), [*clear, *parts[0]]), 0
+        return function_definition(function.name(), [*clear, *parts[0]]), 0
     names = [f"{function.name()}_{i}" for i in range(len(parts))]
-    lines = [line for name, statements in zip(names, parts, strict=True) for line in define(name, statements)]
+    lines = [
+        line for name, statements in zip(names, parts, strict=True) for line in function_definition(name, statements)
+    ]
     # Called through a table, so that compilers do not inline them.
     lines += [f"static Function *const {function.name()}_parts[] = {{{', '.join(names)}}};", ""]
     calls = f"for (int i = 0; i < {len(parts)}; i++)"
     call = f"    {function.name()}_parts[i](arguments, results, integers, reals, memory);"
-    return lines + define(function.name(), [*clear, calls, call]), space
+    return lines + function_definition(function.name(), [*clear, calls, call]), space
 
 
 def _nonzero_ranges(is_zero: list[bool]) -> list[tuple[int, int]]:
@@ -85,7 +87,7 @@ def _nonzero_ranges(is_zero: list[bool]) -> list[tuple[int, int]]:
     return list(zip(changes[::2], changes[1::2], strict=True))
 
 
-def define(name: str, statements: Iterable[str]) -> list[str]:
+def function_definition(name: str, statements: Iterable[str]) -> list[str]:
     """Return the C definition of a function as core.h declares them, as lines."""
     return [
         f"static int {name}(const double **arguments, double **results, long long *integers, double *reals,",

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.fmu.dependencies import coupled, shown_states
+from liaisons.fmu.dependencies import coupled_count, shown_states
 from liaisons.fmu.layout import index_ranges
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
@@ -63,7 +63,7 @@ def jump_effects(model: Model) -> Jumps:
     numbers = [i for a in model.active for i in zip(inputs[a.rate], inputs[a.acceleration], strict=True)]
     a, states = len(numbers), model.start.numel_out(0)
     moves, moved = np.zeros(a, dtype=bool), np.zeros(states, dtype=bool)
-    size = coupled(model) if 0 < a <= _MOST else 0
+    size = coupled_count(model) if 0 < a <= _MOST else 0
     samples = _valid_samples(model, size) if 0 < a <= _MOST else []
     if a and len(samples) < _SAMPLES:  # unknown
         return Jumps(moves, np.broadcast_to(True, (a, a)), moved)

@@ -34,7 +34,7 @@ def provenance(model: Model) -> dict[str, str]:
     return (attributes if ours else {}) | ({"generationDateAndTime": date} if date else {})
 
 
-def signed(description: bytes, model: Model) -> bytes:
+def with_provenance(description: bytes, model: Model) -> bytes:
     """Return a model description with the attributes of :func:`provenance`, which its guid does not depend on."""
     attributes = "".join(f" {name}={quoteattr(value)}" for name, value in provenance(model).items())
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)

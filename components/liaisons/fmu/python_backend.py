@@ -26,7 +26,7 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import first_reference, mismatch_index
-from liaisons.fmu.python_functions import bounds, functions, initial_numbers
+from liaisons.fmu.python_functions import allowed_range, initial_numbers, slave_functions
 from liaisons.mechanics.model import Model
 
 _DEPENDENCIES = b"""\
@@ -68,14 +68,14 @@ def _component_table(model: Model, guid: str) -> bytes:
         "names": [item.name for item in (*model.dimensions, *model.variables)] + ["input_reconstruction"],
         "first": first_reference(model),
         "sizes": [size.count for size in model.dimensions],
-        "domains": [(*bounds(variable), variable.domain() or "finite") for variable in settable],
+        "domains": [(*allowed_range(variable), variable.domain() or "finite") for variable in settable],
         "fixed": [variable.variability == "fixed" for variable in settable],
         "never_0": [first + value for value, _, _ in active if not model.inputs[value].allows(0.0)],
         "warnings": _warnings(model),
         "condition_texts": model.condition_texts,
         "lasting": len(model.condition_texts) - model.start_only,
         "numbers": initial_numbers(model),
-        "functions": {name: f.serialize() for name, f in functions(model, active).items()},
+        "functions": {name: f.serialize() for name, f in slave_functions(model, active).items()},
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()
 

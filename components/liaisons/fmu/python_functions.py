@@ -36,7 +36,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import RK45
 
-from liaisons.fmu.dependencies import coupled
+from liaisons.fmu.dependencies import coupled_count
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import mismatch_index
 from liaisons.language import Variable
@@ -49,7 +49,7 @@ _VALUE, _RATE = 1e-6, 1e-3  # tolerance of the source: parts of σ, and of the d
 _LARGEST = 1.7976931348623157e308
 
 
-def bounds(variable: Variable) -> tuple[float, float]:
+def allowed_range(variable: Variable) -> tuple[float, float]:
     """Return the least and the largest allowed number; an excluded bound is replaced by its neighbour."""
     low = -_LARGEST if variable.minimum is None else variable.minimum
     high = _LARGEST if variable.maximum is None else variable.maximum
@@ -83,7 +83,7 @@ def _start(variable: Variable) -> float:
     return float(variable.starts[0])
 
 
-def functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
+def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Function]:
     """Return the functions of a slave, (all numbers) → (all numbers,), by name.
 
     :param model: without arrays.
@@ -150,7 +150,7 @@ def _motion_rates(model: Model, n: SimpleNamespace, inputs: ca.Function) -> Call
     now, y, u, k = model.derivatives.sx_in()
     valid = [margin > 0 for margin in ca.vertsplit(model.conditions(now, y, u, k))]
     valid = valid[: len(valid) - model.start_only]
-    for value, (low, high) in zip(ca.vertsplit(u), map(bounds, model.inputs), strict=True):
+    for value, (low, high) in zip(ca.vertsplit(u), map(allowed_range, model.inputs), strict=True):
         valid += [value >= low, value <= high]
     trap = ca.if_else(reduce(ca.logic_and, valid, ca.SX(1)), 0, math.nan)
     rates = ca.Function("rates", [now, y, u, k], [ca.densify(model.derivatives(now, y, u, k) + trap)], {"cse": True})
@@ -217,7 +217,7 @@ def _mismatch_and_jump(
 def _jump_rates(model: Model, n: SimpleNamespace, active: list[list[int]]) -> Callable[[ca.MX, ca.MX], ca.MX]:
     """Return dy/dx of (x, y) by jumps up to u, 0 <= x <= 1."""
     values, rates, _ = (ca.DM.eye(n.u.numel())[:, list(indices)] for indices in zip(*active, strict=True))
-    count, jump = coupled(model), n.jump
+    count, jump = coupled_count(model), n.jump
 
     def slopes(x: ca.MX, y: ca.MX) -> ca.MX:
         resting = n.u + (x - 1) * ca.mtimes(values, jump)

@@ -89,7 +89,7 @@ class Algebra:
         if not base or exponent == 0:
             return {} if exponent else {(): ONE}
         if exponent.denominator != 1:  # no factor leaves a root, since √x² is not x
-            index = alone(base)
+            index = single_atom(base)
             return {((self._atom_index(GROUP, [base]) if index is None else index, exponent),): ONE}
         if len(base) > 1 and exponent > 0 and len(base) ** exponent <= self.limit:
             return reduce(self.times, [base] * int(exponent))
@@ -99,7 +99,7 @@ class Algebra:
         """Return a sum as one product: the common factor of its terms times the rest in brackets."""
         if len(p) < 2:
             return p
-        common, rest = content(p)
+        common, rest = common_factor(p)
         rest = self.simplified(rest)
         return self.times(common, rest if len(rest) < 2 else self.atom(GROUP, rest))
 
@@ -107,15 +107,15 @@ class Algebra:
         """Return the sum with common factors put before brackets, the most frequent one first."""
         if len(p) < 2:
             return p
-        common, rest = content(p)
+        common, rest = common_factor(p)
         if common.keys() != {()}:
             rest = self.collected(rest)
             return self.times(common, rest if len(rest) == 1 else self.atom(GROUP, rest))
         uses = Counter(factor for monomial in p for factor in monomial)
         if not uses or (most := max(uses.values())) < 2:
             return p
-        common_factor = min(factor for factor, count in uses.items() if count == most)
-        shared = {m: c for m, c in p.items() if common_factor in m}
+        most_frequent = min(factor for factor, count in uses.items() if count == most)
+        shared = {m: c for m, c in p.items() if most_frequent in m}
         rest = {m: c for m, c in p.items() if m not in shared}
         return self.plus(self.collected(shared), self.collected(rest))
 
@@ -222,7 +222,7 @@ def is_number(p: Polynomial) -> bool:
     return p.keys() <= {()}
 
 
-def alone(p: Polynomial) -> int | None:
+def single_atom(p: Polynomial) -> int | None:
     """Return the atom that equals a sum; None if there is none."""
     ((monomial, coefficient),) = p.items() if len(p) == 1 else [((), ONE)]
     return monomial[0][0] if coefficient == 1 and len(monomial) == 1 and monomial[0][1] == 1 else None
@@ -233,7 +233,7 @@ def scaled(p: Polynomial, factor: int | Fraction) -> Polynomial:
     return {monomial: coefficient * factor for monomial, coefficient in p.items()}
 
 
-def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
+def common_factor(p: Polynomial) -> tuple[Polynomial, Polynomial]:
     """Return the common factor of all terms, and the remaining sum, whose first term is positive."""
     exponents = [dict(monomial) for monomial in p]
     shared = set.intersection(*map(set, exponents))

@@ -17,9 +17,9 @@ from liaisons.formulas.algebra import (
     Exponent,
     Monomial,
     Polynomial,
-    alone,
     is_number,
     is_supported,
+    single_atom,
 )
 from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
@@ -143,7 +143,7 @@ class _Writer:
 
     def _is_bare_group(self, p: Polynomial) -> bool:
         """Return whether a sum is one bracket without a name."""
-        index = alone(p)
+        index = single_atom(p)
         return index is not None and self.algebra.atoms[index].operation == GROUP and index not in self.abbreviations
 
     # ---- products ---------------------------------------------------------------------------------------------

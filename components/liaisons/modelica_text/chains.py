@@ -15,11 +15,11 @@ from liaisons.mechanics.chains.sweeps import link_of
 from liaisons.modelica_text.text import (
     MOTION,
     Section,
-    declared,
+    component_clause,
+    declaration,
     filled,
     indented,
     model,
-    named,
     number,
     parameters,
     units_of,
@@ -92,19 +92,26 @@ def chain_motion(component: type[Chain]) -> list[str]:
 
     def variable(name: str, size: str = "") -> str:
         longer = " + 1" * name.startswith(("joint_", "pi_", "phi_"))
-        return named(name + size.replace("n", f"n{longer}"), unit.get(name, ""), texts.get(name, ""))
+        return declaration(name + size.replace("n", f"n{longer}"), unit.get(name, ""), texts.get(name, ""))
 
     of_links = [
-        name for name in loop.further(*declared_names) if name not in unit or f"{name}[" in str(loop.statements)
+        name
+        for name in loop.variables_except(*declared_names)
+        if name not in unit or f"{name}[" in str(loop.statements)
     ]
-    single = [*outside.further(*declared_names, *of_links), *(f"{s.name}{end}" for s in m.actives for end in _ENDS)]
+    single = [
+        *outside.variables_except(*declared_names, *of_links),
+        *(f"{s.name}{end}" for s in m.actives for end in _ENDS),
+    ]
     bonded = "fill(1, n)" if base is not None else "cat(1, {0}, ones(n - 1))"
     declarations = [
         f'parameter Integer n = {m.sizes["n"]} "{component.n.description}";',
         f'parameter Real bonded[n] = {bonded} "1: has a bond to the link before";',
         *constants,
-        *declared("Real", map(variable, dict.fromkeys([*single, "kinetic_energy", "potential_energy", "energy"]))),
-        *declared("Real", (variable(name, "[n]") for name in of_links)),
+        *component_clause(
+            "Real", map(variable, dict.fromkeys([*single, "kinetic_energy", "potential_energy", "energy"]))
+        ),
+        *component_clause("Real", (variable(name, "[n]") for name in of_links)),
     ]
     equations = [
         *filled(outside.statements),

@@ -8,7 +8,7 @@ from liaisons.language import Chain, Mechanism, Operator
 from liaisons.language.component import Component
 from liaisons.modelica_text.annotations import annotation
 from liaisons.modelica_text.chains import chain_motion
-from liaisons.modelica_text.faces import faces, interfaces
+from liaisons.modelica_text.faces import interface_models, interfaces
 from liaisons.modelica_text.mechanisms import motion
 from liaisons.modelica_text.operators import operator_classes
 from liaisons.modelica_text.systems import Composition, composition, default_experiment
@@ -46,7 +46,7 @@ def _component(component: type[Component], *, alone: bool = False) -> list[str]:
     else:
         assert issubclass(component, Chain | Mechanism)
         moving = chain_motion(component) if issubclass(component, Chain) else motion(component)
-        classes = [*moving, *faces(component())]
+        classes = [*moving, *interface_models(component())]
     return _package(component.__name__, component.summary(), [*classes, annotation(component)], alone=alone)
 
 

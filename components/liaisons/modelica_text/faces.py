@@ -6,7 +6,7 @@ import re
 
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.modelica_text.printer import identifier
-from liaisons.modelica_text.text import declared, filled, model, number, units_of
+from liaisons.modelica_text.text import component_clause, filled, model, number, units_of
 
 ROLES = {"m": ("Translation", "s", "f"), "rad": ("Rotation", "phi", "tau")}
 _INTERFACES = """\
@@ -23,7 +23,7 @@ def interfaces(text: str) -> list[str]:
     return [line for line in _INTERFACES.splitlines() if re.search(rf"\b{line.split()[1]} ", text)]
 
 
-def faces(m: MechanicalComponent) -> list[str]:
+def interface_models(m: MechanicalComponent) -> list[str]:
     """Return lines of the models ``Signals``, whose inputs prescribe coordinates, and ``Flanges``."""
     unit, size, zero = units_of(m), *(("[n]", "zeros(n)") if m.dimension else ("", "0"))
     points = [port.name for port in m.layout().ports if port.kind == "point"]
@@ -42,13 +42,13 @@ def faces(m: MechanicalComponent) -> list[str]:
     return [
         *model(
             'model Signals "Inputs u_s prescribe value, rate and acceleration of a coordinate s"',
-            [f"extends Motion({', '.join(outer)});", *declared("input Real", inputs)],
+            [f"extends Motion({', '.join(outer)});", *component_clause("input Real", inputs)],
             filled(f"{{{identifier(s.name)}, {s.name}_dot, {s.name}_ddot}} = u_{s.name};" for s in m.actives),
             experiment=m.experiment,
         ),
         *model(
             'model Flanges "Coordinates and points as connectors" extends Motion;',
-            [line for kind, names in kinds.items() for line in declared(kind, names)],
+            [line for kind, names in kinds.items() for line in component_clause(kind, names)],
             filled(rates),
         ),
     ]

@@ -22,11 +22,11 @@ from liaisons.modelica_text.printer import identifier
 from liaisons.modelica_text.text import (
     MOTION,
     Section,
-    asserted,
-    declared,
+    bound_assertions,
+    component_clause,
+    declaration,
     filled,
     model,
-    named,
     parameters,
     quoted,
     units_of,
@@ -40,9 +40,9 @@ def motion(component: type[Mechanism]) -> list[str]:
         raise ComponentError(f"{component.__name__}: Modelica text takes no arrays of a mechanism; import its FMU")
     e = derive(component)
     m, section = e.mechanism, Section(Notation.from_model(assemble(component)))
-    conditions = asserted((*m.parameters, *m.actives, *m.coordinates))
+    conditions = bound_assertions((*m.parameters, *m.actives, *m.coordinates))
     for item in m.assertions:
-        if distance := section.written(getattr(m, item.name), LONGEST):
+        if distance := section.write_expression(getattr(m, item.name), LONGEST):
             conditions.append(f"assert({distance} > 0, {quoted(item.description)});")
         else:
             section.unsaid.append(item.name)
@@ -91,7 +91,7 @@ def _add_laws(e: Equations, section: Section) -> None:
         attitude, p = getattr(m, o.name), momenta[count:]
         section.rows(o.momenta, attitude.matrix @ p)
         balance = ca.cross(p, attitude.rate) + attitude.matrix.T @ ca.vertcat(*forces[count:])
-        section.rows((f"{section.written(rate)}" for rate in rates[count:]), balance)
+        section.rows((f"{section.write_expression(rate)}" for rate in rates[count:]), balance)
 
 
 def _add_constraints(e: Equations, section: Section) -> None:
@@ -119,11 +119,11 @@ def _declarations(e: Equations, section: Section) -> Iterator[str]:
         motion = ca.vertcat(m.free.q, m.free.q_dot)
         at_start = ca.vertcat(*(ca.SX.sym(f"{x}_0") for x in ca.vertsplit(motion)))
         for q, momentum in zip(m.coordinates, ca.vertsplit(e.momenta), strict=False):
-            starts[f"p_{q.name}"] = section.written(ca.substitute(momentum, motion, at_start)) or ""
+            starts[f"p_{q.name}"] = section.write_expression(ca.substitute(momentum, motion, at_start)) or ""
     groups = [[s.name, f"{s.name}_dot", f"{s.name}_ddot"] for s in m.actives]
     groups += [[q.name, f"{q.name}_dot", f"{q.name}_ddot", f"p_{q.name}"] for q in m.coordinates]
     without = [p.name for p in m.layout().parameters] + [name for group in groups for name in group]
-    for group in (*groups, section.further(*without)):
-        yield from declared(
-            "Real", (named(x, unit.get(x, ""), texts.get(x, ""), start=starts.get(x, "")) for x in group)
+    for group in (*groups, section.variables_except(*without)):
+        yield from component_clause(
+            "Real", (declaration(x, unit.get(x, ""), texts.get(x, ""), start=starts.get(x, "")) for x in group)
         )

@@ -13,7 +13,16 @@ from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import refuse_samples
-from liaisons.modelica_text.text import Section, asserted, declared, filled, model, named, number, parameters
+from liaisons.modelica_text.text import (
+    Section,
+    bound_assertions,
+    component_clause,
+    declaration,
+    filled,
+    model,
+    number,
+    parameters,
+)
 
 _ENTRY = """\
 function entry "Of a column of a table: in the row where the interval of a time begins (ahead = 0), or ends (1)"
@@ -73,9 +82,15 @@ def operator_classes(component: type[Operator]) -> list[str]:
     without = [x.name for x in (*layout.parameters, *layout.inputs, *component.internal_states)]
     declarations = [
         *constants,
-        *(f'input Real {named(v.name, v.unit)} = {number(v.starts[0])} "{v.description}";' for v in layout.inputs),
-        *(f"Real {named(x.name, x.unit, x.description, start=f'{x.name}_0')};" for x in component.internal_states),
-        *declared("Real", section.further(*without, "time", "y")),
+        *(
+            f'input Real {declaration(v.name, v.unit)} = {number(v.starts[0])} "{v.description}";'
+            for v in layout.inputs
+        ),
+        *(
+            f"Real {declaration(x.name, x.unit, x.description, start=f'{x.name}_0')};"
+            for x in component.internal_states
+        ),
+        *component_clause("Real", section.variables_except(*without, "time", "y")),
         'output Real y[3] "signal, first and second derivative";',
     ]
     return [
@@ -83,7 +98,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
         *model(
             'model Signals "The signal and its two derivatives"',
             declarations,
-            filled([*asserted(component.parameters), *section.statements]),
+            filled([*bound_assertions(component.parameters), *section.statements]),
             initial,
             component.experiment,
         ),

@@ -38,7 +38,7 @@ def quoted(text: str) -> str:
     return '"' + re.sub(r'([\\"])', r"\\\1", text) + '"'
 
 
-def named(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
+def declaration(name: str, unit: str = "", text: str = "", **attributes: str) -> str:
     """Return a variable in a declaration: name, attributes, description."""
     modified = {"unit": unit and quoted(unit)} | attributes
     values = modification({attribute: value for attribute, value in modified.items() if value})
@@ -50,7 +50,7 @@ def modification(values: Mapping[str, str]) -> str:
     return ", ".join(f"{identifier(name)}={value}" for name, value in values.items())
 
 
-def declared(kind: str, variables: Iterable[str]) -> list[str]:
+def component_clause(kind: str, variables: Iterable[str]) -> list[str]:
     """Return a declaration of several variables; nothing if there are none."""
     listed = ", ".join(variables)
     return [f"{kind} {listed};"] if listed else []
@@ -67,7 +67,7 @@ def parameters(
     own = {p.name for p in component.parameters}
     for v in component.layout().parameters:
         low, high = ("" if bound is None else number(bound) for bound in (v.minimum, v.maximum))
-        text = f"{named(v.name + size * bool(v.dimension), v.unit, min=low, max=high)} = {value(v)}"
+        text = f"{declaration(v.name + size * bool(v.dimension), v.unit, min=low, max=high)} = {value(v)}"
         if v.name in own:
             declarations.append(f"parameter Real {text} {quoted(v.description)};")
         else:
@@ -75,7 +75,7 @@ def parameters(
             initial.append(f"{identifier(v.name[:-2])} = {v.name};")
     if starts:
         starts[-1] += ' "at the start"'
-    return declarations + declared("parameter Real", starts), initial
+    return declarations + component_clause("parameter Real", starts), initial
 
 
 def units_of(component: Component) -> dict[str, str]:
@@ -84,7 +84,7 @@ def units_of(component: Component) -> dict[str, str]:
     return unit | {f"Q_{name[:-5]}": of for name, of in unit.items() if name.endswith("_load")}
 
 
-def asserted(symbols: Iterable[Symbol]) -> list[str]:
+def bound_assertions(symbols: Iterable[Symbol]) -> list[str]:
     """Return statements that keep to excluded bounds, which ``min`` and ``max`` cannot say."""
     limits = [
         (s.name, f"{sign} {number(bound)}")
@@ -158,7 +158,7 @@ class Section:
     variables: dict[str, None] = field(default_factory=dict)  # in the order of their first use
     _abbreviations: dict[str, str] = field(default_factory=dict)  # names by what they stand for
 
-    def written(self, right: ca.SX, longest: float = math.inf) -> str | None:
+    def write_expression(self, right: ca.SX, longest: float = math.inf) -> str | None:
         """Return a formula, after writing its abbreviations; None if it is too long or cannot be said."""
         tree = formula(right, self.notation, longest, breaks=True)
         if tree is None:
@@ -180,7 +180,7 @@ class Section:
 
     def add(self, left: str, right: ca.SX, longest: float = math.inf) -> None:
         """Write an equation, unless its right side is too long or cannot be said."""
-        text = self.written(right, longest)
+        text = self.write_expression(right, longest)
         if text is None:
             self.unsaid.append(left)
         else:
@@ -192,7 +192,7 @@ class Section:
         for left, right in zip(lefts, ca.vertsplit(column), strict=True):
             self.add(left, right)
 
-    def further(self, *without: str) -> list[str]:
+    def variables_except(self, *without: str) -> list[str]:
         """Return the names of its variables and abbreviations, without some."""
         names = dict.fromkeys([*self.variables, *self._abbreviations.values()])
         return [name for name in names if name not in {*without, "t"}]

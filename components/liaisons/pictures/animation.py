@@ -20,7 +20,7 @@ from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import glb
 from liaisons.pictures.inline import page
-from liaisons.pictures.openmodelica import visual
+from liaisons.pictures.openmodelica import openmodelica_files
 from liaisons.pictures.stage import Stage
 
 LONGEST = 20.0
@@ -98,7 +98,7 @@ def animate(
         if kind == ".glb":
             part.write_bytes(glb(shown, title))
         elif kind == _VISUAL:
-            description, table = visual(shown)
+            description, table = openmodelica_files(shown)
             part.write_bytes(description)
             with replacing(path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")) as table_part:
                 table_part.write_bytes(table)

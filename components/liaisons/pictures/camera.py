@@ -25,7 +25,7 @@ class Camera:
     yaw: float
     pitch: float
 
-    def see(self, points: NDArray) -> NDArray:
+    def project(self, points: NDArray) -> NDArray:
         """Return right, up and depth (larger towards the eye) of points (..., 3); any unit."""
         return points @ self.axes.T
 

@@ -80,9 +80,9 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
     film.close()
 
 
-def write_strip(stage: Stage, path: Path, *, count: int = 6, **_: object) -> None:
+def write_strip(stage: Stage, path: Path, **_: object) -> None:
     """Write evenly spaced instants side by side as a PNG; the camera stands still."""
-    time = stage.frames.time
+    time, count = stage.frames.time, 6
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     instants = np.linspace(0, len(time) - 1, count).round().astype(int)
     for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):

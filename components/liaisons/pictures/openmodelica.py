@@ -25,7 +25,7 @@ Attributes = Mapping[str, object]
 """Numbers, or arrays (n,) or (n, k) over the frames, by element."""
 
 
-def visual(shown: Frames) -> tuple[bytes, bytes]:
+def openmodelica_files(shown: Frames) -> tuple[bytes, bytes]:
     """Return the description of the shapes, and the table of what moves."""
     root, columns = ElementTree.Element("visualization"), {"time": shown.time}
     for i, (kind, body_type, attributes) in enumerate(_bodies(shown), 1):

@@ -62,7 +62,7 @@ class Stage:
         if np.linalg.norm(high.max(axis=0) - low.min(axis=0)) <= 5 * self.extent:  # else a mechanism is followed
             low, high = (np.broadcast_to(edge, high.shape) for edge in (low.min(axis=0), high.max(axis=0)))
         self.middle = (low + high) / 2  # (n, 3)
-        projected = camera.see(points - self.middle[:, None])[..., :2]
+        projected = camera.project(points - self.middle[:, None])[..., :2]
         half = np.max(np.abs(projected), axis=(0, 1))
         if frames.plane is None:  # seen from all sides
             half = np.full(2, np.max(np.linalg.norm(points - self.middle[:, None], axis=-1)))
@@ -86,13 +86,13 @@ class Stage:
             if shape.axes is not None:
                 floor = shape.kind == "floor"
                 paint = self._hatching if floor and frames.plane is not None else _box_faces
-                faces = paint(camera.see(shape.points[k, 0] - self.middle[k]), shape, k, camera, opacity)
+                faces = paint(camera.project(shape.points[k, 0] - self.middle[k]), shape, k, camera, opacity)
                 # No body is behind a floor: it hides all, or nothing.
                 depth = np.copysign(np.inf, -1e-9 - camera.axes[2] @ shape.axes[k, 2])
                 yield from (face._replace(depth=depth) if floor else face for face in faces)
                 continue
             first = max(0, k + 1 - _TRAIL) if shape.kind == "trail" else k
-            points = camera.see(shape.path[first : k + 1] - self.middle[k])
+            points = camera.project(shape.path[first : k + 1] - self.middle[k])
             radius, colour = self.radius(shape)[k, 0], (*rgb(shape.kind), opacity)
             if shape.kind == "ball":
                 yield from _ball_faces(points[-1, 0], radius, colour)
@@ -110,7 +110,7 @@ class Stage:
         """Yield the lines of a floor that is seen from its side."""
         assert shape.axes is not None  # as for all floors
         assert shape.size is not None
-        up = camera.see(shape.axes[k, 2])
+        up = camera.project(shape.axes[k, 2])
         step = shape.size[k, 0] / TEETH
         along = step * np.array([up[1], -up[0], 0])
         edge = centre + shape.size[k, 2] / 2 * up + np.arange(-TEETH / 2, TEETH / 2 + 1)[:, None] * along
@@ -159,7 +159,7 @@ def _box_faces(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: 
     assert shape.axes is not None  # as for all boxes
     assert shape.size is not None
     edges = shape.axes[k] * shape.size[k, :, None] / 2
-    seen = camera.see(edges)
+    seen = camera.project(edges)
     for i in np.flatnonzero(seen[:, 2]):  # of both faces across an axis, the one towards the eye
         side = np.sign(seen[i, 2])
         a, b, face = seen[(i + 1) % 3], seen[(i + 2) % 3], centre + side * seen[i]

@@ -40,7 +40,7 @@ class LoopFusion:
                     self.definitions.append((inlined.symbols, inlined.read))
                 case Sum():
                     for symbol, term in zip(scalars(inlined.symbols), scalars(inlined.read), strict=True):
-                        loop = self.at_links(term)
+                        loop = self.loop_of(term)
                         loop.sums.append((symbol, term))
                         self._first[key(symbol)] = self.loops.index(loop) + 1
                 case Carry() if local:
@@ -53,7 +53,7 @@ class LoopFusion:
         """Return the expression with definitions replaced by what they stand for."""
         return substituted(expression, self.definitions)
 
-    def at_links(self, expression: ca.SX) -> FusedLoop:
+    def loop_of(self, expression: ca.SX) -> FusedLoop:
         """Return the first loop that can calculate an expression that is not carried; add one if there is none."""
         needed = keys(expression)
         for loop in self.loops[self._earliest_loop(expression) :]:

@@ -142,7 +142,7 @@ class LoopPlans:
             if vector.each[i]:
                 name = f"z{index}_{i}"
                 self.pointers[name] = f"double *restrict {name} = result[{index}] + {offset};"
-                self._fusion.at_links(entry).rows.append((name, entry))
+                self._fusion.loop_of(entry).rows.append((name, entry))
             else:
                 yield f"result[{index}][{offset}]", entry
 
