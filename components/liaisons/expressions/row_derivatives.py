@@ -6,6 +6,7 @@ With c carried, c⁺ = F(c, x), adjoints run the other way: λ = F_cᵀ λ⁺ + 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 
@@ -32,10 +33,8 @@ def forward(original: RowProgram) -> RowProgram:
             case Carry():
                 start, following = derivative(step.start), derivative(step.following)
                 steps += [step, Carry(symbols, start, following, direction(step.last), step.inward)]
-            case Each():
-                steps += [step, Each(symbols, derivative(step.read))]
-            case Sum():
-                steps += [step, Sum(symbols, derivative(step.read))]
+            case Each() | Sum():
+                steps += [step, replace(step, symbols=symbols, read=derivative(step.read))]
     return row_program(
         f"{original.name}_forward",
         original.n,

@@ -18,7 +18,7 @@ from liaisons.errors import BuildError
 from liaisons.expressions.algebra import stack
 from liaisons.fmu.dependencies import coupled_count, shown_states
 from liaisons.fmu.description import sources
-from liaisons.fmu.functions import function_code, function_definition
+from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_index, scalar_count
 from liaisons.fmu.loops import PREAMBLE, loop_functions
@@ -234,7 +234,7 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
     """
     functions = {}
     forward = direction == "forward"
-    for name in ("start", "outputs_function", "remember"):
+    for name in DIFFERENTIATED:
         signature = SIGNATURES[name]
         argument_vectors, function = signature.arguments, getattr(model, name)
         if model.table and name == "outputs_function":

@@ -9,6 +9,9 @@ import casadi as ca
 from liaisons.expressions import OPERATIONS, c_parts
 from liaisons.expressions.operations import operation_codes
 
+DIFFERENTIATED = ("start", "outputs_function", "remember")
+"""Functions of a model, by its members, of which the runtime has derivatives."""
+
 _LONGEST = 1000
 """Operations in one function of C: for twice as many a compiler takes more than twice the time."""
 

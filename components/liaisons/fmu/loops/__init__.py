@@ -15,7 +15,9 @@ from dataclasses import replace
 
 from liaisons.expressions.row_derivatives import forward, reverse
 from liaisons.expressions.rows import RowProgram, leading_results
+from liaisons.fmu.functions import DIFFERENTIATED
 from liaisons.fmu.loops.writing import PREAMBLE, Code, loops
+from liaisons.mechanics.functions import SIGNATURES
 
 __all__ = ["PREAMBLE", "Code", "loop_functions", "loops"]
 
@@ -30,8 +32,8 @@ def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: boo
     by_name = {program.name: program for program in programs}
     by_name["calculate"] = replace(by_name.pop("outputs"), name="calculate")
     by_name["motion"] = leading_results("motion", by_name["derivatives"], coupled)
-    for name in ("start", "calculate", "remember"):
+    for name in DIFFERENTIATED:
         for differentiated in (forward, reverse) if adjoint else (forward,):
-            program = differentiated(by_name[name])
+            program = differentiated(by_name[SIGNATURES[name].member])
             by_name[program.name] = program
     return {name: loops(program) for name, program in by_name.items()}
