@@ -53,8 +53,7 @@ def _draw_experiment(axes: Axes, results: Trajectory | None) -> bool:
     """Draw named points, else a path in the plane or in phase space, else a signal; return False if nothing moves."""
     if results is None:
         return False
-    ports = results.model.ports
-    points = _paths_in_planes(results, [port.name for port in ports if port.kind == "point"])
+    points = _paths_in_planes(results, "point")
     if points:  # they hang on each other, the first on the origin
         paths = np.concatenate(points, axis=1)
         _draw_paths(axes, [*np.moveaxis(paths, 1, 0)], paths[0])
@@ -62,13 +61,13 @@ def _draw_experiment(axes: Axes, results: Trajectory | None) -> bool:
         axes.plot(0, 0, "o", color=_INK, markersize=6, clip_on=False)
         axes.set_aspect("equal")
         return True
-    free = _paths_in_planes(results, [port.name for port in ports if port.kind == "free"])
+    free = _paths_in_planes(results, "free")
     phases = [
         np.stack([results[state.name], results[f"p_{state.name}"]], axis=-1)
         for state in results.model.states
         if f"p_{state.name}" in results
     ]
-    signals = [results[port.name] for port in ports if port.kind == "signal"]
+    signals = [results[port.name] for port in results.model.ports if port.kind == "signal"]
     curves = [np.stack([results.times[:, None], signal], axis=-1) for signal in signals]
     for k, path in enumerate(path[:, 0] for path in (*free, *phases, *curves)):
         if np.min(np.ptp(path, axis=0)) > _FLAT * np.max(np.ptp(path, axis=0)):
@@ -85,13 +84,13 @@ def _draw_paths(axes: Axes, paths: Sequence[NDArray], start: NDArray) -> None:
     axes.plot(*start.T, "o", color=_INK, markersize=11, clip_on=False)
 
 
-def _paths_in_planes(results: Trajectory, names: list[str]) -> list[NDArray]:
-    """Return paths of points, (n, count, 2) each, in the two of x, y, z that vary most."""
+def _paths_in_planes(results: Trajectory, kind: str) -> list[NDArray]:
+    """Return paths of points among the ports of a kind, (n, count, 2) each, in the two of x, y, z that vary most."""
     components: dict[str, list[str]] = {}
-    for name in names:
-        point, _, axis = name.rpartition("_")
-        if axis in ("x", "y", "z"):
-            components.setdefault(point, []).append(name)
+    for port in results.model.ports:
+        point, _, axis = port.name.rpartition("_")
+        if port.kind == kind and axis in ("x", "y", "z"):
+            components.setdefault(point, []).append(port.name)
     paths: list[NDArray] = []
     for axes in components.values():
         varied = sorted(axes, key=lambda name: -float(np.ptp(results[name])))[:2]
