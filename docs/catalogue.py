@@ -15,6 +15,7 @@ from zipfile import ZipFile
 from sphinx.application import Sphinx
 
 from liaisons import fmu_path
+from liaisons.base.project import load_module
 from liaisons.language import Operator
 from liaisons.library import catalogue
 
@@ -76,7 +77,8 @@ def write_component(name: str, pages: Path, shown: Path, alive: Collection[str])
     with ZipFile(fmu_path(name)) as archive:
         page = archive.read("documentation/index.html").decode()
         icon = archive.read("terminalsAndIcons/icon.svg").decode()
-    text = page_of_the_site(name, component.summary(), page, live=name in alive)
+    numbers = load_module(Path(__file__).with_name("texts.py")).links(name)
+    text = page_of_the_site(name, component.summary(), page, live=name in alive, numbers=numbers)
     (pages / f"{name}.md").write_text(text, encoding="utf-8")
     drawn = re.search(r'<svg class="figure"(.*?</svg>)', page, re.DOTALL)
     picture = drawn[1].replace(">", f"><style>{_STYLE}</style>", 1) if drawn else ""
@@ -88,10 +90,12 @@ def write_component(name: str, pages: Path, shown: Path, alive: Collection[str])
     return Row(name, component.summary(), formula if len(formula) < LONGEST else "", is_operator)
 
 
-def page_of_the_site(name: str, summary: str, page: str, *, live: bool) -> str:
+def page_of_the_site(name: str, summary: str, page: str, *, live: bool, numbers: str = "") -> str:
     """The sections of an FMU's page as Markdown.
 
     Main entries of the index come first in a search: the name as one word and in words.
+
+    :param numbers: links to what the component has of both texts.
     """
     entries = dict.fromkeys((name, re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)))
     link = f'\n<p><a href="../gallery/live/{name}.html">Live, to be tried out</a></p>' if live else ""
@@ -99,6 +103,7 @@ def page_of_the_site(name: str, summary: str, page: str, *, live: bool) -> str:
         "\n".join(f"```{{index}} single: !{entry}\n```" for entry in entries),
         f"# {name}",
         f"<p>{escape(summary)}</p>{link}",
+        *([f'<p>Of <a href="../reference/texts.html">both texts</a> it has {numbers}.</p>'] if numbers else []),
     ]
     for title, body in re.findall(r"<section id=[^>]*><h2>(.*?)</h2>\n(.*?)</section>", page, re.DOTALL):
         parts.append(f'## {title}\n\n{FENCE}{{raw}} html\n<div class="component">\n{body}</div>\n{FENCE}')

@@ -183,10 +183,8 @@ def _links(what: str, names: list[str]) -> str:
 
 def _of_the_texts(name: str) -> str:
     """What a scenario verifies of both texts."""
-    texts = load_module(Path(__file__).parent / "texts.py")
-    rows = [row for row in texts.rows() if name in row.by and not row.no]
-    links = ", ".join(f'<a href="../reference/texts.html#{row.place}">{row.citation}</a>' for row in rows)
-    return f'<p>Of <a href="../reference/texts.html">both texts</a> this verifies {links}.</p>' if rows else ""
+    links = load_module(Path(__file__).parent / "texts.py").links(name)
+    return f'<p>Of <a href="../reference/texts.html">both texts</a> this verifies {links}.</p>' if links else ""
 
 
 def _frame(page: str, caption: str) -> str:

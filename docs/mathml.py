@@ -30,7 +30,15 @@ def _block(self: HTML5Translator, node: nodes.math_block) -> NoReturn:
 
 def _markup(node: nodes.Element, *, as_block: bool) -> str:
     try:
-        markup = tex2mathml(node.astext(), as_block=as_block)
+        return markup(node.astext(), as_block=as_block)
     except MathError as error:
         raise ExtensionError(f"{node.source}:{node.line}: {error} in {node.astext()!r}") from error
+
+
+def markup(latex: str, *, as_block: bool = False) -> str:
+    """MathML of a formula in LaTeX.
+
+    :raises MathError: for a command that it does not know.
+    """
+    markup = tex2mathml(latex, as_block=as_block)
     return markup.replace('<mover accent="true">', "<mover>")  # browsers let dots that are accents touch the letter

@@ -14,6 +14,7 @@ from sphinx.environment import BuildEnvironment
 from sphinx.errors import ExtensionError
 
 import liaisons
+import liaisons.cli.text
 from liaisons.cli import check, compare, components, equations, identify, pictures, plan, run, simulate, sweep  # noqa: F401  # the commands
 from liaisons.cli._command import application
 

@@ -1,10 +1,9 @@
-"""Both texts, number by number: ``reference/texts.md``, made from ``texts.toml``."""
+"""Both texts, number by number: ``reference/texts.md``, made from ``liaisons.companion``."""
 
 from __future__ import annotations
 
 import ast
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Collection, Iterator
 from functools import cache
@@ -12,11 +11,12 @@ from html import escape
 from math import prod
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import liaisons
 from liaisons import analysis, language, mechanics, models
-from liaisons.base.project import scenario_files, scenario_order
+from liaisons.base.project import load_module, scenario_files, scenario_order
+from liaisons.companion import TITLES, Entry, entries
 from liaisons.language import Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import derive
@@ -24,70 +24,39 @@ from liaisons.mechanics import derive
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-HERE = Path(__file__).parent
-TESTS = HERE.parent / "tests"
-TEXTS = {"K": "Kneller, Mécanique analytique", "M": "Marle, Géométrie des systèmes mécaniques à liaisons actives"}
-VERIFIED, CORRECTED, NOT_RUN, NOT_YET = "verified", "verified with a correction", "not a formula to be run", "not yet"
-
-
-class Row(NamedTuple):
-    """One line of ``texts.toml``."""
-
-    text: str  # K or M
-    kind: str  # equations, examples, figures, propositions
-    number: str  # "7", or "10-13"
-    says: str
-    lives: list[str]
-    by: list[str]
-    no: str
-    misprint: str
-
-    @property
-    def numbers(self) -> list[str]:
-        """The single numbers of a range."""
-        first, _, last = self.number.partition("-")
-        return [str(i) for i in range(int(first), int(last) + 1)] if last else [self.number]
-
-    @property
-    def place(self) -> str:
-        """Where it stands on the page."""
-        return f"{self.text}-{self.kind}-{self.numbers[0].replace(', ', '-')}"
-
-    @property
-    def citation(self) -> str:
-        """As docstrings cite it: "K eq. 10-13", "M 8.1"."""
-        kind = {"equations": "eq. ", "figures": "Fig. "}.get(self.kind, "" if self.text == "M" else "Ex. ")
-        return f"{self.text} {kind}{self.number}"
-
-    @property
-    def verdict(self) -> str:
-        """One of the four kinds."""
-        if self.no:
-            return NOT_RUN
-        return NOT_YET if not self.by else CORRECTED if self.misprint else VERIFIED
+TESTS = Path(__file__).parents[1] / "tests"
+mathml = load_module(Path(__file__).with_name("mathml.py"))
+VERIFIED, CONDITIONAL, CORRECTED = "verified", "verified where it holds", "verified with a correction"
+NOT_RUN, NOT_YET = "not a formula to be run", "not yet"
+VERDICTS = (VERIFIED, CONDITIONAL, CORRECTED, NOT_RUN, NOT_YET)
+COLUMNS = ("", "formula", "says", "lives in", "verified by", "tolerance")
+SOURCES = "texts"
+"""Folder of the pages with the sources of tests."""
 
 
 def setup(app: Sphinx) -> None:
-    """Write the page before it is read, after those of gallery and catalogue, to which it leads."""
+    """Write the pages before they are read, after those of gallery and catalogue, to which they lead."""
     app.connect("builder-inited", write_texts, priority=700)
+    app.connect("autodoc-process-docstring", _numbers_of_a_function)
 
 
 def write_texts(app: Sphinx) -> None:
-    """Write ``reference/texts.md``."""
-    shown = [path.stem for path in (Path(app.srcdir) / "gallery").glob("*.md")]
-    (Path(app.srcdir) / "reference" / "texts.md").write_text(page(shown), encoding="utf-8")
+    """Write ``reference/texts.md``, and the sources of the tests that it names."""
+    root = Path(app.srcdir)
+    shown = [path.stem for path in (root / "gallery").glob("*.md")]
+    (root / "reference" / "texts.md").write_text(page(shown), encoding="utf-8")
+    (root / SOURCES).mkdir(exist_ok=True)
+    for file in sorted({check.partition("::")[0] for entry in entries() for check in entry.by if "::" in check}):
+        (root / SOURCES / f"{_page_of(file)}.md").write_text(source_page(file), encoding="utf-8")
 
 
-def rows() -> list[Row]:
-    """The lines of the table, in order."""
-    table = tomllib.loads((HERE / "texts.toml").read_text(encoding="utf-8"))
-    empty = {"lives": [], "by": [], "no": "", "misprint": ""}
-    return [
-        Row(text=text, kind=kind, number=number, **{**empty, **entry})
-        for text, kinds in table.items()
-        for kind, entries in kinds.items()
-        for number, entry in entries.items()
-    ]
+def verdict(entry: Entry) -> str:
+    """One of the five kinds."""
+    if entry.no:
+        return NOT_RUN
+    if not entry.by:
+        return NOT_YET
+    return CORRECTED if entry.corrections else CONDITIONAL if entry.conditions else VERIFIED
 
 
 def page(shown: Collection[str]) -> str:
@@ -95,23 +64,59 @@ def page(shown: Collection[str]) -> str:
 
     :param shown: scenarios that have a page.
     """
-    entries = rows()
     introduction = (
-        "Every numbered equation, every example and figure of the two texts of the [bibliography](bibliography.md): "
-        "what it says, where it lives, what verifies it and how finely.  Tolerances are those that the tests and "
-        "scenarios named here apply, in SI units or relative, the finest and the coarsest; a scenario's page has the "
-        "errors found.  Where the text is misprinted, what is used is said, and in most cases a test shows that the "
-        "printed form fails."
+        "Every numbered equation, every example, figure and proposition of the two texts of the "
+        "[bibliography](bibliography.md), and what they state without a number: the formula, where it lives, what "
+        "verifies it and how finely.  `liaisons text K122` prints a line of it, `liaisons text viriel` searches it, in "
+        "French, too; `liaisons run K122` runs what verifies it.  Tolerances are those that the tests and scenarios "
+        "named here apply, in SI units or relative, the finest and the coarsest; a scenario's page has the errors "
+        "found.  A *misprint* is wrong in the text: the formula here is corrected, and in most cases a test shows that "
+        "the printed form fails.  *Holds if* names what the text takes for granted."
     )
-    parts = ["# Both texts, line by line", introduction, _counts(entries)]
-    for text, title in TEXTS.items():
+    parts = ["# Both texts, line by line", introduction, _counts(entries())]
+    for text, title in TITLES.items():
         parts.append(f"## {text}: {title}")
-        for kind in dict.fromkeys(row.kind for row in entries if row.text == text):
-            lines = "\n".join(_line(row, shown) for row in entries if (row.text, row.kind) == (text, kind))
-            head = "".join(f"<th>{name}</th>" for name in ("", "says", "lives in", "verified by", "tolerance"))
+        for kind in dict.fromkeys(entry.kind for entry in entries() if entry.text == text):
+            chosen = [entry for entry in entries() if (entry.text, entry.kind) == (text, kind)]
+            lines = "\n".join(_line(entry, chosen, shown) for entry in chosen)
+            head = "".join(
+                f"<th>{name}</th>" for name in ("", "formula", "says", "lives in", "verified by", "tolerance")
+            )
             parts += [f"### {text}: {kind}", f'<table class="texts">\n<tr>{head}</tr>\n{lines}\n</table>']
     parts += ["## Where L is hyper-regular", _ranks()]
     return "\n\n".join(parts) + "\n"
+
+
+def links(owner: str) -> str:
+    """Links from a page beside ``reference/`` to the numbers that a component has, or a scenario verifies."""
+    groups: dict[str, Entry] = {}
+    for entry in entries():
+        if (owner in entry.scenarios and not entry.no) or owner in {name.partition(".")[0] for name in entry.lives}:
+            groups.setdefault(entry.group_citation, entry)
+    return ", ".join(f'<a href="../reference/texts.html#{e.anchor}">{name}</a>' for name, e in groups.items())
+
+
+def source_page(file: str) -> str:
+    """The tests of a file that the table names, as Markdown."""
+    names = dict.fromkeys(c.partition("::")[2] for e in entries() for c in e.by if c.startswith(f"{file}::"))
+    parts = ["---\norphan: true\n---", f"# tests/{file}.py", f"`pytest tests/{file}.py` runs them."]
+    for name in names:
+        parts.append(f'<a id="{name}"></a>\n\n## {name.removeprefix("test_").replace("_", " ")}')
+        parts.append(f"```{{literalinclude}} ../../tests/{file}.py\n:language: python\n:pyobject: {name}\n```")
+    return "\n\n".join(parts) + "\n"
+
+
+def _page_of(file: str) -> str:
+    return file.replace("/", "-")
+
+
+def _numbers_of_a_function(*arguments: Any) -> None:
+    """Add the numbers that a function has to its docstring; Sphinx gives app, kind, name, object, options, lines."""
+    _, _, name, *_, lines = arguments
+    groups = {e.group_citation: e for e in reversed(entries()) if name in {f"liaisons.{x}" for x in e.lives}}
+    if groups:
+        cited = ", ".join(f"`{text} <texts.html#{e.anchor}>`__" for text, e in reversed(groups.items()))
+        lines += ["", f"Both texts: {cited}.", ""]
 
 
 def resolve(name: str) -> Any:
@@ -202,28 +207,43 @@ def _value(node: ast.expr, constants: dict[str, float]) -> float | None:
 # ---- text --------------------------------------------------------------------------------------------------------
 
 
-def _counts(entries: list[Row]) -> str:
-    lines = ["| | " + " | ".join((VERIFIED, CORRECTED, NOT_RUN, NOT_YET, "numbers")) + " |", "|---" * 6 + "|"]
-    for text, kind in dict.fromkeys((row.text, row.kind) for row in entries):
-        found = Counter[str]()
-        for row in entries:
-            if (row.text, row.kind) == (text, kind):
-                found[row.verdict] += len(row.numbers)
-        numbers = [found[verdict] for verdict in (VERIFIED, CORRECTED, NOT_RUN, NOT_YET)]
+def _counts(chosen: Collection[Entry]) -> str:
+    lines = ["| | " + " | ".join((*VERDICTS, "numbers")) + " |", "|---" * (len(VERDICTS) + 2) + "|"]
+    for text, kind in dict.fromkeys((entry.text, entry.kind) for entry in chosen):
+        found = Counter(verdict(entry) for entry in chosen if (entry.text, entry.kind) == (text, kind))
+        numbers = [found[name] for name in VERDICTS]
         lines.append(f"| {text}, {kind} | " + " | ".join(map(str, [*numbers, sum(numbers)])) + " |")
     return "\n".join(lines)
 
 
-def _line(row: Row, shown: Collection[str]) -> str:
-    remarks = {"Misprint": row.misprint, NOT_RUN.capitalize(): row.no}
-    notes = (f"<br><small>{head}: {escape(remark)}.</small>" for head, remark in remarks.items() if remark)
-    says = escape(row.says) + "".join(notes)
-    lives = ", ".join(map(_object, row.lives))
-    checks = "<br>".join(_check(check, shown) for check in row.by)
-    found = [value for check in row.by for value in tolerances(check)]
+def _line(entry: Entry, chosen: Collection[Entry], shown: Collection[str]) -> str:
+    """A row of the table; numbers of a range share all cells but the first two."""
+    formulas = "".join(f"<div>{_markup(formula)}</div>" for formula in entry.formulas)
+    cells = f'<td><a href="#{entry.anchor}">{entry.number}</a></td><td>{formulas}</td>'
+    group = [other for other in chosen if other.group == entry.group]
+    if entry is group[0]:
+        span = f' rowspan="{len(group)}"' if group[1:] else ""
+        *shared, tolerance = _shared(entry, shown)
+        cells += "".join(f"<td{span}>{cell}</td>" for cell in shared) + f'<td{span} class="tolerance">{tolerance}</td>'
+    return f'<tr id="{entry.anchor}">{cells}</tr>'
+
+
+def _shared(entry: Entry, shown: Collection[str]) -> tuple[str, ...]:
+    """What it says, where it lives, what verifies it, tolerances."""
+    notes = [("Misprint", f"{note} ({number})") for number, note in entry.corrections.items()]
+    notes += [("Holds if", f"{note} ({number})") for number, note in entry.conditions.items()]
+    notes += [("Remark", f"{note} ({number})") for number, note in entry.remarks.items()]
+    notes += [(NOT_RUN.capitalize(), entry.no)] if entry.no else []
+    says = escape(entry.says) + "".join(f"<br><small>{head}: {escape(note)}.</small>" for head, note in notes)
+    says += "".join(f"<br><small>Printed: {_markup(formula)}</small>" for formula in entry.printed)
+    found = [value for check in entry.by for value in tolerances(check)]
     range_ = "" if not found else f"{min(found):.0e}" + (f" to {max(found):.0e}" if max(found) > min(found) else "")
-    cells = (row.number.replace("-", "\N{EN DASH}"), says, lives, checks, range_)
-    return f'<tr id="{row.place}">' + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    return says, ", ".join(map(_object, entry.lives)), "<br>".join(_check(check, shown) for check in entry.by), range_
+
+
+def _markup(latex: str) -> str:
+    """MathML on one line: Markdown ends a table where a line is empty."""
+    return "".join(line.strip() for line in mathml.markup(latex).splitlines())
 
 
 def _object(name: str) -> str:
@@ -232,13 +252,17 @@ def _object(name: str) -> str:
         return f'<a href="../catalogue/{owner}.html">{shown}</a>'
     if owner == "analysis":
         return f'<a href="api.html#liaisons.{name}">{shown}</a>'
+    if (alone := name.rpartition(".")[2]) in liaisons.__all__:
+        return f'<a href="api.html#liaisons.{alone}">{shown}</a>'
     return f"<code>{shown}</code>"
 
 
 def _check(check: str, shown: Collection[str]) -> str:
     if "::" in check:
         file, name = check.split("::")
-        return f"{name.removeprefix('test_').replace('_', ' ')} <small>{file.replace('_', '_<wbr>')}</small>"
+        words = name.removeprefix("test_").replace("_", " ")
+        link = f'<a href="../{SOURCES}/{_page_of(file)}.html#{name}">{words}</a>'
+        return f"{link} <small>{file.replace('_', '_<wbr>')}</small>"
     title = f"scenario <i>{_titles().get(check, check.replace('_', ' '))}</i>"
     return f'<a href="../gallery/{check}.html">{title}</a>' if check in shown else title
 

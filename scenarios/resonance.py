@@ -1,4 +1,4 @@
-"""A driven oscillator answers with amplitude (K 121) and phase -atan2(γω, ω_0²-ω²); it resonates iff γ < √2 ω_0.
+"""A driven oscillator answers with amplitude (K eq. 121) and phase -atan2(γω, ω_0²-ω²); it resonates iff γ < √2 ω_0.
 
 K Fig. 7: ω_0 = 1 rad/s, |F_0|/m = 1, γ = ½, 1, 2, 4, here from FMUs: a Sinusoid moves the support of an Oscillator,
 which for unit stiffness is a unit force.  The stationary motion is fitted over the last periods, when the transient
@@ -49,11 +49,12 @@ def main(claim: Claims) -> None:
             (line,) = axes[i].plot(fine, smooth[i], label=f"γ = {damping:g}")
             axes[i].plot(FREQUENCIES, found, ".", color=line.get_color())
 
-    # Vertex of the parabola through 1/|u_0|² at three frequencies: exactly quadratic in ω² by K 121.
+    # Vertex of the parabola through 1/|u_0|² at three frequencies: exactly quadratic in ω² by K eq. 121.
     omega, expected = np.array([0.8, 0.9, 1.0]), Oscillator.resonance(damping=0.5)
     curvature, tilt, _ = np.polyfit(omega**2, 1 / np.abs(response(0.5, omega)) ** 2, 2)
     found = np.sqrt(-tilt / (2 * curvature))
-    assert abs(found - np.sqrt(1 - 0.5**2 / 4)) > 0.02, "K 122 as printed is distinguishable from the measured maximum"
+    printed = np.sqrt(1 - 0.5**2 / 4)
+    assert abs(found - printed) > 0.02, "K eq. 122 as printed is distinguishable from the measured maximum"
     vertex = within(1e-6, "rad/s", because="amplitudes to 1e-7, divided by the parabola's curvature of order 1")
     claim(f"γ = 0.5: the maximum lies at √(ω_0²-γ²/2) = {expected:.4f} rad/s", found, expected, vertex)
     # K says "γ < 2 ω_0": at γ = 1.7 the amplitude must still rise somewhere.  It falls from the start.

@@ -128,7 +128,8 @@ def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
 
 
 @pytest.mark.parametrize(
-    "command", ["", "list", "build", "equations", "simulate", "plan", "identify", "sweep", "compare", "run", "check"]
+    "command",
+    ["", "list", "build", "text", "equations", "simulate", "plan", "identify", "sweep", "compare", "run", "check"],
 )
 def test_help_shows_examples(liaisons: Cli, command: str) -> None:
     reply = liaisons(*command.split(), "--help")
@@ -137,12 +138,16 @@ def test_help_shows_examples(liaisons: Cli, command: str) -> None:
 
 
 def test_equations_are_printed_in_one_form(liaisons: Cli) -> None:
-    assert liaisons("equations", "Pendulum", "--part", "momenta").out.startswith("Momenta: p")
+    assert liaisons("equations", "Pendulum", "--part", "momenta").out.startswith("Momenta (K eq. 78, M eq. 10): p")
     assert r"\begin{align*}" in liaisons("equations", "Pendulum", "--part", "momenta", "--latex").out
     assert liaisons("equations", "Pendulum", "--part", "momenta", "--html").out.startswith("<!DOCTYPE html>")
     assert liaisons("equations", "Sinusoid", "--modelica").out.count("package Sinusoid") == 1
     assert is_misuse(liaisons("equations", "Pendulum", "--html", "--latex"), "--text")
     assert is_misuse(liaisons("equations", "Pendulum", "--modelica", "--part", "motion"), "without --part")
+    assert is_misuse(liaisons("equations", "Pendulum", "--modelica", "--fix", "length"), "and --fix")
+    assert is_misuse(liaisons("equations", "Pendulum", "--fix", "lenght"), "did you mean 'length'?")
+    fixed = liaisons("equations", "Pendulum", "--part", "accelerations", "--fix", "pivot_x,pivot_z,length").out
+    assert fixed.endswith("θ̈ = −η θ̇ − g sin θ/l\n")
     assert is_misuse(liaisons("equations", "Pendulum", "--part", "momentum"), "did you mean 'momenta'?")
     assert is_misuse(liaisons("equations", "Pendulim"), "did you mean 'Pendulum'?")
 
@@ -162,6 +167,7 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
             [
                 "list",
                 "build",
+                "text",
                 "equations",
                 "simulate",
                 "animate",
@@ -176,6 +182,8 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
         ),
         ("liaisons build Pe", ["Pendulum", "PendulumChain"]),
         ("liaisons run pumped", ["pumped_swing"]),
+        ("liaisons text K16", ["K16", *(f"K16{i}" for i in range(6))]),
+        ("liaisons text M8", ["M8", "M8.1", "M8.2", "M8.3", "M8.4"]),
         ("liaisons build --backend ", ["auto", "native", "python"]),
         ("liaisons simulate --st", ["--start", "--stop", "--step"]),
         ("liaisons simulate Pendulum --set leng", ["length=1", "length_dot=0", "length_ddot=0"]),

@@ -1,4 +1,4 @@
-"""Both texts, line by line: no number is missing, and everything that is named exists."""
+"""Both texts, line by line, on the site: everything that is named exists, every number has a place of its own."""
 
 from __future__ import annotations
 
@@ -8,44 +8,29 @@ from types import ModuleType
 
 import pytest
 
+import liaisons
 from liaisons import analysis
 from liaisons.base.project import load_module, scenario_files
+from liaisons.companion import entries
 from liaisons.library import catalogue
-
-NUMBERS = {
-    ("K", "equations"): [str(i) for i in range(1, 166)],
-    ("K", "examples"): [str(i) for i in range(1, 12)],
-    ("K", "figures"): [str(i) for i in range(1, 10)],
-    ("M", "equations"): [str(i) for i in range(1, 68)],
-    ("M", "examples"): ["8.1", "8.2", "8.3", "8.4"],
-    ("M", "propositions"): ["5", "6", "7, theorem", "7, connection"],
-}
 
 
 @pytest.fixture(scope="module")
 def texts() -> ModuleType:
+    pytest.importorskip("sphinx", reason="the documentation is built by Sphinx: pip install 'liaisons[docs]'")
     return load_module(Path(__file__).parents[2] / "docs" / "texts.py")
 
 
-def test_no_number_is_missing_and_none_is_there_twice(texts: ModuleType) -> None:
-    found: dict[tuple[str, str], list[str]] = {}
-    for row in texts.rows():
-        found.setdefault((row.text, row.kind), []).extend(row.numbers)
-    assert found == NUMBERS
-
-
-def test_each_number_is_verified_or_has_a_reason(texts: ModuleType) -> None:
-    for row in texts.rows():
-        assert row.says
-        assert row.lives or row.no, f"{row.text} {row.number} lives nowhere"
-        assert row.verdict != texts.NOT_YET, f"{row.text} {row.number} is verified by nothing"
+@pytest.fixture(scope="module")
+def page(texts: ModuleType) -> str:
+    return texts.page(list(scenario_files()))
 
 
 def test_what_is_named_exists(texts: ModuleType) -> None:
-    for row in texts.rows():
-        for name in row.lives:
+    for entry in entries():
+        for name in entry.lives:
             texts.resolve(name)
-        for check in row.by:
+        for check in entry.by:
             texts.source(check)
     with pytest.raises(AttributeError, match="Pendulums"):
         texts.resolve("Pendulums")
@@ -55,18 +40,52 @@ def test_what_is_named_exists(texts: ModuleType) -> None:
         texts.source("no_scenario")
 
 
-def test_links_of_the_page_lead_somewhere(texts: ModuleType) -> None:
-    page = texts.page(list(scenario_files()))
-    links = set(re.findall(r'href="([^"]*)"', page))
+def test_links_of_the_page_lead_somewhere(texts: ModuleType, page: str) -> None:
+    links = {link for link in re.findall(r'href="([^"]*)"', page) if not link.startswith("#")}
     places = {f"../catalogue/{name}.html" for name in catalogue()} | {
         f"../gallery/{name}.html" for name in scenario_files()
     }
     places |= {f"api.html#liaisons.analysis.{name}" for name in analysis.__all__}
+    places |= {f"api.html#liaisons.{name}" for name in liaisons.__all__}
+    for file in {check.partition("::")[0] for entry in entries() for check in entry.by if "::" in check}:
+        source = texts.source_page(file)
+        places |= {f"../texts/{file.replace('/', '-')}.html#{name}" for name in re.findall(r'<a id="(\w+)">', source)}
+        assert f"include}} ../../tests/{file}.py" in source
     assert links <= places
     assert "../gallery/holders_principle.html" in links
+    assert "../texts/models-test_hoops.html#test_hoop_has_the_lagrangian_of_equation_61_with_its_dots" in links
     assert "../gallery/" not in texts.page([])
     assert "| Pendulum | 2 | 4 | M eq. 45-47, on V*M |" in page
     assert "| Swing | 3 | 3 | M eq. 36-38, on T*M |" in page
+
+
+def test_each_number_has_a_place_and_a_formula(page: str) -> None:
+    rows = re.findall(r'<tr id="([^"]*)"><td><a href="#\1">([^<]*)</a></td><td>(.*?)</td>', page)
+    assert [(anchor, number) for anchor, number, _ in rows] == [(entry.anchor, entry.number) for entry in entries()]
+    assert len({anchor for anchor, _, _ in rows}) == len(rows)
+    assert all(formula.count("<math") == len(e.formulas) for (_, _, formula), e in zip(rows, entries(), strict=True))
+
+
+def test_a_range_shares_its_cells_and_notes_are_named(page: str) -> None:
+    rows = dict(re.findall(r'<tr id="([^"]*)">(.*?)</tr>', page))
+    assert 'rowspan="4"' in rows["K-equations-10"]
+    assert rows["K-equations-11"].count("<td") == 2
+    assert "Misprint: √(ω_0² - γ²/2)" in rows["K-equations-122"]
+    assert "Holds if: B is uniform" in rows["K-equations-26"]
+    assert "Misprint" not in rows["K-equations-26"]
+    assert "Printed: <math" in rows["M-equations-61"]
+
+
+def test_pages_of_components_scenarios_and_functions_lead_back(texts: ModuleType) -> None:
+    link = '<a href="../reference/texts.html#{}">{}</a>'
+    assert link.format("K-examples-10", "K Ex. 10") in texts.links("IsokineticOscillator")
+    assert link.format("K-equations-118", "K eq. 118-119") in texts.links("resonance")
+    assert texts.links("Quintic") == ""
+    lines = ["Says."]
+    texts._numbers_of_a_function(None, "function", "liaisons.analysis.active_energy", None, None, lines)
+    assert "`M eq. 51 <texts.html#M-equations-51>`__" in lines[2]
+    texts._numbers_of_a_function(None, "function", "liaisons.simulate", None, None, other := [])
+    assert other == []
 
 
 def test_tolerances_are_those_that_are_applied(texts: ModuleType) -> None:

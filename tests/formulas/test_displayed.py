@@ -28,6 +28,7 @@ from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,
     ChargedParticle,
+    DoublePendulum,
     EllipticHoop,
     Flywheel,
     IsokineticOscillator,
@@ -36,6 +37,7 @@ from liaisons.models import (
     PlannedMotion,
     Sinusoid,
     SpatialCat,
+    Swing,
 )
 
 UNCONSTRAINED = [
@@ -196,14 +198,15 @@ def test_words_are_upright_and_no_products() -> None:
 # ---- SymPy ---------------------------------------------------------------------------------------------------------
 
 
-def values_at_a_state(component: type[Mechanism], seed: int) -> dict[str, float]:
-    """All variables at a random state, by the FMU's functions."""
+def values_at_a_state(component: type[Mechanism], seed: int, *, alone: bool = False) -> dict[str, float]:
+    """All variables at a random state, by the FMU's functions; without drives and loads if it is alone."""
     rng, model = np.random.default_rng(seed), assemble(component).flat()
     f = model.outputs_function
     t, y, u, k, m = (rng.uniform(0.4, 1.6, f.size1_in(i)) for i in range(5))
     turned = [s.name in {q for o in component.orientations for q in o.quaternion} for s in model.states]
     y[turned] /= np.linalg.norm(y[turned]) if any(turned) else 1.0
     m[["_closed" in name for name in model.memory]] = 0  # gaps are open at such a state
+    u[[alone and v.name.partition("[")[0].endswith(("_force", "_load")) for v in model.inputs]] = 0
     names = [v.name for group in (model.parameters, model.inputs, model.outputs) for v in group]
     numbers = np.concatenate([k, u, np.array(f(t, y, u, k, m)).ravel()])
     return dict(zip(names, numbers.tolist(), strict=True)) | {"t": float(t[0])}
@@ -218,15 +221,26 @@ def number(sympy, expression, values: Mapping[str, float]) -> float:
 def test_numbers_of_sympy_are_those_of_the_fmu(component) -> None:
     sympy = pytest.importorskip("sympy", reason="optional: pip install 'liaisons[sympy]'")
     shown, checked = displayed(component), 0
-    for equation in shown.sympy():
+    for part, equation in ((name, equation) for name in shown.parts for equation in shown[name].sympy()):
         for seed in (1, 2):
-            values = values_at_a_state(component, seed)
+            values = values_at_a_state(component, seed, alone=part == "accelerations")
             if str(equation.lhs) in values and {str(s) for s in equation.rhs.free_symbols} <= values.keys():
                 # Solved for, the FMU's numbers come from divisions by the mass matrix, condition up to about 1e3.
                 expected = pytest.approx(values[str(equation.lhs)], rel=1e-8, abs=1e-8)
                 assert number(sympy, equation.rhs, values) == expected, equation.lhs
                 checked += 1
     assert checked >= 4 * len(component.coordinates)
+
+
+@pytest.mark.parametrize("component", [DoublePendulum, Swing, EllipticHoop], ids=lambda c: c.__name__)
+def test_accelerations_solve_the_matrix_form(component) -> None:
+    sympy = pytest.importorskip("sympy", reason="optional: pip install 'liaisons[sympy]'")
+    shown, values = displayed(component), values_at_a_state(component, 3, alone=True)
+    names = [q.name for q in component.coordinates]
+    found = {str(e.lhs): number(sympy, e.rhs, values) for e in shown["matrix"].sympy()}
+    A = [[found.get(f"A[{a},{b}]", found.get(f"A[{b},{a}]", 0.0)) for a in names] for b in names]
+    solved = np.linalg.solve(A, [-found[f"h[{name}]"] for name in names])
+    assert solved.tolist() == pytest.approx([values[f"{name}_ddot"] for name in names], rel=1e-10)
 
 
 @pytest.mark.parametrize("component", [EllipticHoop, Flywheel, ChargedParticle], ids=lambda c: c.__name__)
@@ -305,12 +319,51 @@ def test_parts_have_names() -> None:
     shown = equations("Pendulum")
     assert isinstance(shown, DisplayedEquations)
     assert shown.parts[:5] == ("lagrangian", "energy", "friction", "momenta", "rates")
-    assert shown["momenta"].text() == "Momenta: pₖ = ∂L/∂q̇ₖ\n  p_θ = m l (l θ̇ + ẋₚ cos θ + żₚ sin θ)"
+    assert (
+        shown["momenta"].text() == "Momenta (K eq. 78, M eq. 10): pₖ = ∂L/∂q̇ₖ\n  p_θ = m l (l θ̇ + ẋₚ cos θ + żₚ sin θ)"
+    )
     assert "rank 2 in 4 rates" in shown["hamiltonian"].text(200)
     assert shown["motion"]._repr_latex_() == shown["motion"].latex()
     assert shown["motion"]._repr_html_().count("<h3>") == 1
     with pytest.raises(ProjectError, match=r"Pendulum has no equations called 'motin'; did you mean 'motion'\?"):
         shown["motin"]
+
+
+def test_numbers_of_the_texts_stand_beside_the_parts() -> None:
+    shown = equations("Swing")
+    titles = {part: shown[part].text(200).splitlines()[0] for part in shown.parts}
+    assert titles["forces"].startswith("Forces of the operators (M eq. 27): λ")
+    assert titles["effective_mass"].startswith("Effective mass at the active ports (M eq. 50): ")
+    assert titles["motion"].startswith("Equations of motion (K eq. 65, M eq. 26, 36): ")
+    assert titles["points"] == "Points"
+
+
+def test_prescribed_coordinates_at_rest_leave_the_formulas() -> None:
+    shown = equations("Pendulum").fix("pivot_x", "pivot_z", "length")
+    assert shown["accelerations"].text().endswith("  θ̈ = −η θ̇ − g sin θ/l")  # the length is 1 at the start, and stays
+    assert shown["matrix"].text().splitlines()[1:] == ["  A_θ,θ = m l²", "    h_θ = m l (g sin θ + η l θ̇)"]
+    assert shown["momenta"].text().endswith("p_θ = m l² θ̇")
+    assert not {"forces", "power", "effective_mass"} & {*shown.parts}
+    one = equations("Pendulum").fix("pivot_x")
+    assert [e.left for e in one["forces"].equations] == ["length_force", "pivot_z_force"]
+    assert "ẋₚ" not in one.text()
+    assert "without --fix" in equations("Swing").fix("rope")["hamiltonian"].text(200)
+    with pytest.raises(ProjectError, match="Pendulum prescribes no 'theta'; known: length, pivot_x, pivot_z"):
+        equations("Pendulum").fix("theta")
+    with pytest.raises(ProjectError, match="prescribes no 'length'"):
+        equations("Pendulum").fix("length").fix("length")
+
+
+def test_coupled_accelerations_at_rest_are_those_of_textbooks() -> None:
+    shown = equations("DoublePendulum").fix("pivot_x", "pivot_z")
+    assert shown["matrix"].text(200).splitlines()[1:] == [
+        "  A_θ₁,θ₁ = l₁² (m₁ + m₂)",
+        "  A_θ₁,θ₂ = m₂ l₁ l₂ cos(θ₁ − θ₂)",
+        "  A_θ₂,θ₂ = m₂ l₂²",
+        "     h_θ₁ = l₁ (g (m₁ + m₂) sin θ₁ + m₂ l₂ θ̇₂² sin(θ₁ − θ₂))",
+        "     h_θ₂ = −m₂ l₂ (l₁ θ̇₁² sin(θ₁ − θ₂) − g sin θ₂)",
+    ]
+    assert not {"ẋₚ", "żₚ", "ẍₚ"} & {*shown["accelerations"].text().split()}
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from liaisons.errors import ComponentError, ValidityError
 from liaisons.language import ActiveCoordinate, Coordinate, Mechanism, Parameter, unchecked
 from liaisons.models import CircularHoop, Oscillator, Pendulum, Swing
 
-# ---- Kneller Ex. 3, 6, 8: the pendulum ---------------------------------------------------------------------------
+# ---- K Ex. 3, 6, 8: the pendulum ---------------------------------------------------------------------------------
 
 
 STILL = {f"{s}{end}": 0.0 for s in ("length", "pivot_x", "pivot_z") for end in ("_dot", "_ddot")}
@@ -39,7 +39,7 @@ def test_pendulum_of_kneller_is_the_one_with_fixed_pivot_and_length() -> None:
         assert n.theta_dot * (inertia * printed + weight) == pytest.approx(+loss, rel=1e-11)
 
 
-# ---- Kneller 5.1: the oscillator ---------------------------------------------------------------------------------
+# ---- K 5.1: the oscillator ---------------------------------------------------------------------------------------
 
 
 MASS, OMEGA_0 = 0.7, 1.3
@@ -87,7 +87,7 @@ def test_ka4_phase_is_continuous_through_resonance_where_the_printed_one_jumps(r
     np.testing.assert_allclose(printed[10:], phase[10:] + np.pi, rtol=1e-13)  # too large by π above
 
 
-# ---- Marle 8.1: the swing ----------------------------------------------------------------------------------------
+# ---- M 8.1: the swing --------------------------------------------------------------------------------------------
 
 
 def swing_coefficients(n: State) -> tuple[float, NDArray, NDArray]:
@@ -156,7 +156,7 @@ def test_ma1_without_the_half_the_motion_stays_right_but_the_operator_pays_twice
         np.testing.assert_allclose(surplus, swing_coefficients(n)[2], atol=1e-11)  # Θ counts g_αβ twice; 100 kg
 
 
-# ---- Marle 8.4: the hoop -----------------------------------------------------------------------------------------
+# ---- M 8.4: the hoop ---------------------------------------------------------------------------------------------
 
 
 def test_ma3_without_the_dots_equation_61_is_no_lagrangian() -> None:
@@ -169,7 +169,7 @@ def test_ma3_without_the_dots_equation_61_is_no_lagrangian() -> None:
                 return ca.substitute(self.kinetic_energy(), self.free.q_dot, self.free.q)
 
 
-# ---- Marle 5: a Lagrangian that is hyper-regular, and no mechanism with an operator ------------------------------
+# ---- M 5: a Lagrangian that is hyper-regular, and no mechanism with an operator ----------------------------------
 
 
 def test_the_product_of_equation_39_is_refused_because_it_would_bind_the_operator() -> None:

@@ -1,4 +1,4 @@
-"""IsokineticOscillator and NoseHooverOscillator: oscillators at a temperature (K Ex. 10 and 4.2)."""
+"""IsokineticOscillator and NoseHooverOscillator: oscillators at a temperature (K Ex. 10, K 4.2)."""
 
 from __future__ import annotations
 

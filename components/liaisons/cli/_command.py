@@ -33,6 +33,7 @@ application = typer.Typer(
     help="From one Lagrangian with active constraints to verified FMUs.",
     epilog=_examples("""
         liaisons list                                   components and scenarios
+        liaisons text K122                              a number of the two texts, and what verifies it
         liaisons run pumped_swing                       a claim, its FMUs, its verdict, its figure
         liaisons run --all
         liaisons build Pendulum                         writes fmus/Pendulum.fmu

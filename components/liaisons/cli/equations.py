@@ -7,26 +7,34 @@ from typing import Annotated
 import typer
 
 from liaisons.cli._command import command, flag, option, subject
+from liaisons.cli._texts import component_of
 
 
 @command("""
     liaisons equations Pendulum
     liaisons equations Pendulum --part motion --latex
+    liaisons equations DoublePendulum --part accelerations --fix pivot_x,pivot_z
+    liaisons equations M50                              what equation 50 of Marle is about
     liaisons equations my_system.py:crane               of a whole system
     liaisons equations my_component.py --html > equations.html
 """)
 def equations(
-    target: Annotated[str, subject("NAME|FILE.py|FILE.ssp", "a component, or a system of components")],
+    target: Annotated[
+        str, subject("NAME|NUMBER|FILE.py|FILE.ssp", "a component, a system of components, a number of the two texts")
+    ],
     *,
-    part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, forces, ... alone")] = None,
+    part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, accelerations, forces, ... alone")] = None,
+    fix: Annotated[str, option("NAME,...", "prescribed coordinates that stay at rest")] = "",
     text: Annotated[bool, flag("--text", "for a terminal (the default)")] = False,
     latex: Annotated[bool, flag("--latex", "for a document")] = False,
     html: Annotated[bool, flag("--html", "for a browser")] = False,
-    modelica: Annotated[bool, flag("--modelica", "as Modelica text, without PART")] = False,
+    modelica: Annotated[bool, flag("--modelica", "as Modelica text, of the whole")] = False,
 ) -> int:
     """Show the equations of a component: Lagrangian, momenta, motion, forces of the operators, Hamiltonian."""
-    if text + latex + html + modelica > 1 or (modelica and part):
-        raise typer.BadParameter("choose one of --text, --latex, --html and --modelica, the last without --part")
+    target, own = component_of(target)
+    part = part or own
+    if text + latex + html + modelica > 1 or (modelica and (part or fix)):
+        raise typer.BadParameter("choose one of --text, --latex, --html, --modelica, the last without --part and --fix")
     from liaisons import interface, ssp
     from liaisons.cli._subject import declared_system
     from liaisons.library import modelica_files
@@ -36,6 +44,7 @@ def equations(
         print(modelica_files.modelica(system or target))
         return 0
     shown = interface.equations(system or target)
+    shown = shown.fix(*fix.split(",")) if fix else shown
     shown = shown if part is None else shown[part]
     if html:
         print("<!DOCTYPE html>", '<meta charset="utf-8">', *shown.html(), sep="\n")

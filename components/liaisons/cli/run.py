@@ -9,6 +9,7 @@ import typer
 
 from liaisons.base.project import ProjectError, from_here, scenario_files, scenario_themes
 from liaisons.cli._command import command, flag, option, show, show_scenarios
+from liaisons.cli._texts import scenarios_of
 from liaisons.errors import suggestion
 
 
@@ -17,6 +18,7 @@ from liaisons.errors import suggestion
     liaisons run
     liaisons run --theme contacts
     liaisons run --all
+    liaisons run K122                                   what verifies equation 122 of Kneller
     liaisons run my_scenario.py --figures /tmp
 """)
 def run(
@@ -24,9 +26,9 @@ def run(
     targets: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="NAME|FILE.py",
+            metavar="NAME|NUMBER|FILE.py",
             autocompletion=lambda: list(scenario_files()),
-            help="scenarios of this project, or files (default: list them by theme)",
+            help="scenarios of this project, files, numbers of the two texts (default: list them by theme)",
         ),
     ] = None,
     *,
@@ -52,7 +54,8 @@ def run(
     themes = scenario_themes()
     if theme not in (None, *themes):
         raise ProjectError(f"no theme is called {theme!r}{suggestion(theme, themes)}")
-    chosen = [*(targets or ()), *(scenario_files() if every else themes[theme][1] if theme else ())]
+    named = [name for target in targets or () for name in scenarios_of(target)]
+    chosen = [*named, *(scenario_files() if every else themes[theme][1] if theme else ())]
     if not chosen:
         show_scenarios()
         return 0

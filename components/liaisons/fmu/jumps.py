@@ -1,7 +1,7 @@
 """Jumps of prescribed coordinates: the limit of an ever faster straight motion, where it exists.
 
 While σ changes by δ in a time ε, at a constant rate δ/ε, states move by y' = f(y, σ, σ̇).  Where f is linear in σ̇ this
-has a limit for ε → 0, in which nothing but σ̇ acts (the horizontal lift of M 3.6, 7)::
+has a limit for ε → 0, in which nothing but σ̇ acts (the horizontal lift of M 7)::
 
     dy/dτ = f(y, σ + τ δ, σ̇ + δ) - f(y, σ + τ δ, σ̇),    0 <= τ <= 1
 

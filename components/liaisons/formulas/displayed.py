@@ -5,11 +5,15 @@ from __future__ import annotations
 import re
 import shutil
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import casadi as ca
+
+from liaisons.base.array_names import suffixed
+from liaisons.companion import CITATION
 from liaisons.errors import ComponentError, ProjectError, suggestion
 from liaisons.formulas import symbolic
 from liaisons.formulas.latex import LaTeX
@@ -22,9 +26,11 @@ from liaisons.formulas.unicode import Unicode, width, wrapped
 from liaisons.formulas.writing import formula
 from liaisons.language import Component, Mechanism
 from liaisons.mechanics import Equation, Model, assemble, derive
-from liaisons.mechanics.printing import of_hamiltonian, of_operators
+from liaisons.mechanics.printing import of_accelerations, of_hamiltonian, of_operators
 
 _TOO_LONG = "Too long to be read: {}; the FMU's sources have them in C."
+_OF_ALL = ("hamiltonian", "canonical")
+_FIXED = "It is of all coordinates; without --fix it is shown."
 _PAGE = 72
 """Characters of a formula in LaTeX up to which it stays on a line."""
 
@@ -36,12 +42,14 @@ class DisplayedEquations:
     A notebook typesets them, ``print`` writes them for a terminal.
 
     :param notes: why there are no equations of a part.
+    :param prescribed: start values of the prescribed coordinates.
     """
 
     name: str
     equations: tuple[Equation, ...]
     notation: Notation
     notes: Mapping[str, str] = field(default_factory=dict)
+    prescribed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -53,6 +61,27 @@ class DisplayedEquations:
             raise ProjectError(f"{self.name} has no equations called {part!r}{suggestion(part, self.parts)}")
         chosen = tuple(equation for equation in self.equations if equation.section == part)
         return replace(self, equations=chosen, notes={k: v for k, v in self.notes.items() if k == part})
+
+    def fix(self, *names: str) -> DisplayedEquations:
+        """The same with prescribed coordinates at rest: rates leave the formulas, and what starts at 0 does.
+
+        :param names: of prescribed coordinates; their forces, powers and effective masses are left out.
+        :raises ProjectError: for another name.
+        """
+        for name in names:
+            if name not in self.prescribed:
+                raise ProjectError(f"{self.name} prescribes no {name!r}{suggestion(name, self.prescribed)}")
+        resting = {name for name in names if self.prescribed[name] == 0}
+        resting |= {suffixed(name, end) for name in names for end in ("_dot", "_ddot")}
+        remaining = tuple(
+            replace(equation, right=_vanishing(equation.right, resting))
+            for equation in self.equations
+            if equation.section not in _OF_ALL and not any(_belongs(equation.left, name) for name in names)
+        )
+        noted = {equation.section for equation in self.equations} & set(_OF_ALL)
+        notes = {**self.notes, **dict.fromkeys(sorted(noted, key=_OF_ALL.index), _FIXED)}
+        rest = {name: start for name, start in self.prescribed.items() if name not in names}
+        return replace(self, equations=remaining, notes=notes, prescribed=rest)
 
     @cached_property
     def _formulas(self) -> list[tuple[Equation, Formula | None]]:
@@ -111,7 +140,9 @@ class DisplayedEquations:
         printer = Unicode(self.notation)
         for law, general, equations, remark in self._sections(printer, "{}"):
             formula = " ".join(general.split()).replace("( ", "(").replace(" )", ")")
-            lines = textwrap.wrap(f"{law.title}: {formula}" if formula else law.title, columns)
+            numbers = ", ".join(match[0] for match in CITATION.finditer(law.text))
+            title = f"{law.title} ({numbers})" if numbers else law.title
+            lines = textwrap.wrap(f"{title}: {formula}" if formula else title, columns)
             margin = max((width(printer.name(left)) for left, _ in equations), default=0)
             for left, right in equations:
                 lines += _aligned_lines(printer.name(left), printer.terms(right.term), margin + 2, columns)
@@ -144,6 +175,18 @@ class DisplayedEquations:
         return "\n".join(["<div>", *self.html(), "</div>"])
 
 
+def _belongs(left: str, name: str) -> bool:
+    """Whether an equation is of a prescribed coordinate: its force, its power, a row or column of Θ."""
+    owner, _, index = left.partition("[")
+    return left in {f"{name}_force", f"{name}_power"} or (owner == "Theta" and name in index.rstrip("]").split(","))
+
+
+def _vanishing(expression: ca.SX, names: Collection[str]) -> ca.SX:
+    """Expression with 0 for some of its symbols."""
+    symbols = [symbol for symbol in ca.symvar(expression) if symbol.name() in names]
+    return ca.substitute([expression], symbols, [ca.SX(0)] * len(symbols))[0]
+
+
 def of_model(model: Model) -> DisplayedEquations:
     """Return the equations of a model, as the page inside its FMU has them."""
     return DisplayedEquations(model.name, model.equations, Notation.from_model(model))
@@ -155,14 +198,15 @@ def of_component(component: type[Component]) -> DisplayedEquations:
     if not issubclass(component, Mechanism):
         return shown if shown.equations else replace(shown, notes={"signal": "It is read from a table."})
     derived, notes = derive(component), dict[str, str]()
-    further = of_operators(derived)
+    further = (*of_operators(derived), *of_accelerations(derived))
     try:
         further += of_hamiltonian(derived)
     except ComponentError as reason:
         notes["hamiltonian"] = f"{reason}."
     order = list(LAWS)
     every = sorted((*shown.equations, *further), key=lambda equation: order.index(equation.section))
-    return replace(shown, equations=tuple(every), notes=notes)
+    prescribed = {s.name: s.start for s in component.actives}
+    return replace(shown, equations=tuple(every), notes=notes, prescribed=prescribed)
 
 
 def _paragraphs(left: str, right: Formula, printer: MathML) -> list[str]:

@@ -44,9 +44,9 @@ def _printed_part(printer: Printer, part: re.Match[str]) -> str:
 LAWS = {
     "lagrangian": Law(
         "Lagrangian",
-        "Everything below follows from it; friction and what is attached come in as forces.",
+        "Everything below follows from it; friction and what is attached come in as forces (K eq. 18, M eq. 41).",
     ),
-    "energy": Law("Energy", "Kinetic and potential (K eq. 61)."),
+    "energy": Law("Energy", "Kinetic and potential (K eq. 31)."),
     "friction": Law(
         "Friction",
         "The dissipation function D. Friction opposes free and prescribed rates alike and takes the power "
@@ -55,7 +55,8 @@ LAWS = {
     ),
     "momenta": Law(
         "Momenta",
-        "Conjugate to the free coordinates q; they stay continuous when an operator makes a rate jump.",
+        "Conjugate to the free coordinates q (K eq. 78, M eq. 10); they stay continuous when an operator makes a rate "
+        "jump.",
         "p_k = ∂L/∂q˙_k",
     ),
     "rates": Law(
@@ -66,11 +67,23 @@ LAWS = {
     "motion": Law(
         "Equations of motion",
         "Q are drives, loads with the opposite sign, friction −∂D/∂q̇ and the forces of constraints. "
-        "The accelerations of prescribed coordinates s do not enter (M eq. 26, 36).",
+        "The accelerations of prescribed coordinates s do not enter (K eq. 65, M eq. 26, 36).",
         "p˙_k = ∂L/∂q_k + Q_k",
     ),
+    "accelerations": Law(
+        "Accelerations",
+        "Solved for, without drives and loads (K eq. 19, M eq. 26).",
+    ),
+    "matrix": Law(
+        "Matrix form",
+        "A is the metric tensor (K eq. 13); h has gravity, friction, forces of constraints, and what rates and "
+        "prescribed motions ask for, without drives and loads.",
+        "A q¨ + h = 0",
+    ),
     "internal": Law("Internal states", "They are no coordinates; the component gives their rates."),
-    "constraints": Law("Constraints", "Kept by the multipliers λ, and put right after each step."),
+    "constraints": Law(
+        "Constraints", "Kept by the multipliers λ (K eq. 2, 110, M eq. 20), and put right after each step."
+    ),
     "unilateral": Law(
         "Unilateral liaisons",
         "Bodies can part, g > 0, and then feel no force λ.",
@@ -109,10 +122,14 @@ LAWS = {
     "link": Law("One link", "Sums over all links are those of the chain; L = T − V, friction −∂D/∂q̇."),
     "joints": Law("Joints", "Where the next link begins, and the first."),
     "hamiltonian": Law(
-        "Hamiltonian", "Of all coordinates, prescribed ones included, and their momenta.", "H = Σ p_k q˙_k − L"
+        "Hamiltonian",
+        "Of all coordinates, prescribed ones included, and their momenta (K eq. 80, M eq. 30).",
+        "H = Σ p_k q˙_k − L",
     ),
     "canonical": Law(
-        "Canonical equations", "λ is the force of the operator (M eq. 36-38).", "p˙_k = − ∂H/∂q_k + Q_k + λ_k"
+        "Canonical equations",
+        "λ is the force of the operator (K eq. 81-82, M eq. 36-38).",
+        "p˙_k = − ∂H/∂q_k + Q_k + λ_k",
     ),
     "connections": Law("Connections", "Inputs of parts, and the outputs that they take."),
 }

@@ -472,7 +472,7 @@ class constraint(DeclaredFormula[ca.SX]):
 
 
 class non_holonomic(DeclaredFormula[ca.SX]):
-    """A non-holonomic constraint: an expression of configuration and rates that stays zero, by Gauss (K eq. 107)."""
+    """A non-holonomic constraint: an expression of configuration and rates that stays zero, by Gauss (K eq. 110)."""
 
     example = '@non_holonomic("m/s", "the wheel does not slip")'
 

@@ -217,7 +217,7 @@ class MechanicalComponent(Component, abstract=True):
                 yield readable(f"{name}_ddot", units.rate(speed), f"acceleration of {name}", dimension=size)
         yield readable("kinetic_energy", "J", "kinetic energy T (K eq. 12)")
         yield readable("potential_energy", "J", "potential energy V")
-        yield readable("energy", "J", "energy T + V (K eq. 61)")
+        yield readable("energy", "J", "energy T + V (K eq. 31)")
         yield readable("work", "J", "work done on this mechanism through all its ports since the start")
         text = "energy lost by friction, or taken out by non-holonomic constraints, since the start"
         yield readable("dissipated", "J", text)

@@ -1,7 +1,7 @@
 """Constraints in accelerations, C ẍ = c: their multipliers, stabilisation and projection.
 
 Passive constraints σ(x) = 0 (K eq. 2), rheonomic ones π(x) = σ(t) (M eq. 20) and non-holonomic constraints ρ(x, ẋ) = 0
-(K eq. 107) differ in how often they are differentiated; after that they are rows of one linear system.
+(K eq. 110) differ in how often they are differentiated; after that they are rows of one linear system.
 """
 
 from __future__ import annotations

@@ -4,14 +4,14 @@ K = Kneller, M = Marle.  Free coordinates x (here ``q``), active coordinates s =
 by a rheonomic constraint π(x) = σ(t) (M eq. 20).  State (x, p):
 
 ======================  ============================================================  ==================
-p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇)                                      K eq. 79, M eq. 10
+p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇)                                      K eq. 78, M eq. 10
 ẋ = A⁻¹ (p − b)         Legendre transform, inverted in the free rates only           M eq. 36
 ṗ = ∂L/∂x + Q           only σ and σ̇ enter: p is continuous when σ̇ jumps             M eq. 26, 36
 λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s   force of the operator; needs σ̈                         M eq. 27
 P = Σ λ σ̇               its power                                                     M eq. 28
 Θ = ∂λ/∂σ̈               effective mass at the active port                             M eq. 50
 Q = −∂D/∂q̇              friction, on free and active coordinates alike: D = η T + D′   K eq. 64, 66
-C ẍ = c                 constraints in accelerations: C = ∂σ/∂x, ∂π/∂x or ∂ρ/∂ẋ       K eq. 9, M eq. 22, K eq. 107
+C ẍ = c                 constraints in accelerations: C = ∂σ/∂x, ∂π/∂x or ∂ρ/∂ẋ       K eq. 9, 111, M eq. 22
 Z = Cᵀ λ                their forces; λ from C A⁻¹ Cᵀ λ = c − C A⁻¹ (forces)          K eq. 7, 9
 dE/dt = Σ λ σ̇ + drives and loads − Σ q̇ ∂D/∂q̇ − Σ σ̇ ∂D/∂σ̇                             K eq. 67, M eq. 28
 ======================  ============================================================  ==================
@@ -115,7 +115,7 @@ class Equations:
 
     @property
     def energy(self) -> ca.SX:
-        """E = T + V (K eq. 61)."""
+        """E = T + V (K eq. 31)."""
         return self.kinetic_energy + self.potential_energy
 
     def in_motion(self, expression: ca.SX) -> ca.SX:

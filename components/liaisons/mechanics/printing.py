@@ -109,6 +109,37 @@ def _multipliers(equations: Equations) -> ca.SX | None:
     return solve_symmetric(C @ solve_symmetric(A, C.T), stack(targets) - C @ solve_symmetric(A, equations.forces))
 
 
+def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
+    """Accelerations solved for, then A and h of A ẍ + h = 0; λ are symbols, drives and loads vanish."""
+    m, A = equations.mechanism, equations.mass_matrix
+    alone = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
+    C, lambdas = equations.constraints.matrix, ca.vertcat(m.multipliers, m.active.force[_adapted(equations) :, 0])
+    forces = ca.substitute(equations.forces + C.T @ lambdas, alone, ca.SX.zeros(alone.shape))
+    names = [q.name for q in m.coordinates]
+    turns = [rate for orientation in m.orientations for rate in orientation.rates]
+    accelerations = [suffixed(name, "_ddot") for name in names] + [suffixed(rate, "_dot") for rate in turns]
+    rows = [*names, *turns]
+    matrix = (
+        Equation("matrix", f"A[{row},{rows[k]}]", A[i, k])
+        for i, row in enumerate(rows)
+        for k in range(i, len(rows))
+        if A.sparsity().has_nz(i, k)
+    )
+    return (
+        *_rows("accelerations", accelerations, _solved(A, forces)),
+        *matrix,
+        *_rows("matrix", [f"h[{row}]" for row in rows], -forces),
+    )
+
+
+def _solved(A: ca.SX, forces: ca.SX) -> ca.SX:
+    """A⁻¹ times forces; of two rates by Cramer's rule, which people write."""
+    if A.shape != (2, 2) or not A.sparsity().has_nz(0, 1):
+        return solve_symmetric(A, forces)
+    over = ca.vertcat(A[1, 1] * forces[0] - A[0, 1] * forces[1], A[0, 0] * forces[1] - A[0, 1] * forces[0])
+    return over / (A[0, 0] * A[1, 1] - A[0, 1] ** 2)
+
+
 def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     """H of all coordinates, prescribed ones included, and the canonical equations (M eq. 36-38).
 
@@ -155,11 +186,16 @@ def _rank(matrix: ca.SX) -> int:
 def _balances(equations: Equations) -> ca.SX:
     """∂L/∂x + Q, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
     m, L = equations.mechanism, equations.lagrangian
-    adapted = len(m.actives) - len(m.rheonomic_constraints)
+    adapted = _adapted(equations)
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     on_free, on_active = _applied(equations)
     force = m.free.kinematics.T @ gradient(L, m.free.q) + on_free
     return ca.vertcat(force, m.dot(gradient(L, s_dot)) - gradient(L, s) - on_active)
+
+
+def _adapted(equations: Equations) -> int:
+    """Number of active coordinates that no rheonomic constraint prescribes."""
+    return len(equations.mechanism.actives) - len(equations.mechanism.rheonomic_constraints)
 
 
 def _applied(equations: Equations) -> tuple[ca.SX, ca.SX]:

@@ -14,7 +14,7 @@ from liaisons.language.component import Component
 from liaisons.modelica_text.text import quoted
 
 MOST_SHAPES, MOST_POINTS = 6, 12
-_LAWS = "p = ∂L/∂q_dot: K eq. 79; der(p) = ∂L/∂q + Q: M eq. 36; forces of the operator: M eq. 27."
+_LAWS = "p = ∂L/∂q_dot: K eq. 78; der(p) = ∂L/∂q + Q: M eq. 36; forces of the operator: M eq. 27."
 _NAME = 'Text(extent={{-90, -40}, {90, 40}}, textString="%name")'
 
 

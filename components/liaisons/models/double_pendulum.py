@@ -22,7 +22,7 @@ class DoublePendulum(Mechanism):
     It is two :class:`Pendulum` s, the second one's pivot at the first one's bob; both angles are absolute.  Large
     motions are chaotic: only the energy tells whether they are right.
 
-    Source: the two-pendulum case of K sec. 2.2 (eq. 12, 19) and of the normal modes of K 5.2.
+    Source: the two-pendulum case of K 2.2 (K eq. 12, 19) and of the normal modes of K 5.2.
     """
 
     mass_1 = Parameter(1.0, "kg", "mass of the upper bob", above=0)

@@ -3,7 +3,7 @@
 A link has coordinates q with rates v, it begins at its joint w and ends at its tip F(q, w), which is the joint of the
 next one.  Beyond the tip are momentum π and force r.  With T = ½ (v, ẇ)ᵀ M (v, ẇ)::
 
-    p  = M_qq v + M_qw ẇ + F_qᵀ π       ∂L/∂q̇ of the whole chain                                     K eq. 79
+    p  = M_qq v + M_qw ẇ + F_qᵀ π       ∂L/∂q̇ of the whole chain                                     K eq. 78
     π  = P Ḟ + s                        P: articulated inertia beyond, s: momentum beyond where Ḟ = 0
     v  = D⁻¹ (p − F_qᵀ s) − G ẇ         with D = M_qq + F_qᵀ P F_q, U = M_qw + F_qᵀ P F_w, G = D⁻¹ U   M eq. 36
     ṗ  = ∂L/∂q + F_qᵀ φ + Ḟ_qᵀ π + Q    φ: ∂L/∂w of the links beyond                                 M eq. 26

@@ -1,0 +1,48 @@
+"""Numbers of the two texts as arguments of commands."""
+
+from __future__ import annotations
+
+import typer
+
+from liaisons.companion import Entry, is_number, numbered
+from liaisons.library import catalogue_names
+
+
+def scenarios_of(name: str) -> list[str]:
+    """The scenarios that verify a number; the name itself where it is no number.
+
+    :raises BadParameter: if no scenario verifies it.
+    """
+    if not is_number(name):
+        return [name]
+    chosen = numbered(name)
+    scenarios = dict.fromkeys(scenario for entry in chosen for scenario in entry.scenarios)
+    if not scenarios:
+        tests = [verification(check) for entry in chosen for check in entry.by]
+        raise typer.BadParameter(f"{name}: no scenario verifies it{f'; {tests[0]} does' if tests else ''}")
+    return list(scenarios)
+
+
+def component_of(name: str) -> tuple[str, str | None]:
+    """The component that has a number, and the part of its equations; the name itself where it is no number.
+
+    :raises BadParameter: if no component has it.
+    """
+    if not is_number(name):
+        return name, None
+    for entry in numbered(name):
+        if component := next(iter(components(entry)), "Pendulum" if entry.part else ""):
+            return component, entry.part or None
+    raise typer.BadParameter(f"{name}: no component has it; `liaisons text {name}` says where it lives")
+
+
+def components(entry: Entry) -> list[str]:
+    """Components of the catalogue among what has a number."""
+    names = set(catalogue_names())
+    return [name for name in dict.fromkeys(item.partition(".")[0] for item in entry.lives) if name in names]
+
+
+def verification(check: str) -> str:
+    """The command that runs a scenario, or a test in a clone."""
+    file, separator, name = check.partition("::")
+    return f"pytest tests/{file}.py::{name}" if separator else f"liaisons run {check}"

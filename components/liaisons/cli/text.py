@@ -1,0 +1,108 @@
+"""``liaisons text``: from a number of the two texts to what verifies it."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Annotated
+
+import typer
+
+from liaisons.cli._command import command, flag, show
+from liaisons.cli._texts import components, verification
+from liaisons.companion import (
+    TITLES,
+    Entry,
+    completions,
+    is_number,
+    numbered,
+    searched,
+    sections,
+    unicode_text,
+)
+
+_MARGIN = 12
+
+
+@command("""
+    liaisons text K122                                  Kneller, equation 122
+    liaisons text K Ex. 9
+    liaisons text M50-53 --latex
+    liaisons text "M 8.4"                               Marle, example 8.4
+    liaisons text M 3.5                                 every number of a section
+    liaisons text KA2                                   a number of the errata
+    liaisons text viriel                                in French or English
+    liaisons text Pendulum                              every number that a component has
+    liaisons text                                       the sections of both
+""")
+def text(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NUMBER|WORDS",
+            autocompletion=completions,
+            help="a number of Kneller (K) or Marle (M), a range, or words to search by (default: list the sections)",
+        ),
+    ] = None,
+    *,
+    latex: Annotated[bool, flag("--latex", "formulas for a document")] = False,
+) -> int:
+    """Look a number of the two texts up: its formula, corrected, where it lives, what verifies it."""
+    name = " ".join(words or ())
+    if not name:
+        show({"section": s.citation, "is about": s.says, "in the text": s.french} for s in sections())
+        return 0
+    if not is_number(name):
+        rows = {entry.group_citation: entry for entry in searched(name)}
+        show({"number": number, "says": e.says, "in the text": e.french} for number, e in rows.items())
+        return 0
+    print("\n\n".join("\n".join(_lines(entry, latex=latex)) for entry in numbered(name)))
+    return 0
+
+
+def _lines(entry: Entry, *, latex: bool) -> Iterator[str]:
+    """Everything that the table says of a number."""
+    section = [s for s in sections() if s.contains(entry)][-1:]
+    head = "; ".join([TITLES[entry.text], *(f"section {s.number}, {s.french}" for s in section)])
+    yield from textwrap.wrap(f"{entry.citation}   {head}", _columns(), subsequent_indent=" " * _MARGIN)
+    yield ""
+    written = (lambda formula: formula) if latex else unicode_text
+    for formula in entry.formulas:
+        yield f"    {written(formula)}"
+    yield ""
+    yield from _row("says", f"{entry.says} ({entry.french})")
+    yield from _notes("misprint", entry.corrections)
+    for formula in entry.printed:
+        yield from _row("printed", written(formula))
+    yield from _notes("holds if", entry.conditions)
+    yield from _notes("remark", entry.remarks)
+    if entry.no:
+        yield from _row("not run", entry.no)
+    yield from _row("lives in", ", ".join(entry.lives) or "nothing of ours")
+    part = f" --part {entry.part}" if entry.part else ""
+    for i, component in enumerate(components(entry)):
+        yield f"{'' if i else 'equations':{_MARGIN}}liaisons equations {component}{part}"
+    for i, check in enumerate(entry.by):
+        yield f"{'' if i else 'verified by':{_MARGIN}}{verification(check)}"
+    yield from _row("page", f"reference/texts.html#{entry.anchor}")
+
+
+def _notes(head: str, notes: Mapping[str, str]) -> Iterator[str]:
+    for i, (erratum, note) in enumerate(notes.items()):
+        yield from _row("" if i else head, f"{note} [{erratum}]")
+
+
+def _row(head: str, content: str) -> Iterator[str]:
+    yield from textwrap.wrap(
+        content,
+        _columns(),
+        initial_indent=head.ljust(_MARGIN),
+        subsequent_indent=" " * _MARGIN,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _columns() -> int:
+    return shutil.get_terminal_size((100, 24)).columns
