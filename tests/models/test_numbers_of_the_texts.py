@@ -1,6 +1,6 @@
 """Numbers of K and M that no component stands for: each on expressions or numbers of its own.
 
-Which number is shown where is told by docs/texts.toml.
+Which number is shown where is told by components/liaisons/companion/texts.toml.
 """
 
 from __future__ import annotations
