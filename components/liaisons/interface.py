@@ -20,9 +20,9 @@ from liaisons import cosim, live, ssp, sweeps
 from liaisons.base import cache
 from liaisons.base.arguments import merged
 from liaisons.base.folders import process_folder
+from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
 from liaisons.cosim.structure.components import Solver
-from liaisons.cosim.structure.knots import Join, knots
 from liaisons.library import Target, component, flattening, fmu_file, is_target
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from liaisons.base.knots import curve, knots
 from liaisons.cli._expressions import FormulaError, expression, pulses
 from liaisons.cli._inputs import read_table
-from liaisons.cosim.structure.knots import curve, knots
 from liaisons.errors import SimulationError
 
 

@@ -21,8 +21,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 from liaisons import Signal
+from liaisons.base.knots import knots
 from liaisons.cosim import Result, simulate
-from liaisons.cosim.structure.knots import knots
 
 GRAVITY, END, THETA = 9.81, 1.0, 1.0
 TOLD = 1e-4

@@ -12,7 +12,7 @@ import numpy as np
 
 from liaisons.base.arrays import Floats
 from liaisons.base.files import csv_cells
-from liaisons.cosim.structure.knots import Join, curve, knots
+from liaisons.base.knots import Join, curve, knots
 from liaisons.cosim.structure.sources import Signal
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
 

@@ -8,12 +8,12 @@ from typing import Any
 
 from liaisons import ssp
 from liaisons.base.array_names import split
+from liaisons.base.knots import Join
 from liaisons.base.project import ProjectError, load_module
 from liaisons.cli._inputs import PrescribedInputs, prescribed_inputs
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.knots import Join
 from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, owned
 from liaisons.library import fmu_file, fmu_path
 

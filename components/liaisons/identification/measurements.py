@@ -17,8 +17,8 @@ from scipy.interpolate import PPoly, make_lsq_spline
 from liaisons.base.arguments import listed, positive, shown
 from liaisons.base.array_names import split
 from liaisons.base.files import csv_cells
+from liaisons.base.knots import curve, knots
 from liaisons.base.units import in_si
-from liaisons.cosim.structure.knots import curve, knots
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.determinacy import Floats
 from liaisons.mechanics.model import Model

@@ -15,9 +15,11 @@
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 enum { COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, PYTHON, COUPLED };
 
+typedef void Function(void);
+
 typedef struct {
     int kind;
-    void (*function)(void);
+    Function *function;
     void *instance;    /* of an FMU; what is coupled; factor and offset, to convert one double */
     const void *source; /* value references; where to copy from; for a step in FMI 3.0, whether there is no return */
     size_t count;      /* of references; of doubles to copy */

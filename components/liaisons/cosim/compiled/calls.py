@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import CFUNCTYPE, Structure, addressof, c_int, c_size_t, c_void_p, cast
+from ctypes import CFUNCTYPE, addressof, c_int, c_void_p, cast
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal, final
 
+from liaisons.cosim.compiled.structures import Record, fields
 from liaisons.errors import SimulationError
 
 Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]
@@ -22,20 +24,14 @@ RAISED = -1
 """What is no status: an exception in a call that compiled code has asked Python for; it is ``raised`` of the call."""
 
 
-@final
-class Record(Structure):
-    """A call as compiled code makes it; see ``calls.h``."""
+HEADER = Path(__file__).with_name("calls.h")
 
-    _fields_ = [
-        ("kind", c_int),
-        ("function", c_void_p),
-        ("instance", c_void_p),
-        ("source", c_void_p),
-        ("count", c_size_t),
-        ("values", c_void_p),
-        ("size", c_size_t),
-        ("more", c_void_p),
-    ]
+
+@final
+class CallRecord(Record):
+    """A call as compiled code makes it."""
+
+    _fields_ = fields(HEADER, "Call")
 
 
 @final
@@ -52,7 +48,7 @@ class Call(partial[Any]):
 
     action: Action = "copy"
     failure: Failure | None = None
-    record: Record | None = None
+    record: CallRecord | None = None
     raised: BaseException | None = None
     buffers: object = None
 
@@ -82,14 +78,14 @@ class Call(partial[Any]):
             pointer if pointer is None or isinstance(pointer, int) else addressof(pointer)
             for pointer in (source, values, more)
         )
-        self.record = Record(kind, address, instance, source, count, values, size, more)
+        self.record = CallRecord(kind, address, instance, source, count, values, size, more)
         return self
 
-    def compiled(self) -> Record:
+    def compiled(self) -> CallRecord:
         """How compiled code makes it; what only Python can do, it asks Python for."""
         if self.record is None:
             self._asked = _ASKED(self._answer)
-            self.record = Record(PYTHON, cast(self._asked, c_void_p).value)
+            self.record = CallRecord(PYTHON, cast(self._asked, c_void_p).value)
         return self.record
 
     def _answer(self) -> int:

@@ -6,16 +6,16 @@ The values lie in one array, so that a row of a recording is one copy of it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import Array, addressof, c_double
+from ctypes import c_double
 from typing import final
 
 import numpy as np
 
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Action, Call
 from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
-from liaisons.cosim.structure.sources import Vector
 
 
 @final
@@ -93,23 +93,18 @@ class Bus:
 
     def view(self, references: Sequence[VariableReference]) -> Vector:
         """View of neighbouring values."""
-        first = self.index[references[0]]
+        first = self.index[references[0]] if references else 0
         return self.values[first : first + len(references)]
-
-    def buffer(self, references: Sequence[VariableReference]) -> Array[c_double]:
-        """Neighbouring values as an array of ctypes."""
-        return (c_double * len(references)).from_buffer(self.view(references).data)
 
     def source(self, input_: VariableReference) -> int | None:
         """Column of the output that feeds an input; None if none does."""
         return self.index[self._feeds[input_]] if input_ in self._feeds else None
 
-    def room(self, size: int) -> tuple[int, Vector, Array[c_double]]:
-        """Add columns without names; returns the index of the first, and views of all by NumPy and ctypes."""
+    def add_columns(self, size: int) -> tuple[int, Vector]:
+        """Add columns without names; returns the index of the first, and a view of all."""
         first = len(self.values)
         self.values = self._store[: first + size]
-        view = self.values[first:]
-        return first, view, (c_double * size).from_buffer(view.data) if size else (c_double * 0)()
+        return first, self.values[first:]
 
     def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
         """Calls that copy outputs to the inputs that they feed, or convert them; neighbours are one call."""
@@ -131,15 +126,16 @@ class Bus:
         return call.recorded(COPY, None, source=self._address(source), count=count, values=self._address(target))
 
     def _convert(self, target: int, source: int, conversion: Conversion) -> Call:
-        numbers = (c_double * 2)(*conversion)
-        call = Call(_converted, self.values.data, target, source, conversion, numbers)
-        return call.recorded(CONVERT, addressof(numbers), source=self._address(source), values=self._address(target))
+        numbers = np.array(conversion)
+        call = Call(_convert, self.values.data, target, source, conversion)
+        call.buffers = numbers
+        return call.recorded(CONVERT, numbers.ctypes.data, source=self._address(source), values=self._address(target))
 
     def _address(self, index: int) -> int:
         return self.values.ctypes.data + index * self.values.itemsize
 
 
-def _converted(bus: memoryview[float], target: int, source: int, conversion: Conversion, _: Array[c_double]) -> None:
+def _convert(bus: memoryview[float], target: int, source: int, conversion: Conversion) -> None:
     bus[target] = conversion.of(bus[source])
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
+from liaisons.cosim.arrays import Indices
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.coupling.records import EliminationRecord
-from liaisons.cosim.coupling.signals import Indices
 
 _SMALLEST_PIVOT = 1e-3
 """Smallest pivot, relative to its column; below it the order of elimination is chosen anew."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.schedule import Operation
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS, Drive, Vector
+from liaisons.cosim.structure.sources import SIGNALS, Drive
 
 Calls = list[Call]
 
@@ -54,7 +55,7 @@ def _calls_of_operation(
     if action == "set":
         yield from bus.copies(references)
     prepare = instance.setter if action == "set" else instance.getter
-    yield prepare([variables[variable] for _, variable in references], bus.buffer(references))
+    yield prepare([variables[variable] for _, variable in references], bus.view(references))
 
 
 def _evaluate(drive: Drive, bus: Bus, values: Vector) -> None:

@@ -10,13 +10,14 @@ from typing import final
 import numpy as np
 
 from liaisons.base.hermite import upper_coefficients
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.node import INSIDE, Node, Phase
 from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponentRecord, SystemRecord
 from liaisons.cosim.coupling.signal_history import Past, SignalHistory
-from liaisons.cosim.coupling.signals import Curve, Signals, State, Vector
+from liaisons.cosim.coupling.signals import Curve, Signals, State
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.structure.schedule import VariableReference
@@ -76,13 +77,13 @@ class Coupled:
         self._kept = histories = [history.record(call) for history, call in calls]
         records = [component.record("step") for component in components]
         record = SystemRecord(outputs=signals.count, kinds=len(signals.sizes), count=len(components))
-        record.components = (StrongComponentRecord * len(components))(*records)
-        record.histories = (SignalHistoryRecord * len(histories))(*histories)
+        record.point(components=(StrongComponentRecord * len(components))(*records))
+        record.point(histories=(SignalHistoryRecord * len(histories))(*histories))
         record.drive = self._drive_call.compiled().function if self._drives else None
         record.orders, record.instants = INSIDE.shape
         record.point(before=signals.before, now=signals.now, earlier=signals.earlier, since=signals.since)
         record.point(sizes=signals.sizes, result=signals.result, rates=signals.rates, kind=signals.kinds, inside=INSIDE)
-        nodes = [node for component in records for node in component.nodes[: component.count]]
+        nodes = [node for component in records for node in component.targets["nodes"]]
         record.point(held=signals.held, room=np.empty(max((n.data + n.derivatives for n in nodes), default=0)))
         record.point(scratch=np.empty(_ROOM * max((r.n for r in records), default=0) + len(signals.sizes)))
         return record

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import pointer
 from typing import final
 
 import numpy as np
 
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.coupling.node import Node
 from liaisons.cosim.coupling.records import NewtonRecord, records
-from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
+from liaisons.cosim.coupling.signals import Curve, Signals
 from liaisons.cosim.structure.schedule import Depends
 
 
@@ -61,12 +61,11 @@ class Newton:
         addresses = [column.ctypes.data + i * column.itemsize for column in columns for i in range(len(column))]
         self.order = Call(elimination.order)
         self._kept = columns, elimination
-        self.record = record = NewtonRecord(
-            calls=records(self.calls), count=len(self.calls), entries=len(entries), numbers=len(slots)
-        )
+        self.record = record = NewtonRecord(count=len(self.calls), entries=len(entries), numbers=len(slots))
+        record.point(calls=records(self.calls), elimination=elimination.record)
         record.point(derivatives=np.array(addresses, dtype=np.uintp)[numbers], slots=slot_of_entry, powers=powers)
         record.point(factors=np.array([entry[3] for entry in entries]), values=elimination.values)
-        record.elimination, record.order = pointer(elimination.record), self.order.compiled().function
+        record.order = self.order.compiled().function
 
 
 def _through_motion(triple: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:

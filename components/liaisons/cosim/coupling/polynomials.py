@@ -11,7 +11,8 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.hermite import coefficients
-from liaisons.cosim.coupling.signals import Curve, Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.coupling.signals import Curve
 
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""

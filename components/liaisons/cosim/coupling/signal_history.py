@@ -7,9 +7,10 @@ from typing import final
 
 import numpy as np
 
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
-from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
+from liaisons.cosim.coupling.signals import Curve, Signals
 
 Past = tuple[Vector, Vector, Indices]
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
-from liaisons.cosim.structure.sources import SIGNALS, Vector
+from liaisons.cosim.structure.sources import SIGNALS
 
-Indices = NDArray[np.intp]
 State = tuple[Vector, Vector, float]
 
 

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import pointer
 from dataclasses import dataclass
 from functools import partial
 from typing import final
 
 import numpy as np
 
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import RAISED, Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.newton import Newton
 from liaisons.cosim.coupling.node import Node, Phase
 from liaisons.cosim.coupling.records import DIVERGED, FailureRecord, NodeRecord, StrongComponentRecord
-from liaisons.cosim.coupling.signals import Indices, Signals, Vector
+from liaisons.cosim.coupling.signals import Signals
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.errors import RefusedError, SimulationError
 
@@ -77,10 +77,11 @@ class StrongComponent:
         calls, nodes = zip(*(node.program(phase) for node in self.nodes), strict=True)
         record = StrongComponentRecord(cyclic=cyclic, tolerance=self._tolerance, count=len(nodes))
         record.n, record.valued = len(self._unknowns), np.searchsorted(self._unknowns, self._signals.count)
-        record.nodes = (NodeRecord * len(nodes))(*nodes)
-        record.point(unknowns=self._unknowns, kinds=self._kinds, errors=self._errors)
+        record.point(
+            nodes=(NodeRecord * len(nodes))(*nodes), unknowns=self._unknowns, kinds=self._kinds, errors=self._errors
+        )
         if newton is not None:
-            record.newton = pointer(newton.record)
+            record.point(newton=newton.record)
         return _Equations(record, calls, newton, nodes)
 
     def record(self, phase: Phase) -> StrongComponentRecord:
@@ -102,8 +103,7 @@ class StrongComponent:
     def read_start_values(self) -> None:
         """Read the outputs at the start values of a cycle: the first guess."""
         for node in self.nodes if self._cyclic else ():
-            node.read()
-            node.collect(self._signals.now)
+            node.read(self._signals.now)
 
     @property
     def source(self) -> Node | None:

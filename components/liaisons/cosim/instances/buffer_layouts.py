@@ -15,6 +15,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import texts
@@ -36,8 +37,8 @@ class BufferLayout:
     references: tuple[int, ...]
     c_type: Any
     size: int
-    scalars: NDArray[np.intp]
-    positions: NDArray[np.intp]
+    scalars: Indices
+    positions: Indices
 
     @cached_property
     def buffer(self) -> c.Array[Any]:
@@ -59,7 +60,7 @@ class BufferLayout:
         """Whether the scalars are just what the buffer holds, doubles in this order."""
         return self.base in {"Real", "Float64"} and np.array_equal(self.positions, range(self.size))
 
-    def read_into(self, read: Transfer, values: NDArray[np.float64]) -> int:
+    def read_into(self, read: Transfer, values: Vector) -> int:
         """Read the buffer, and copy the scalars to the values of the call."""
         status = read()
         if self.base == "String":
@@ -67,7 +68,7 @@ class BufferLayout:
         values[self.scalars] = self.scratch[self.positions]
         return status
 
-    def write_from(self, write: Transfer, values: NDArray[np.float64]) -> int:
+    def write_from(self, write: Transfer, values: Vector) -> int:
         """Write the buffer, with the scalars from the values of the call."""
         if self.base == "String":
             for position, number in zip(self.positions, values[self.scalars].tolist(), strict=True):

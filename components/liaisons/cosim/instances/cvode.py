@@ -18,8 +18,9 @@ from fmpy.sundials.libraries import sundials_core, sundials_cvode
 from fmpy.sundials.nvector_serial import NV_DATA_S, N_VDestroy_Serial
 from fmpy.sundials.sundials_context import SUNContext_PushErrHandler
 from fmpy.sundials.sundials_nvector import N_Vector
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from liaisons.cosim.arrays import Vector
 from liaisons.errors import RefusedError
 
 Function = Callable[[float, int, int], int]
@@ -68,7 +69,7 @@ class Cvode(CVodeSolver):
         self._rates, self._indicators = rates, indicators
         self._count = count
         self._data = _Data()
-        self._signs: dict[bytes, NDArray[np.float64]] = {}  # by their address
+        self._signs: dict[bytes, Vector] = {}  # by their address
 
         def ones(numbers: Any, count: int) -> None:
             np.ctypeslib.as_array(numbers, (count,))[:] = 1.0

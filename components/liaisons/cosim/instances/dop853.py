@@ -11,40 +11,31 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from liaisons.cosim.compiled.calls import Record
+from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import HEADER
 from liaisons.cosim.compiled.library import loaded
+from liaisons.cosim.compiled.structures import Record, fields
 from liaisons.cosim.instances.motion import InputMotion
 from liaisons.errors import RefusedError
 
-Memory = tuple[float, float, NDArray[np.float64], NDArray[np.float64]]
+Memory = tuple[float, float, Vector, Vector]
 """Time and size of the next step [s], states, and their compensation of rounding."""
 
 _HERE = Path(__file__).parent
 _RUNTIME = _HERE.parents[1] / "fmu" / "runtime"
 _SOURCES = (
     _HERE / "dop853.c",
-    _HERE.parent / "compiled" / "calls.h",
+    HEADER,
     *(_RUNTIME / name for name in ("solver.c", "solver.h")),  # the solver inside our Co-Simulation FMUs
 )
 _EVENT, _STIFF, _HARD, _REFUSED = range(1, 5)  # as dop853.c has them
 
 
 @final
-class _Equations(c.Structure):
-    _fields_ = [
-        *((name, c.c_void_p) for name in ("instance", "set_time", "set_states", "get_rates", "get_indicators")),
-        *((name, c.c_size_t) for name in ("states", "indicators")),
-        ("tolerance", c.c_double),
-        *((name, c.c_void_p) for name in ("y", "low", "size", "signs", "numbers")),
-        *((name, c.c_double) for name in ("time", "step")),
-        ("put", c.c_void_p),
-        *((name, c.c_size_t) for name in ("inputs", "terms")),
-        *((name, c.c_void_p) for name in ("rows", "orders", "slopes", "first", "input")),
-        *((name, c.c_double) for name in ("begin", "at")),
-        *((name, c.c_int) for name in ("function", "status", "met", "missed")),
-    ]
+class _Equations(Record):
+    _fields_ = fields(_SOURCES[0], "Equations")
 
 
 def library() -> c.CDLL | None:
@@ -77,19 +68,16 @@ class Dop853:
         instance: c.c_void_p,
         functions: Sequence[Any],
         size: int,
-        signs: NDArray[np.float64],
+        signs: Vector,
         tolerance: float,
     ) -> None:
         self._code, self.stiff = code, False
         self.states, self._low, self._size = np.zeros(size), np.zeros(size), np.ones(size)
-        self._numbers = np.zeros(code.dop853_room(size, signs.size))
         addresses = [instance.value, *(c.cast(function, c.c_void_p).value for function in functions)]
         self._equations = _Equations(*addresses, size, signs.size, tolerance)
-        for name, array in (("y", self.states), ("low", self._low), ("size", self._size), ("signs", signs)):
-            setattr(self._equations, name, array.ctypes.data)
-        self._equations.numbers = self._numbers.ctypes.data
+        self._equations.point(y=self.states, low=self._low, size=self._size, signs=signs)
+        self._equations.point(numbers=np.zeros(code.dop853_room(size, signs.size)))
         self._motion: InputMotion | None = None
-        self._put: Record | None = None
 
     @property
     def refusal(self) -> tuple[int, int]:
@@ -113,12 +101,11 @@ class Dop853:
             e.put = None
             return
         if motion is not self._motion:
-            self._motion, self._put = motion, motion.write.compiled()
+            self._motion = motion
             e.inputs, e.terms = motion.values.size, motion.orders.size
-            for name in ("rows", "orders", "slopes", "first"):
-                setattr(e, name, getattr(motion, name).ctypes.data)
-            e.input = motion.values.ctypes.data
-        e.put, e.begin = c.addressof(self._put), motion.start  # type: ignore[arg-type] - of a motion
+            e.point(rows=motion.rows, orders=motion.orders, slopes=motion.slopes)
+            e.point(first=motion.first, input=motion.values)
+        e.put, e.begin = c.addressof(motion.write.compiled()), motion.start
 
     def step(self, stop: float) -> tuple[float, bool]:
         """One step, not beyond a time [s].

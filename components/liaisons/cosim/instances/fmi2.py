@@ -20,10 +20,11 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
+from liaisons.cosim.arrays import Numbers, pointer_to
 from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.buffer_layouts import value_references
 from liaisons.cosim.instances.loading import FMU2CoSimulation
-from liaisons.cosim.instances.protocol import DISCARD, Loaded, Numbers, Scalars
+from liaisons.cosim.instances.protocol import DISCARD, Loaded, Scalars
 from liaisons.errors import SimulationError
 
 _handles = count(1)
@@ -55,10 +56,11 @@ class Instance2(Loaded, ABC):
         self.fmpy_instance.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        call = self._prepare("derive", *_references(unknowns), *_references(knowns), seed, values)
         (rows, row_count), (columns, column_count) = _references(unknowns), _references(knowns)
-        call.buffers = more = (c_void_p * 2)(addressof(columns), addressof(seed))
-        record = {"source": rows, "count": row_count.value, "values": values, "size": column_count.value, "more": more}
+        along, product = pointer_to(seed), pointer_to(values)
+        call = self._prepare("derive", rows, row_count, columns, column_count, along, product)
+        call.buffers = more = (c_void_p * 2)(addressof(columns), addressof(along))
+        record = {"source": rows, "count": row_count.value, "values": product, "size": column_count.value, "more": more}
         return call.recorded(DERIVE_2, self._pointer.value, **record)
 
     def _close_own(self) -> None:
@@ -87,9 +89,13 @@ class CoSimulation2(Instance2):
         return self._of_orders("slope", variables, orders, values)
 
     def _of_orders(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        (references, count), numbers = _references(variables), (c_int * len(orders))(*orders)
-        call = self._prepare(action, references, count, numbers, values)
-        record = {"source": references, "count": count.value, "values": values, "more": numbers}
+        (references, count), numbers, buffer = (
+            _references(variables),
+            (c_int * len(orders))(*orders),
+            pointer_to(values),
+        )
+        call = self._prepare(action, references, count, numbers, buffer)
+        record = {"source": references, "count": count.value, "values": buffer, "more": numbers}
         return call.recorded(ORDERS_2, self._pointer.value, **record)
 
     def _requested_end(self) -> float | None:

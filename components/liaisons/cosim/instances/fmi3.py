@@ -15,22 +15,23 @@ from pathlib import Path
 from typing import Any, ClassVar, final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.cosim.compiled.calls import STEP_3, TRANSFER_3, Action, Call
+from liaisons.cosim.arrays import Numbers, Vector
+from liaisons.cosim.compiled.calls import HEADER, STEP_3, TRANSFER_3, Action, Call
+from liaisons.cosim.compiled.structures import Record, fields
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.buffer_layouts import Transfer, buffered, counted, layout, layouts
 from liaisons.cosim.instances.loading import FMU3CoSimulation
-from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
+from liaisons.cosim.instances.protocol import Loaded, Scalars
 from liaisons.cosim.messages import DISCARD
 from liaisons.errors import SimulationError
 
 
 @final
-class _StepEnd(c.Structure):
-    """How a step ended; as in ``loop.c``."""
+class _StepEnd(Record):
+    """How a step ended."""
 
-    _fields_ = [("terminate", c.c_bool), ("early", c.c_bool), ("last_time", c.c_double)]
+    _fields_ = fields(HEADER, "Ended")
 
 
 class Instance3(Loaded, ABC):
@@ -69,8 +70,8 @@ class Instance3(Loaded, ABC):
         rows, columns = (layout(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
         references = *counted(rows.references), *counted(columns.references)
         multiply = self._prepare("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
-        read = partial(rows.read_into, multiply, np.ctypeslib.as_array(values))
-        return Call(columns.write_from, read, np.ctypeslib.as_array(seed)).with_failure("derive", self.failure)
+        read = partial(rows.read_into, multiply, np.asarray(values))
+        return Call(columns.write_from, read, np.asarray(seed)).with_failure("derive", self.failure)
 
 
 @final
@@ -126,7 +127,7 @@ class CoSimulation3(Instance3):
         call.record = step.recorded(STEP_3, self._pointer.value, source=self._final, values=ended).record
         return call
 
-    def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
+    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
         inputs = layouts(self._fmu, variables, self.types)
         writes = [(part, self._transfer_whole("set", part)) for part in inputs]
         reads = [self._transfer_whole("get", part) for part in inputs if not part.whole]
@@ -143,7 +144,7 @@ class CoSimulation3(Instance3):
             outputs = layout(self._fmu, variables, [k for k, other in enumerate(orders) if other == order])
             numbers = (c.c_int32 * len(outputs.references))(*[order] * len(outputs.references))
             read = self._prepare("slope", *counted(outputs.references), c.byref(numbers), *buffered(outputs.buffer))
-            reads.append(partial(outputs.read_into, read, np.ctypeslib.as_array(values)))
+            reads.append(partial(outputs.read_into, read, np.asarray(values)))
         return self._combine("slope", reads, self.functions["slope"])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:

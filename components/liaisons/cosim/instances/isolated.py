@@ -23,13 +23,13 @@ from pickle import dumps, loads
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.base.processes import fork_guarded
+from liaisons.cosim.arrays import Numbers, Vector
 from liaisons.cosim.compiled.calls import Action, Call
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
-from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
+from liaisons.cosim.instances.protocol import Instance, Scalars
 from liaisons.cosim.messages import FATAL, OK, STATUSES, logger
 from liaisons.errors import LiaisonsError, ProcessEndedError, SimulationError
 
@@ -39,9 +39,6 @@ _RELEASE_LIMIT = 5.0
 """Time limit of the release [s]."""
 _LONGEST_LIMIT = 1e6
 """Longer limits are none for the operating system [s]."""
-
-Shape = int | tuple[int, ...] | None
-"""Of an array of ctypes or of NumPy; None: one double."""
 
 
 class _LostError(Exception):
@@ -112,7 +109,7 @@ class Isolated(Instance):
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepared("shape", "input_derivatives", variables, orders, sent=[values])
 
-    def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
+    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
         function = self._transferring("Set", variables)
         return self._prepared("set", "intermediate_update", variables, sent=[values], function=function)
 
@@ -154,7 +151,7 @@ class Isolated(Instance):
         :param arguments: those that stay; buffers follow, which are ``sent`` with each call, or ``received``.
         :param function: of FMI, for messages; None: that of the action.
         """
-        shapes = [_shape(buffer) for buffer in (*sent, *([] if received is None else [received]))]
+        shapes = [np.shape(buffer) for buffer in (*sent, *([] if received is None else [received]))]
         number = self._ask("its preparation", "prepare", method, arguments, shapes)
         return self._call(action, number, sent, received, function)
 
@@ -175,7 +172,7 @@ class Isolated(Instance):
             except _LostError:
                 return FATAL
             if received is not None:
-                c.memmove(received, data, len(data))
+                received[:] = np.frombuffer(data)
             return status if status in range(len(STATUSES)) else FATAL  # the others are those of compiled code
 
         return Call(call).with_failure(action, self.failure)
@@ -240,10 +237,6 @@ class Isolated(Instance):
         return "its process has ended"
 
 
-def _shape(buffer: Any) -> Shape:
-    return buffer.shape if isinstance(buffer, np.ndarray) else len(buffer) if isinstance(buffer, c.Array) else None
-
-
 def _forked(pipe: Connection, child_end: Connection, make: Callable[[], Instance]) -> int:
     """Fork a process that makes the instance and calls it; returns the id of its guard."""
 
@@ -294,19 +287,13 @@ class _Server:
         self._last = call, (status := call() or OK)
         return status, bytes(memoryview(store)[len(sent) :])
 
-    def _prepare(self, method: str, fixed: tuple[Any, ...], shapes: Sequence[Shape]) -> int:
-        """Prepare calls with buffers of these shapes; returns the number of the first."""
-        sizes = [1 if shape is None else math.prod(np.atleast_1d(shape).tolist()) for shape in shapes]
+    def _prepare(self, method: str, fixed: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> int:
+        """Prepare calls with buffers of these shapes, () for one double; returns the number of the first."""
+        sizes = [math.prod(shape) for shape in shapes]
         store, offset, buffers = bytearray(8 * sum(sizes)), 0, list[Any]()
         for shape, size in zip(shapes, sizes, strict=True):
             numbers = (c.c_double * size).from_buffer(store, offset)
-            buffers.append(
-                c.c_double.from_buffer(numbers)
-                if shape is None
-                else numbers
-                if isinstance(shape, int)
-                else np.ctypeslib.as_array(numbers).reshape(shape)
-            )
+            buffers.append(np.asarray(numbers).reshape(shape) if shape else c.c_double.from_buffer(numbers))
             offset += 8 * size
         made, first = getattr(self._instance, method)(*fixed, *buffers), len(self._calls)
         self._calls += [(call, store) for call in (made if isinstance(made, tuple) else (made,))]

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 from fmpy.fmi2 import fmi2EventInfo
-from numpy.typing import NDArray
 
+from liaisons.cosim.arrays import Indices, Numbers, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
@@ -26,7 +26,7 @@ from liaisons.cosim.instances.fmi2 import Instance2
 from liaisons.cosim.instances.fmi3 import Instance3
 from liaisons.cosim.instances.loading import FMU2ModelExchange, FMU3ModelExchange
 from liaisons.cosim.instances.motion import InputMotion
-from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
+from liaisons.cosim.instances.protocol import Loaded, Scalars
 from liaisons.cosim.messages import DISCARD, OK, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError
 
@@ -133,7 +133,7 @@ class ModelExchange(Loaded, ABC):
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
         """As :meth:`Instance.setter`; discrete variables, and those set with them, are set in event mode."""
-        write, numbers = super().setter(variables, values), np.ctypeslib.as_array(values)
+        write, numbers = super().setter(variables, values), np.asarray(values)
         places, continuous = self._index_inputs(variables), all(variable.continuous for variable in variables)
 
         def put() -> int | None:
@@ -155,7 +155,7 @@ class ModelExchange(Loaded, ABC):
 
         return Call(put).with_failure("set", write.failure or self.failure)
 
-    def _index_inputs(self, variables: Scalars) -> NDArray[np.intp]:
+    def _index_inputs(self, variables: Scalars) -> Indices:
         """Give inputs indices among the held ones; returns these."""
         places = [self._input_indices.setdefault(variable.name, len(self._input_indices)) for variable in variables]
         self._held_inputs = np.full(len(self._input_indices), np.nan)
@@ -166,7 +166,7 @@ class ModelExchange(Loaded, ABC):
         moving = [k for k, variable in enumerate(variables) if variable.continuous]
         rows = [inputs.index(variables[k]) for k in moving]
         motion = InputMotion([orders[k] for k in moving], rows, (values, moving), self._index_inputs(inputs))
-        motion.read, motion.write = self.getter(inputs, motion.buffer), super().setter(inputs, motion.buffer)
+        motion.read, motion.write = self.getter(inputs, motion.values), super().setter(inputs, motion.values)
         return Call(setattr, self, "_motion", motion).with_failure("shape", self.failure)
 
     def _begin_motion(self) -> None:
@@ -181,9 +181,9 @@ class ModelExchange(Loaded, ABC):
         values: Numbers,
     ) -> Call:
         """As :meth:`Instance.output_derivatives`, of order 1; inputs follow the derivatives set since the last step."""
-        read, result = self.getter(variables, values), np.ctypeslib.as_array(values)
+        read, result = self.getter(variables, values), np.asarray(values)
 
-        def take() -> NDArray[np.float64]:
+        def take() -> Vector:
             self._require(self._accept(self.functions["get"], read()))
             return result
 
@@ -272,7 +272,7 @@ class ModelExchange(Loaded, ABC):
             self._change_solver()
         return self._complete_step() or event
 
-    def _check_rates(self, states: NDArray[np.float64]) -> None:
+    def _check_rates(self, states: Vector) -> None:
         """Raise the error of derivatives that are not finite, where no step is small enough and right after it."""
         begin, rates = self._clock.value, np.zeros_like(states)
         for later in (0.0, _CHATTER_SPAN * self._size, 4 * float(np.spacing(abs(begin)))):
@@ -307,7 +307,7 @@ class ModelExchange(Loaded, ABC):
             self._stale = False
         return solver
 
-    def _nominal_values(self) -> NDArray[np.float64]:
+    def _nominal_values(self) -> Vector:
         """Nominal values of states; 1 instead of one that is not positive and finite."""
         fine = (self._nominals > 0) & np.isfinite(self._nominals)
         if not fine.all():
@@ -340,7 +340,7 @@ class ModelExchange(Loaded, ABC):
     # ---- its equations
 
     @property
-    def continuous_states(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def continuous_states(self) -> tuple[Vector, Vector]:
         """The continuous states, and the nominal values that scale their errors."""
         return self._restart_if_stale().states.copy(), self._nominal_values()
 
@@ -349,7 +349,7 @@ class ModelExchange(Loaded, ABC):
         """Whether it has event indicators or a next time event."""
         return bool(self._indicators.size) or math.isfinite(self._next_event)
 
-    def go_to(self, time: float, states: NDArray[np.float64]) -> None:
+    def go_to(self, time: float, states: Vector) -> None:
         """Set a time [s] and continuous states, without an event.
 
         :raises RefusedError: if the FMU discards them.
@@ -437,7 +437,7 @@ class ModelExchange(Loaded, ABC):
             self._warn("an event indicator is nan%s, so that events may be missed", self._at())
         return not np.array_equal(before, self._indicators > 0)
 
-    def _fill(self, numbers: NDArray[np.float64], function: str, about: str = "") -> None:
+    def _fill(self, numbers: Vector, function: str, about: str = "") -> None:
         """Have a function of FMI write numbers of the equations."""
         status = self._function(function)(self._pointer, c_void_p(numbers.ctypes.data), c_size_t(numbers.size))
         self._check(function, status, about)

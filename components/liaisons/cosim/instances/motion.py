@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from ctypes import c_double
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.cosim.arrays import Indices, Numbers
 from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.instances.protocol import Numbers
 
 
 @final
@@ -21,10 +19,10 @@ class InputMotion:
     :param orders: of the derivatives, each of the input with the number in ``rows``.
     :param derivatives: a buffer, and the indices of the derivatives in it.
     :param places: indices of the inputs among the held ones.
-    :ivar values: of the inputs, shape (inputs,); ``buffer`` is the same.
+    :ivar values: of the inputs, shape (inputs,).
     :ivar first: these at ``start`` [s].
     :ivar slopes: the factors of the powers of time, shape (orders,).
-    :ivar read: a call that reads the inputs into the buffer; ``write``: one that sets them.
+    :ivar read: a call that reads the inputs into the values; ``write``: one that sets them.
     """
 
     read: Call
@@ -35,15 +33,14 @@ class InputMotion:
         orders: Sequence[int],
         rows: Sequence[int],
         derivatives: tuple[Numbers, Sequence[int]],
-        places: NDArray[np.intp],
+        places: Indices,
     ) -> None:
         self.orders, self.rows, self._moving = (
             np.array(numbers, dtype=np.intp) for numbers in (orders, rows, derivatives[1])
         )
-        self._all, self.places = np.ctypeslib.as_array(derivatives[0]), places
+        self._all, self.places = np.asarray(derivatives[0]), places
         self._factorials = np.array([math.factorial(order) for order in orders])
-        self.buffer = (c_double * places.size)()
-        self.values = np.ctypeslib.as_array(self.buffer)
+        self.values = np.zeros(places.size)
         self.first, self.slopes, self.start = np.empty(places.size), np.empty(len(orders)), 0.0
 
     def begin(self, time: float) -> None:

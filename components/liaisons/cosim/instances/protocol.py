@@ -7,15 +7,15 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from ctypes import CFUNCTYPE, Array, byref, c_double, c_int, c_uint32, c_void_p, cast
+from ctypes import CFUNCTYPE, byref, c_double, c_int, c_uint32, c_void_p, cast
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from numpy.typing import NDArray
 
+from liaisons.cosim.arrays import Numbers, Vector, pointer_to
 from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call, Failure
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
@@ -29,7 +29,6 @@ INTERMEDIATE_INSTANTS = 5
 """Instants in a step at which an FMU of ours takes inputs: its fifths, the end among them."""
 
 Scalars = Sequence[Scalar]
-Numbers = Array[c_double]
 
 _MESSAGES_KEPT, _LONGEST_MESSAGE = 20, 10_000  # messages, and bytes that are read of each
 _MOST_WARNINGS = 100  # that are shown
@@ -103,7 +102,7 @@ class Instance(ABC):
         """
         raise NotImplementedError
 
-    def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
+    def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
         """Set inputs inside each step; returns a call that is made before the step.
 
         Only where :attr:`Fmu.inside_inputs` is true and the instance was made to request intermediate updates.
@@ -218,7 +217,7 @@ class Loaded(Instance):
         if len(parts) == 1 and parts[0].direct:
             return self._transfer_whole(action, parts[0], values)
         calls: list[Transfer] = []
-        numbers = np.ctypeslib.as_array(values)
+        numbers = np.asarray(values)
         for part in parts:
             if action == "get" or not part.whole:
                 read = self._transfer_whole("get", part)
@@ -229,11 +228,11 @@ class Loaded(Instance):
 
     def _transfer_whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
         """A call that reads or sets whole variables from these values, else by the buffer that they have."""
-        values = layout.buffer if values is None else values
+        buffer = layout.buffer if values is None else pointer_to(values)
         references, name = value_references(layout.references), self._function_name(action, layout)
-        arguments = *buffered(references), *buffered(values)[: 2 if self.sized else 1]
+        arguments = *buffered(references), *buffered(buffer)[: 2 if self.sized else 1]
         call = Call(self._function(name), self._pointer, *arguments).with_failure(action, self._failure_of(name))
-        record = {"source": references, "count": len(references), "values": values, "size": len(values)}
+        record = {"source": references, "count": len(references), "values": buffer, "size": len(buffer)}
         return call.recorded(self.transfer, self._pointer.value, **record)
 
     def _function_name(self, action: Action, layout: BufferLayout) -> str:

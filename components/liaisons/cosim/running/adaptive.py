@@ -17,10 +17,10 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.deviations import Deviations

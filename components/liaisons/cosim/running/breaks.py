@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from ctypes import c_double
 from typing import final
+
+import numpy as np
 
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
@@ -38,7 +39,7 @@ class Breaks:
         announced = {name: part.fmu.next_event_time for name, part in simulation.parts.items() if name in sources}
         variables = {name: variable for name, variable in announced.items() if variable is not None}
         self._bus = bus
-        self._numbers = [(c_double * 1)() for _ in variables]
+        self._numbers = [np.zeros(1) for _ in variables]
         self._calls: list[Call] = [
             instances[name].getter([variable], number)
             for (name, variable), number in zip(variables.items(), self._numbers, strict=True)
@@ -54,7 +55,7 @@ class Breaks:
     def find_next(self, time: float) -> None:
         """Find the next break after an instant [s] that all FMUs have reached."""
         self._bus.perform(self._calls)
-        instants = [number[0] for number in self._numbers]
+        instants = [float(number[0]) for number in self._numbers]
         if self.divides:
             instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
         self.next = min((t for t in instants if time + rounding(time) < t < _NEVER), default=math.inf)

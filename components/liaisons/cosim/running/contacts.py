@@ -18,7 +18,7 @@ from typing import final
 import numpy as np
 
 from liaisons.base.hermite import upper_coefficients
-from liaisons.cosim.coupling.signals import Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 

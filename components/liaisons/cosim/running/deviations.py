@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.hermite import coefficients
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.structure.sources import Drive, Vector, rounding
+from liaisons.cosim.structure.sources import Drive, rounding
 from liaisons.errors import SimulationError
 
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -49,7 +50,7 @@ class Deviations:
     def __init__(self, drives: Sequence[Drive], bus: Bus, tolerance: float) -> None:
         self._drives = drives = [drive for drive in drives if drive.among is None]
         self._tolerance = tolerance
-        first, values, _ = bus.room(2 * len(drives))
+        first, values = bus.add_columns(2 * len(drives))
         self.span = slice(first, first + 2 * len(drives))
         self._values = values.reshape(-1, 2)
         self.columns = {

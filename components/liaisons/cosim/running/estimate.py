@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.hermite import coefficients
-from liaisons.cosim.coupling.signals import Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.messages import logger
 from liaisons.cosim.running.contacts import ContactMechanism, accumulated
 from liaisons.cosim.structure.schedule import VariableReference

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from liaisons.cosim.coupling.signals import Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference

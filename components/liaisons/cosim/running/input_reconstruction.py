@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from ctypes import c_double
 from typing import final
 
 import numpy as np
 
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import Vector, curve
+from liaisons.cosim.coupling.signals import curve
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
@@ -39,7 +39,6 @@ class InitialDerivatives:
         solved_inputs = {input_ for _, input_ in solved}
         width = len(bus.values)
         parts: list[Vector] = []
-        seed = (c_double * 1)(1.0)
         for name, part in simulation.parts.items():
             fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
             if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
@@ -49,11 +48,10 @@ class InitialDerivatives:
             for input_ in fed:
                 rows = [p for p in moving if simulation.depends(p, input_)]
                 if rows:
-                    buffer = (c_double * len(rows))()
+                    parts.append(np.empty(len(rows)))
                     unknown, about = [variables[row] for _, row in rows], [variables[input_[1]]]
-                    self.calls.append(instances[name].directional(unknown, about, seed, buffer))
+                    self.calls.append(instances[name].directional(unknown, about, np.ones(1), parts[-1]))
                     self.gains |= {(row, input_): width + len(self.gains) + k for k, row in enumerate(rows)}
-                    parts.append(np.ctypeslib.as_array(buffer))
         self._parts = parts
 
     @property

@@ -15,10 +15,10 @@ from typing import final
 
 import numpy as np
 
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.compiled.calls import Call, Record
+from liaisons.cosim.compiled.calls import Call, CallRecord
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import Indices, Vector
 from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
@@ -46,7 +46,7 @@ class Loop:
             records = [call.compiled() for call in calls]
             self._refusal = (c_ssize_t * 2)()
             library.advance.restype = c_size_t
-            program = (Record * len(records))(*records), c_size_t(len(records))
+            program = (CallRecord * len(records))(*records), c_size_t(len(records))
             clock = byref(bus.start), byref(bus.size), byref(bus.end)
             values = c_void_p(bus.values.ctypes.data), c_size_t(bus.values.size)
             self._compiled = partial(library.advance, *program, *clock, *values)

@@ -21,11 +21,12 @@ import numpy as np
 
 from liaisons.base.folders import passing_folder
 from liaisons.base.progress import progress_bar
+from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling import explicit
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import Indices, Vector, watched
+from liaisons.cosim.coupling.signals import watched
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
@@ -346,7 +347,7 @@ class Run:
         places = self._bus.recorded_only(name)
         variables = self._simulation.parts[name].fmu.variables
         read = [variables[variable] for _, variable in places]
-        return [self._instances[name].getter(read, self._bus.buffer(places))] if places else []
+        return [self._instances[name].getter(read, self._bus.view(places))] if places else []
 
 
 @contextmanager

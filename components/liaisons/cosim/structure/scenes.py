@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from ctypes import c_double
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.base.array_names import split
 from liaisons.base.folders import passing_folder
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.structure.components import SystemComponent
@@ -23,7 +22,7 @@ from liaisons.pictures import Picture, together
 from liaisons.pictures.declared import MEMBER
 from liaisons.results import Result
 
-Values = Mapping[str, NDArray[np.float64]]
+Values = Mapping[str, Vector]
 
 
 @final
@@ -100,19 +99,19 @@ def _asked(part: SystemComponent, names: list[str], known: Values) -> Values:
     """Values of variables of an instance that is initialized at the configurations."""
     count = max((len(values) for values in known.values()), default=1)
     configurations = _configuration(part, known)
-    buffer = (c_double * len(names))()
+    values = np.empty(len(names))
     results = np.empty((len(names), count))
     with ExitStack() as stack:
         folders = extracted([part.fmu], stack.enter_context(passing_folder()))
         instance = stack.enter_context(make(part.name, part.fmu, folders[part.fmu.path]))
         instance.initialize(part.starts, None, 0.0, 1.0)
-        read = instance.getter([part.fmu.variables[name] for name in names], buffer)
+        read = instance.getter([part.fmu.variables[name] for name in names], values)
         for k in range(count):
-            for name, values in configurations.items():
-                instance.assign(name, values[k])
+            for name, frames in configurations.items():
+                instance.assign(name, frames[k])
             if status := read():
                 raise instance.failure("get", status, f"in frame {k}")
-            results[:, k] = buffer
+            results[:, k] = values
     return dict(zip(names, results, strict=True))
 
 

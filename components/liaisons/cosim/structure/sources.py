@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import shown
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.description.start_values import RANGES
 from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.structure.components import SystemComponent
@@ -25,8 +26,6 @@ _KEPT = 4096
 """Number of values in the cache of a function."""
 _ROUNDING = 1e-12
 """Relative tolerance of instants, as in FMUs of liaisons."""
-
-Vector = NDArray[np.float64]
 
 Function = Callable[[float], float | Sequence[float]]
 """A function of time [s]."""

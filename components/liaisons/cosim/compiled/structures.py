@@ -1,0 +1,41 @@
+"""Structures of C, declared in the C files alone; Python reads their fields there."""
+
+from __future__ import annotations
+
+import re
+from ctypes import Array, Structure, addressof, c_bool, c_double, c_int, c_size_t, c_ssize_t, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_TYPES = {"size_t": c_size_t, "ptrdiff_t": c_ssize_t, "double": c_double, "int": c_int, "bool": c_bool}
+
+
+class Record(Structure):
+    """A structure of C, which keeps in ``targets`` what its pointers point to."""
+
+    targets: dict[str, Any]
+
+    def point(self, **targets: NDArray[Any] | Array[Any] | Structure) -> None:
+        """Point fields to arrays or structures."""
+        vars(self).setdefault("targets", {}).update(targets)
+        for name, target in targets.items():
+            setattr(self, name, target.ctypes.data if isinstance(target, np.ndarray) else addressof(target))
+
+
+def fields(path: Path, structure: str, **nested: type[Structure]) -> list[tuple[str, Any]]:
+    """Names and types of the fields of a structure, ``typedef struct { ... } structure;``.
+
+    :param path: of the C file.
+    :param nested: structures inside it, by name.
+    """
+    code = re.sub(r"/\*.*?\*/", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (content,) = re.findall(rf"typedef struct \{{([^}}]*)\}} {structure};", code)
+    types = _TYPES | nested
+    return [
+        (re.findall(r"\w+", declarator)[-1], c_void_p if "*" in declarator else types[kind])
+        for kind, declarators in re.findall(r"(?:const )?(\w+) ([^;]+);", content)
+        for declarator in declarators.split(",")
+    ]
