@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from ctypes import Array, c_double
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,3 +18,28 @@ Numbers = Vector | Array[c_double]
 def pointer_to(values: Numbers) -> Array[c_double]:
     """The same doubles as an argument of a foreign function."""
     return (c_double * len(values)).from_buffer(values)  # type: ignore[arg-type] - NumPy says so from Python 3.12 on
+
+
+@final
+class Memory:
+    """Arrays that are saved and restored together, or set to the values that they have now.
+
+    :ivar arrays: these.
+    """
+
+    def __init__(self, arrays: Iterable[NDArray[Any]]) -> None:
+        self.arrays = list(arrays)
+        self._first = self.save()
+
+    def save(self) -> list[NDArray[Any]]:
+        """Copies of the arrays, for :meth:`restore`."""
+        return [array.copy() for array in self.arrays]
+
+    def restore(self, saved: Iterable[NDArray[Any]]) -> None:
+        """Write saved values into the arrays."""
+        for array, values in zip(self.arrays, saved, strict=True):
+            array[:] = values
+
+    def reset(self) -> None:
+        """Set the arrays to their first values."""
+        self.restore(self._first)

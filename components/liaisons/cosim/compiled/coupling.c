@@ -63,7 +63,7 @@ typedef struct { /* see strong_component.py */
 
 typedef unsigned char Flag;
 
-typedef struct { /* see signal_history.py */
+typedef struct { /* see signals.py */
     size_t made;
     const size_t *values;
     double *past, *spans;

@@ -10,14 +10,13 @@ from typing import final
 import numpy as np
 
 from liaisons.base.hermite import upper_coefficients
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.arrays import Memory, Vector
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, RAISED, Action, Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.node import INSIDE, Node, Phase
 from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponentRecord, SystemRecord
-from liaisons.cosim.coupling.signal_history import Past, SignalHistory
-from liaisons.cosim.coupling.signals import Curve, Signals, State
+from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.structure.schedule import VariableReference
@@ -25,15 +24,16 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
 from liaisons.errors import SimulationError
 
-Snapshot = tuple[State, list[Past]]
-
 _ROOM = 17
 """Doubles of scratch memory for each unknown: secants of the iteration, and the present values."""
 
 
 @final
 class Coupled:
-    """All strong components of a system; each step is repeated until inputs and outputs agree."""
+    """All strong components of a system; each step is repeated until inputs and outputs agree.
+
+    :ivar memory: what a repeated step restores.
+    """
 
     def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
         self._bus = bus
@@ -58,7 +58,8 @@ class Coupled:
         for target, (source, _) in feeds.items():
             if component_of[source] != component_of[target[0]] and target[0] not in prescribed:
                 leading[component_of[source]].append(signals.curve(target))
-        *self._histories, self._driven = (SignalHistory(signals, curves) for curves in leading)
+        *self._histories, self._driven = histories = [SignalHistory(signals, curves) for curves in leading]
+        self.memory = Memory(array for owner in (signals, *histories) for array in owner.memory.arrays)
         library = compiled.steps()
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
@@ -104,23 +105,12 @@ class Coupled:
             component.fail(phase, self._record.failure, status)
 
     def reset(self) -> None:
-        """Forget everything."""
-        self.signals.reset()
-        for history in (self._driven, *self._histories):
-            history.reset()
+        """Forget all steps."""
+        self.memory.reset()
+        self.signals.sizes[:] = 0.0
+        self.signals.result[:] = 0.0
         for component in self._components:
-            component.reset()
-
-    def snapshot(self) -> Snapshot:
-        """The state for :meth:`rewind`."""
-        return self.signals.snapshot(), [history.snapshot() for history in (self._driven, *self._histories)]
-
-    def rewind(self, snapshot: Snapshot) -> None:
-        """Return to a snapshot."""
-        signals, states = snapshot
-        self.signals.rewind(signals)
-        for history, state in zip((self._driven, *self._histories), states, strict=True):
-            history.rewind(state)
+            component.forget_derivatives()
 
     @property
     def slopes(self) -> dict[VariableReference, int]:
@@ -164,7 +154,7 @@ class Coupled:
             signals.held[:] = held
         signals.since[:] = 0.0
         for history in (*self._histories, self._driven):
-            history.reset()
+            history.memory.reset()
         self.settle(initial=False)
 
     def _later_instant(self, time: float) -> float | None:
@@ -201,7 +191,7 @@ class Coupled:
             if len(indices) < 3:
                 inside[:, indices] = [drive(start + instant) for instant in driven.instants]
         driven.others[:] = inside[:, driven.made]
-        driven.reset()  # what is seen inside a step is better than the past
+        driven.memory.reset()  # what is seen inside a step is better than the past
         return 1
 
     def _drive(self, time: float, other: float | None) -> None:

@@ -229,10 +229,6 @@ class Node:
             )
         return calls, record
 
-    def reset(self) -> None:
-        """Set the slopes to 0."""
-        self._slope_values[:] = 0.0
-
     def read(self, target: Vector) -> None:
         """Read the outputs as they are, and copy them to their signals."""
         self._bus.perform(self._get)

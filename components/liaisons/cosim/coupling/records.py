@@ -49,7 +49,7 @@ class StrongComponentRecord(Record):
 
 @final
 class SignalHistoryRecord(Record):
-    """See :class:`liaisons.cosim.coupling.signal_history.SignalHistory`."""
+    """See :class:`liaisons.cosim.coupling.signals.SignalHistory`."""
 
     _fields_ = _fields("SignalHistory")
 

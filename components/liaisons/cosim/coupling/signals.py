@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Indices, Memory
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
 from liaisons.cosim.structure.sources import SIGNALS
-
-State = tuple[Vector, Vector, float]
 
 
 def watched(parts: Mapping[str, SystemComponent], feeds: Feeds) -> list[VariableReference]:
@@ -75,6 +75,7 @@ class Signals:
     :ivar rates: index of the derivative of each.
     :ivar sizes: the largest value of each unit so far; ``kinds`` says for each output, which of them is its.
     :ivar result: room for what one evaluation gives.
+    :ivar memory: what a repeated step restores.
     :ivar held: whether a value is discrete: until t + H it stays as it was at t.
     """
 
@@ -104,6 +105,7 @@ class Signals:
         self.kinds = self._units()
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
+        self.memory = Memory([self.ends, self.earlier, self.since])
 
     def slope(self, reference: VariableReference) -> int:
         """Index of the slope of an output; that of the zero if there is none.
@@ -171,16 +173,37 @@ class Signals:
         """Update the largest value of each unit."""
         np.maximum.at(self.sizes, self.kinds, np.abs(self.now[: self.count]))
 
-    def reset(self) -> None:
-        """Forget everything."""
-        self.rewind((np.zeros_like(self.ends), np.zeros_like(self.earlier), 0.0))
-        self.sizes[:] = 0.0
-        self.result[:] = 0.0
 
-    def snapshot(self) -> State:
-        """The state for :meth:`rewind`."""
-        return self.ends.copy(), self.earlier.copy(), float(self.since[0])
+@final
+class SignalHistory:
+    """Past values of the outputs of a strong component that feed others.
 
-    def rewind(self, snapshot: State) -> None:
-        """Return to a snapshot."""
-        self.ends[:], self.earlier[:], self.since[:] = snapshot
+    Slopes that no FMU gives are made from the points before a step, else from two inside.  Discrete outputs keep their
+    value from the start of a step until its end.
+
+    :param curves: curves of the inputs that are fed.
+    :ivar made: indices of the outputs whose slopes are made.
+    :ivar memory: their values at the last two points, the steps between [s], and how many points there are.
+    :ivar others: their values at two :attr:`instants` after the start of the step [s], if they have no past; shape
+        (2, n).
+    """
+
+    def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
+        ports = {curve.data[0]: curve.data for curve in curves}.values()
+        made = [data[0] for data in ports if len(data) == 2 and signals.makes(data[0])]
+        self.made: Indices = np.array(made, dtype=np.intp)
+        signals.held[[index for index in made if not signals.continuous(index)]] = True
+        n = len(made)
+        self.memory = Memory([np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)])
+        self.instants, self.others = np.zeros(2), np.zeros((2, n))
+
+    def record(self, step_in_thirds: Call | None) -> SignalHistoryRecord:
+        """The structure that compiled code reads.
+
+        :param step_in_thirds: makes a step, and sets :attr:`others` to the outputs inside it.
+        """
+        record = SignalHistoryRecord(made=len(self.made))
+        record.point(**dict(zip(("past", "spans", "depth"), self.memory.arrays, strict=True)))
+        record.point(values=self.made, instants=self.instants, others=self.others)
+        record.step_in_thirds = step_in_thirds and step_in_thirds.compiled().function
+        return record

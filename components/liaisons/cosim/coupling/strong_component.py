@@ -88,12 +88,6 @@ class StrongComponent:
         """The equations of a phase, for compiled code."""
         return self._equations[phase].record
 
-    def reset(self) -> None:
-        """Forget everything."""
-        self.forget_derivatives()
-        for node in self.nodes:
-            node.reset()
-
     def forget_derivatives(self) -> None:
         """Have the derivatives calculated anew."""
         for equations in self._equations.values():

@@ -83,13 +83,13 @@ class Stepper:
     def keep(self, estimate: Estimate) -> Callable[[], None]:
         """Save the present state, and that of the estimate; returns a function that restores both."""
         values, coupled, estimated = self.bus.values.copy(), self.coupled, estimate.snapshot()
-        snapshot = None if coupled is None else coupled.snapshot()
+        memory = None if coupled is None else coupled.memory.save()
 
         def go_back() -> None:
             self.bus.perform(restores)
             self.bus.values[:] = values
-            if coupled is not None and snapshot is not None:
-                coupled.rewind(snapshot)
+            if coupled is not None and memory is not None:
+                coupled.memory.restore(memory)
             estimate.rewind(estimated)
 
         saves, restores = self._states
