@@ -5,14 +5,16 @@ Each function takes a label for the message, the argument, and the class of the 
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from liaisons.errors import InvalidValueError, LiaisonsError
 
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 Error = type[LiaisonsError]
 P = ParamSpec("P")
+R = TypeVar("R")
+S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -57,6 +61,27 @@ def merged(
         if name in values:
             raise error(f"{label}: {name} is given in start_values and as a keyword; leave one out")
     return {**values, **keywords}
+
+
+def with_settings(
+    settings: Callable[P, S],
+) -> Callable[[Callable[[T, S], R]], Callable[Concatenate[T, P], R]]:
+    """Decorate a function of an object and settings: callers give the settings as keywords.
+
+    :param settings: their class, which declares each of them once, with its type and default.
+    """
+
+    def decorate(function: Callable[[T, S], R]) -> Callable[Concatenate[T, P], R]:
+        @wraps(function)
+        def call(subject: T, /, *arguments: P.args, **keywords: P.kwargs) -> R:
+            return function(subject, settings(*arguments, **keywords))
+
+        signature = inspect.signature(function)  # for help()
+        parameters = [next(iter(signature.parameters.values())), *inspect.signature(settings).parameters.values()]
+        vars(call)["__signature__"] = signature.replace(parameters=parameters)
+        return call
+
+    return decorate
 
 
 @contextmanager

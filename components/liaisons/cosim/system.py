@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import as_path, merged, named, settings_beside, shown
+from liaisons.base.arguments import as_path, merged, named, settings_beside, shown, with_settings
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.running.run import Run, performed, started
@@ -19,9 +19,9 @@ from liaisons.cosim.structure.components import Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
 from liaisons.cosim.structure.diagram import Diagram, diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import SimulationSettings, checked
+from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked
 from liaisons.cosim.structure.sources import Function
-from liaisons.errors import ConnectError, SimulationError, suggestion
+from liaisons.errors import ConnectError, InvalidValueError, SimulationError, suggestion
 from liaisons.results import Result
 
 _SHOWN, _WIDEST = 20, 200
@@ -168,21 +168,8 @@ class System:
         }
         return other
 
-    def simulate(
-        self,
-        stop_time: float | None = None,
-        step_size: float | None = None,
-        *,
-        start_time: float | None = None,
-        times: ArrayLike | None = None,
-        tolerance: float | None = None,
-        coupling: Coupling | None = None,
-        error_tolerance: float | None = None,
-        record: str | Iterable[str] | None = None,
-        inputs: Mapping[str, Function] | None = None,
-        verify: bool = False,
-        progress: bool = False,
-    ) -> Result:
+    @with_settings(SimulationSettings)
+    def simulate(self, settings: SimulationSettings) -> Result:
         """Simulate from the start.
 
         See :mod:`liaisons.cosim.structure.schedule` for what each input holds at which time in explicit coupling, and
@@ -215,14 +202,13 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        span = start_time, stop_time, step_size
-        settings = SimulationSettings(*span, times, tolerance, coupling, error_tolerance, record, inputs)
-        simulation = checked(self.name, self.filled(), self.connections, settings)
+        simulation, step_size = self._checked(settings), settings.step_size
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
-        return performed(simulation, progress=progress, verify=verify)
+        return performed(simulation, progress=settings.progress, verify=settings.verify)
 
-    def start(self, **settings: Any) -> Run:
+    @with_settings(SimulationSettings)
+    def start(self, settings: SimulationSettings) -> Run:
         """Initialize the FMUs for a run, which hands out the FMUs as objects of FMPy.
 
         Example::
@@ -236,7 +222,12 @@ class System:
         :returns: the run, a context manager that releases the FMUs.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
         """
-        return started(checked(self.name, self.filled(), self.connections, SimulationSettings(**settings)))
+        if settings.verify or settings.progress:
+            raise InvalidValueError(f"{self.name}: verify and progress are settings of simulate(): leave them out")
+        return started(self._checked(settings))
+
+    def _checked(self, settings: SimulationSettings) -> Simulation:
+        return checked(self.name, self.filled(), self.connections, settings)
 
     @property
     def parts(self) -> Mapping[str, SystemComponent]:
@@ -330,8 +321,17 @@ def simulate(
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
     path = as_path("fmu", fmu)
-    span = start_time, stop_time, step_size
-    settings = SimulationSettings(*span, times, tolerance, coupling, error_tolerance, record, inputs)
+    settings = SimulationSettings(
+        stop_time,
+        step_size,
+        start_time=start_time,
+        times=times,
+        tolerance=tolerance,
+        coupling=coupling,
+        error_tolerance=error_tolerance,
+        record=record,
+        inputs=inputs,
+    )
     starts = merged(path.stem, start_values, keywords)
     system = System(path.stem or str(path))
     part = system._added(  # noqa: SLF001 - it may have a dot in its name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import final
 
@@ -41,15 +41,18 @@ _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 class SimulationSettings:
     """When and how a system is simulated; :meth:`liaisons.cosim.System.simulate` says what each is, and what None."""
 
-    start_time: float | None = None
     stop_time: float | None = None
     step_size: float | None = None
+    _: KW_ONLY
+    start_time: float | None = None
     times: ArrayLike | None = None
     tolerance: float | None = None
     coupling: Coupling | None = None
     error_tolerance: float | None = None
     record: str | Iterable[str] | None = None
     inputs: Mapping[str, Function] | None = None
+    verify: bool = False
+    progress: bool = False
 
 
 @final
