@@ -13,6 +13,7 @@ from liaisons.base.logs import collected_warnings, logger
 from liaisons.results import IncompleteError, Interrupted, Result
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
+SUCCESS = {OK, WARNING}
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 
 COMPLAINTS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")

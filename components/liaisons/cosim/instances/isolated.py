@@ -87,31 +87,30 @@ class Isolated(Instance):
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
         function = self._transferring("Get", variables)
-        return self._prepared("get", "getter", variables, received=values, function=function)
+        return self._prepare("get", "getter", variables, received=values, function=function)
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
         function = self._transferring("Set", variables)
-        return self._prepared("set", "setter", variables, sent=[values], function=function)
+        return self._prepare("set", "setter", variables, sent=[values], function=function)
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
-        return self._prepared("step", "stepper", sent=[time, size])
+        return self._prepare("step", "stepper", sent=[time, size])
 
     def states(self) -> tuple[Call, Call]:
-        save = self._ask("its preparation", "prepare", "states", (), [])
-        return self._call("save", save), self._call("restore", save + 1)
+        return self._prepare("save", "states"), self._prepare("restore", None)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        return self._prepared("derive", "directional", unknowns, knowns, sent=[seed], received=values)
+        return self._prepare("derive", "directional", unknowns, knowns, sent=[seed], received=values)
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._prepared("slope", "output_derivatives", variables, orders, received=values)
+        return self._prepare("slope", "output_derivatives", variables, orders, received=values)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._prepared("shape", "input_derivatives", variables, orders, sent=[values])
+        return self._prepare("shape", "input_derivatives", variables, orders, sent=[values])
 
     def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
         function = self._transferring("Set", variables)
-        return self._prepared("set", "intermediate_update", variables, sent=[values], function=function)
+        return self._prepare("set", "intermediate_update", variables, sent=[values], function=function)
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - of the last call
         if self._fate:
@@ -137,32 +136,23 @@ class Isolated(Instance):
             self._fate = self._fate or "has been released"
             self._end()
 
-    def _prepared(
+    def _prepare(
         self,
         action: Action,
-        method: str,
+        method: str | None,
         *arguments: object,
         sent: Sequence[Any] = (),
         received: Numbers | None = None,
         function: str | None = None,
     ) -> Call:
-        """The call that a method of the instance prepares.
+        """Prepare a call in the other process; returns the call that has it made.
 
+        :param method: of the instance, which prepares it; None: the second of the two calls that were prepared last.
         :param arguments: those that stay; buffers follow, which are ``sent`` with each call, or ``received``.
         :param function: of FMI, for messages; None: that of the action.
         """
         shapes = [np.shape(buffer) for buffer in (*sent, *([] if received is None else [received]))]
         number = self._ask("its preparation", "prepare", method, arguments, shapes)
-        return self._call(action, number, sent, received, function)
-
-    def _call(
-        self,
-        action: Action,
-        number: int,
-        sent: Sequence[Any] = (),
-        received: Numbers | None = None,
-        function: str | None = None,
-    ) -> Call:
         function = self._functions.get(action, action) if function is None else function
 
         def call() -> int:
@@ -287,8 +277,10 @@ class _Server:
         self._last = call, (status := call() or OK)
         return status, bytes(memoryview(store)[len(sent) :])
 
-    def _prepare(self, method: str, fixed: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> int:
+    def _prepare(self, method: str | None, fixed: tuple[Any, ...], shapes: Sequence[tuple[int, ...]]) -> int:
         """Prepare calls with buffers of these shapes, () for one double; returns the number of the first."""
+        if method is None:
+            return len(self._calls) - 1
         sizes = [math.prod(shape) for shape in shapes]
         store, offset, buffers = bytearray(8 * sum(sizes)), 0, list[Any]()
         for shape, size in zip(shapes, sizes, strict=True):

@@ -27,7 +27,7 @@ from liaisons.cosim.instances.fmi3 import Instance3
 from liaisons.cosim.instances.loading import FMU2ModelExchange, FMU3ModelExchange
 from liaisons.cosim.instances.motion import InputMotion
 from liaisons.cosim.instances.protocol import Loaded, Scalars
-from liaisons.cosim.messages import DISCARD, OK, WARNING, logger
+from liaisons.cosim.messages import DISCARD, OK, SUCCESS, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ class ModelExchange(Loaded, ABC):
 
     def _begin_motion(self) -> None:
         if self._motion is not None:
-            self._require(self._accept(self.functions["get"], self._motion.read()))
+            self._check(self.functions["get"], self._motion.read(), self._at())
             self._motion.begin(self._clock.value)
 
     def output_derivatives(
@@ -184,7 +184,7 @@ class ModelExchange(Loaded, ABC):
         read, result = self.getter(variables, values), np.asarray(values)
 
         def take() -> Vector:
-            self._require(self._accept(self.functions["get"], read()))
+            self._check(self.functions["get"], read(), self._at())
             return result
 
         def differentiate() -> int:
@@ -196,10 +196,9 @@ class ModelExchange(Loaded, ABC):
             apart = min(_DIFFERENCE_SPAN * self._size, (self._next_event - begin) / len(_FORWARD_DIFFERENCE))
             total = -sum(_FORWARD_DIFFERENCE) * take()
             for k, factor in enumerate(_FORWARD_DIFFERENCE, 1):
-                states = solver.states + k * apart * rates
-                self._require(self._set_time_and_states(begin + k * apart, c_void_p(states.ctypes.data)))
+                self.go_to(begin + k * apart, solver.states + k * apart * rates)
                 total += factor * take()
-            self._require(self._set_time_and_states(begin, self._states_address))
+            self.go_to(begin, solver.states)
             self._motion = None
             result[:] = total / apart
             return 0
@@ -252,7 +251,7 @@ class ModelExchange(Loaded, ABC):
     def _integrate(self, stop: float) -> bool:
         """Make a step of the solver, at most to a time [s]; returns whether an event follows."""
         begin, time, event = self._clock.value, stop, False
-        self._refusal: tuple[str, int] | None = None
+        self._refusal = "", OK
         if (self._count.value or self._indicators.size) and stop - begin > 4 * np.spacing(max(abs(begin), abs(stop))):
             solver = self._restart_if_stale()
             if isinstance(solver, Dop853):
@@ -260,14 +259,14 @@ class ModelExchange(Loaded, ABC):
             try:
                 time, event = solver.step(stop)
             except RefusedError as error:
-                self._require(self._refusal is None)
                 if not isinstance(solver, Dop853):
+                    self._check(*self._refusal, self._at())
                     raise RefusedError(f"{self.name}: cannot be integrated from t = {begin:.10g} s: {error}") from None
-                self._require(self._accept_last_call(solver))
+                self._check_last_call(solver)
                 self._check_rates(solver.states)
                 self._change_solver()
                 return False
-        self._require(self._set_time_and_states(time, self._states_address))
+        self._check(*self._set_time_and_states(time, self._states_address), self._at())
         if isinstance(self._solver, Dop853) and self._solver.stiff:
             self._change_solver()
         return self._complete_step() or event
@@ -277,23 +276,21 @@ class ModelExchange(Loaded, ABC):
         begin, rates = self._clock.value, np.zeros_like(states)
         for later in (0.0, _CHATTER_SPAN * self._size, 4 * float(np.spacing(abs(begin)))):
             trial = states + later * rates
-            self._require(self._set_time_and_states(begin + later, c_void_p(trial.ctypes.data)))
+            self.go_to(begin + later, trial)
             self._fill(rates, self.derivatives, self._at())
             if not np.isfinite(rates).all():
                 k = int(np.argmin(np.isfinite(rates)))
                 words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._at()}, where that is"
                 raise RefusedError(f"{self.name}: {words} {trial[k]:.10g}; choose other start values, or ask its maker")
-        self._require(self._set_time_and_states(begin, self._states_address))
+        self.go_to(begin, states)
 
-    def _accept_last_call(self, solver: Dop853) -> bool:
-        """Keep the refusal of a DOP853 step; returns whether there was none."""
+    def _check_last_call(self, solver: Dop853) -> None:
+        """Raise the error of the call of the FMU that has ended a step of the solver, if one has."""
         which, status = solver.refusal
-        if not which:
-            return True
-        time, *others = self._solver_functions
-        self._refusal = (time, self.functions["set"], *others)[which - 1], status
-        self._clock.value = solver.asked
-        return False
+        if which:
+            time, *others = self._solver_functions
+            self._clock.value = solver.asked
+            self._check((time, self.functions["set"], *others)[which - 1], status, self._at())
 
     def _restart_if_stale(self) -> Cvode | Dop853:
         """Restart the solver if the states may have changed; returns it."""
@@ -355,7 +352,7 @@ class ModelExchange(Loaded, ABC):
         :raises RefusedError: if the FMU discards them.
         """
         states = np.ascontiguousarray(states)
-        self._require(self._set_time_and_states(time, c_void_p(states.ctypes.data)))
+        self._check(*self._set_time_and_states(time, c_void_p(states.ctypes.data)), self._at())
 
     # ---- functions for the solver
 
@@ -364,37 +361,29 @@ class ModelExchange(Loaded, ABC):
         function, count = self._function(name), c_size_t(size)
 
         def answer(time: float, states: int, result: int) -> int:
-            fine = self._set_time_and_states(time, c_void_p(states)) and self._accept(
-                name, function(self._pointer, c_void_p(result), count)
-            )  # a shorter step may do where the FMU discards this one
-            return 0 if fine else 1 if self._refusal and self._refusal[1] == DISCARD else -1
+            last = self._set_time_and_states(time, c_void_p(states))
+            if last[1] in SUCCESS:
+                last = name, function(self._pointer, c_void_p(result), count)
+            if last[1] in SUCCESS:
+                return 0
+            self._refusal = last
+            return 1 if last[1] == DISCARD else -1  # a shorter step may do where the FMU discards this one
 
         return answer
 
-    def _set_time_and_states(self, time: float, states: c_void_p) -> bool:
-        """Set a time [s] and the states at an address; returns whether the FMU accepts them."""
+    def _set_time_and_states(self, time: float, states: c_void_p) -> tuple[str, int]:
+        """Set a time [s], inputs, and the states at an address.
+
+        :returns: name and status of the last function of FMI that was called: the one that was refused, if one was.
+        """
         self._clock.value = time
-        fine = self._accept(f"{self.prefix}SetTime", self._set_time(self._pointer, self._clock))
-        if fine and self._motion is not None:
+        last = f"{self.prefix}SetTime", self._set_time(self._pointer, self._clock)
+        if last[1] in SUCCESS and self._motion is not None:
             self._motion.evaluate(time)
-            fine = self._accept(self.functions["set"], self._motion.write())
-        if fine and self._count.value:
-            status = self._set_states(self._pointer, states, self._count)
-            return self._accept(f"{self.prefix}SetContinuousStates", status)
-        return fine
-
-    def _accept(self, function: str, status: int | None) -> bool:
-        """Keep a refusal; returns whether the status is a success."""
-        if status is None or status in {OK, WARNING}:
-            return True
-        self._refusal = function, status
-        return False
-
-    def _require(self, accepted: bool) -> None:
-        """Raise the error of the refusal that was kept, unless the call was accepted."""
-        if not accepted:
-            function, status = self._refusal or ("", DISCARD)
-            raise self._error(function, status, self._at())
+            last = self.functions["set"], self._motion.write()
+        if last[1] in SUCCESS and self._count.value:
+            last = f"{self.prefix}SetContinuousStates", self._set_states(self._pointer, states, self._count)
+        return last
 
     # ---- events
 

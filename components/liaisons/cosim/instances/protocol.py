@@ -22,7 +22,7 @@ from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, layouts, value_references
 from liaisons.cosim.instances.loading import FmpyInstance, load
-from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, OK, STATUSES, WARNING, logger
+from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, SUCCESS, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
 INTERMEDIATE_INSTANTS = 5
@@ -340,7 +340,7 @@ class Loaded(Instance):
         self._check(function, status, about)
 
     def _check(self, function: str, status: int, about: str = "") -> None:
-        if status not in {OK, WARNING}:  # to FMPy, a negative one is a success
+        if status not in SUCCESS:  # to FMPy, a negative one is a success
             raise self._error(function, status, about)
 
     def _missing_function(self, function: str) -> SimulationError:
