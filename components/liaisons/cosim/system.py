@@ -15,7 +15,7 @@ from liaisons.base.arguments import as_path, merged, named, settings_beside, sho
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.running.run import Run, performed, started
-from liaisons.cosim.structure.components import Port, Solver, SystemComponent
+from liaisons.cosim.structure.components import Components, Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
 from liaisons.cosim.structure.diagram import Diagram, diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
@@ -230,7 +230,7 @@ class System:
         return checked(self.name, self.filled(), self.connections, settings)
 
     @property
-    def parts(self) -> Mapping[str, SystemComponent]:
+    def parts(self) -> Components:
         """The FMUs by name."""
         return dict(self._parts)
 
@@ -239,7 +239,7 @@ class System:
         """The scalar connections."""
         return tuple(self._connections.values())
 
-    def filled(self) -> Mapping[str, SystemComponent]:
+    def filled(self) -> Components:
         """The FMUs by name.
 
         :raises SimulationError: if there are none.

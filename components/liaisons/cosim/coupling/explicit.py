@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.instances import Instance
+from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.schedule import Operation
 from liaisons.cosim.structure.simulation import Simulation
@@ -17,7 +17,7 @@ from liaisons.cosim.structure.sources import SIGNALS, Drive
 Calls = list[Call]
 
 
-def prepared_calls(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> tuple[Calls, Calls, Calls]:
+def prepared_calls(simulation: Simulation, instances: Instances, bus: Bus) -> tuple[Calls, Calls, Calls]:
     """Calls that exchange values in initialization, after it, and in a communication step."""
     calls_of: dict[tuple[Operation, bool], Calls] = {}  # repeated operations share their calls
 
@@ -37,7 +37,7 @@ def prepared_calls(simulation: Simulation, instances: Mapping[str, Instance], bu
 
 
 def _calls_of_operation(
-    simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, operation: Operation, initial: bool
+    simulation: Simulation, instances: Instances, bus: Bus, operation: Operation, initial: bool
 ) -> Iterator[Call]:
     """The calls of one operation; in initialization, only what is connected is read."""
     action, name = operation

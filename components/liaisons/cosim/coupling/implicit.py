@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
 from ctypes import addressof, byref, c_double
 from typing import final
 
@@ -18,8 +17,8 @@ from liaisons.cosim.coupling.node import INSIDE, Node, Phase
 from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponentRecord, SystemRecord
 from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
 from liaisons.cosim.coupling.strong_component import StrongComponent
-from liaisons.cosim.instances import Instance
-from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.instances.protocol import Instances
+from liaisons.cosim.structure.schedule import OutputInput, VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
 from liaisons.errors import SimulationError
@@ -35,7 +34,7 @@ class Coupled:
     :ivar memory: what a repeated step restores.
     """
 
-    def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
+    def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
         self._bus = bus
         self._times = simulation.times
         parts, feeds = simulation.parts, simulation.feeds
@@ -118,7 +117,7 @@ class Coupled:
         return {output: k for node in self._nodes for output, k in node.slopes_at.items()}
 
     @property
-    def gains(self) -> dict[tuple[VariableReference, VariableReference], int]:
+    def gains(self) -> dict[OutputInput, int]:
         """Output and input -> column of ∂(output)/∂(input) on the bus."""
         return {pair: k for node in self._nodes for pair, k in node.gains.items()}
 

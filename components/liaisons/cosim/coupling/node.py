@@ -18,7 +18,7 @@ from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIA
 from liaisons.cosim.coupling.signals import Signals
 from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import InputInterface, Port, SystemComponent
-from liaisons.cosim.structure.schedule import Depends, VariableReference
+from liaisons.cosim.structure.schedule import Depends, OutputInput, VariableReference
 
 _TIMES = np.arange(1, INTERMEDIATE_INSTANTS + 1) / INTERMEDIATE_INSTANTS
 """Instants at which an FMU asks for inputs inside a step of length 1."""
@@ -107,9 +107,7 @@ class Node:
         self._slope_values, self._rate_values = np.zeros(len(outputs)), np.zeros(len(inputs))
         self.slopes_at: dict[VariableReference, int] = {}  # on the bus
         read_slopes = self._prepare_output_derivatives()
-        self.gains: dict[
-            tuple[VariableReference, VariableReference], int
-        ] = {}  # output and input -> where the derivative is on the bus
+        self.gains: dict[OutputInput, int] = {}  # output and input -> where the derivative is on the bus
         self._motion = motion = self._prepare_motion(None if prescribed else part.approximation.interface)
         move = [*motion.before, instance.stepper(bus.start, bus.size)]
         self._step: list[Call] = [*move, *motion.after, *self._get, *read_slopes]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -11,20 +11,18 @@ import numpy as np
 from liaisons.cosim.arrays import Indices, Memory
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
-from liaisons.cosim.structure.components import Port, SystemComponent
+from liaisons.cosim.structure.components import Components, Port
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
 from liaisons.cosim.structure.sources import SIGNALS
 
 
-def watched(parts: Mapping[str, SystemComponent], feeds: Feeds) -> list[VariableReference]:
+def watched(parts: Components, feeds: Feeds) -> list[VariableReference]:
     """Outputs in the ports of connected outputs, which are read along with them."""
     ports = (curve(parts, feeds, source)[0] for source in feeds.values())
     return [reference for triple in ports for reference in triple]
 
 
-def curve(
-    parts: Mapping[str, SystemComponent], feeds: Feeds, source: VariableReference
-) -> tuple[list[VariableReference], int]:
+def curve(parts: Components, feeds: Feeds, source: VariableReference) -> tuple[list[VariableReference], int]:
     """The outputs of the port of an output, and which derivative it is; without a port, the output and 0.
 
     A function of time that drives a whole port is a port as well.
@@ -81,7 +79,7 @@ class Signals:
 
     def __init__(
         self,
-        parts: Mapping[str, SystemComponent],
+        parts: Components,
         feeds: Feeds,
         references: Sequence[VariableReference],
         prescribed: Collection[str] = (),

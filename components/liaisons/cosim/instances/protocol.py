@@ -120,6 +120,10 @@ class Instance(ABC):
         """Terminate and free it, as far as FMI allows in its state; safe to repeat."""
 
 
+Instances = Mapping[str, Instance]
+"""Instances by the names of their components."""
+
+
 class Loaded(Instance):
     """An instance in this process.
 

@@ -9,7 +9,7 @@ The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -21,7 +21,7 @@ from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.instances import Instance
+from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
@@ -65,7 +65,7 @@ class Stepper:
     """
 
     simulation: Simulation
-    instances: Mapping[str, Instance]
+    instances: Instances
     bus: Bus
     calls: Iterable[Call]
     coupled: Coupled | None

@@ -8,14 +8,13 @@ every input is extrapolated, leads to it, and there the next piece starts with t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import final
 
 import numpy as np
 
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.instances import Instance
+from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import rounding
 
@@ -33,7 +32,7 @@ class Breaks:
     :ivar next: the next one [s]; infinite if there is none; set to one before it that was found in between.
     """
 
-    def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
+    def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
         self.divides = all(part.fmu.variable_step for part in simulation.parts.values())
         sources = {name for name, _ in simulation.feeds.values()} if self.divides else set()
         announced = {name: part.fmu.next_event_time for name, part in simulation.parts.items() if name in sources}

@@ -11,16 +11,16 @@ from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.signals import curve
-from liaisons.cosim.instances import Instance
+from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
 from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.components import Port, SystemComponent
-from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.components import Components, Port, SystemComponent
+from liaisons.cosim.structure.schedule import OutputInput, VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 
-Gains = Mapping[tuple[VariableReference, VariableReference], int]
+Gains = Mapping[OutputInput, int]
 """Output and input -> column of the derivative; behind the bus those of :class:`InitialDerivatives`."""
 
 
@@ -33,9 +33,9 @@ class InitialDerivatives:
     :ivar gains: their indices in ``values``, counted from the end of the bus.
     """
 
-    def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, solved: Gains) -> None:
+    def __init__(self, simulation: Simulation, instances: Instances, bus: Bus, solved: Gains) -> None:
         self.calls: list[Call] = []
-        self.gains: dict[tuple[VariableReference, VariableReference], int] = {}
+        self.gains: dict[OutputInput, int] = {}
         solved_inputs = {input_ for _, input_ in solved}
         width = len(bus.values)
         parts: list[Vector] = []
@@ -148,9 +148,7 @@ def input_reconstructions(
     return reconstructions
 
 
-def _effects(
-    parts: Mapping[str, SystemComponent], bus: Bus, gains: Gains
-) -> dict[VariableReference, list[tuple[int, int, int]]]:
+def _effects(parts: Components, bus: Bus, gains: Gains) -> dict[VariableReference, list[tuple[int, int, int]]]:
     """Input -> columns of each ∂(acceleration)/∂(input), and of the rate and the value of that acceleration."""
     effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
     for (output, input_), column in gains.items():

@@ -46,7 +46,7 @@ from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
 from liaisons.errors import EndedError, SimulationError, suggestion
@@ -141,7 +141,7 @@ class Run:
             return instance.fmpy_instance
         raise SimulationError(f"{self._simulation.title}: {words}")
 
-    def start(self, parts: Mapping[str, SystemComponent] | None = None) -> None:
+    def start(self, parts: Components | None = None) -> None:
         """Initialize all FMUs at the start time.
 
         :param parts: the same with other start values.

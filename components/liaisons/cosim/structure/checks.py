@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import final, get_args
@@ -16,7 +16,7 @@ from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
+from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Components, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.errors import SimulationError
@@ -34,7 +34,7 @@ class ConnectionGraph:
     :param driven: inputs that functions of time drive.
     """
 
-    parts: Mapping[str, SystemComponent]
+    parts: Components
     connections: Sequence[Connection]
     driven: Collection[VariableReference]
 
@@ -116,9 +116,7 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     return asked or "gauss-seidel"
 
 
-def _gains(
-    parts: Mapping[str, SystemComponent], connections: Sequence[Connection], driven: Collection[VariableReference]
-) -> bool:
+def _gains(parts: Components, connections: Sequence[Connection], driven: Collection[VariableReference]) -> bool:
     """Whether implicit coupling reduces the error of an FMU outside of cycles, and can carry all signals."""
     if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
         return False
@@ -152,7 +150,7 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
             )
 
 
-def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemComponent]:
+def prepared(graph: ConnectionGraph, chosen: Coupling) -> Components:
     """The components with the start values that the coupling needs.
 
     In an iteration, FMUs of ours that take no derivatives of inputs interpolate their inputs.  In explicit coupling
@@ -202,7 +200,7 @@ def _whole(part: SystemComponent, name: str, fed: Collection[VariableReference])
 
 
 def steps(
-    parts: Mapping[str, SystemComponent],
+    parts: Components,
     graph: ConnectionGraph,
     times: Sequence[float],
     chosen: Coupling,
@@ -244,7 +242,7 @@ def steps(
             )
 
 
-def inputs(parts: Mapping[str, SystemComponent], graph: ConnectionGraph) -> None:
+def inputs(parts: Components, graph: ConnectionGraph) -> None:
     """Check that every input that needs a source has one, and whole ports are connected.
 
     :raises SimulationError: for an input without connection and without start value, or with two sources.

@@ -210,6 +210,10 @@ class SystemComponent:
         return f"<{self.name}: {self.fmu.path.name}{starts}>"
 
 
+Components = Mapping[str, SystemComponent]
+"""Components by name."""
+
+
 @final
 @dataclass(frozen=True)
 class Port:

@@ -16,7 +16,7 @@ from typing import final
 from liaisons.base.array_names import split
 from liaisons.base.files import replacing
 from liaisons.cosim.structure import schedule
-from liaisons.cosim.structure.components import Port, SystemComponent
+from liaisons.cosim.structure.components import Components, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 
 _MOST = 60
@@ -82,7 +82,7 @@ class _Block:
         return _HEAD + _LINE * max(len(self.left), len(self.right))
 
 
-def diagram(name: str, parts: Mapping[str, SystemComponent], connections: Collection[Connection]) -> Diagram:
+def diagram(name: str, parts: Components, connections: Collection[Connection]) -> Diagram:
     """The block diagram of a system of this name."""
     feeds = {c.target.place: c.source.place for c in connections}
     forward = {c.target.place: c.source.place for c in connections if not c.back}
@@ -140,7 +140,7 @@ def _free(part: SystemComponent, causality: str) -> list[str]:
 
 def _blocks(
     drawn: Iterable[str],
-    parts: Mapping[str, SystemComponent],
+    parts: Components,
     pairs: Collection[tuple[str, str]],
     wires: Collection[_Wire],
 ) -> dict[str, _Block]:

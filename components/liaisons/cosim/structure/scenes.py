@@ -16,7 +16,7 @@ from liaisons.base.folders import passing_folder
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.instances import extracted, make
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.errors import SimulationError
 from liaisons.pictures import Picture, together
 from liaisons.pictures.declared import MEMBER
@@ -34,7 +34,7 @@ class FmuScene:
     :param groups: as in :func:`liaisons.pictures.together`.
     """
 
-    parts: Mapping[str, SystemComponent]
+    parts: Components
     groups: Sequence[Sequence[int]] = ()
 
     @property

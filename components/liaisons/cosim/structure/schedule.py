@@ -37,6 +37,9 @@ VariableReference = tuple[str, str]
 Feeds = Mapping[VariableReference, VariableReference]
 """Input -> the output that feeds it."""
 
+OutputInput = tuple[VariableReference, VariableReference]
+"""An output and an input."""
+
 Depends = Callable[[VariableReference, VariableReference], bool]
 """Whether an output depends directly on an input of the same component."""
 

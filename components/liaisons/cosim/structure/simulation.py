@@ -18,7 +18,7 @@ from liaisons.base.port_names import PortNames
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.model_description import SAME, Conversion
 from liaisons.cosim.structure import checks
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.memory import check_memory
 from liaisons.cosim.structure.scenes import FmuScene, connected_groups
@@ -72,7 +72,7 @@ class Simulation:
     """
 
     title: str
-    parts: Mapping[str, SystemComponent]
+    parts: Components
     connections: Sequence[Connection]
     drives: Sequence[Drive]
     recorded: Mapping[str, VariableReference]
@@ -153,7 +153,7 @@ class Simulation:
 
 def checked(
     title: str,
-    parts: Mapping[str, SystemComponent],
+    parts: Components,
     connections: Sequence[Connection],
     settings: SimulationSettings,
     *,
@@ -224,7 +224,7 @@ def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
 
 
 def _span(
-    title: str, parts: Mapping[str, SystemComponent], settings: SimulationSettings, *, single: bool
+    title: str, parts: Components, settings: SimulationSettings, *, single: bool
 ) -> tuple[float, float | None, float | None]:
     """Start, stop and step [s], from the settings, else from the default experiments."""
     start, stop, step = settings.start_time, settings.stop_time, settings.step_size
@@ -244,9 +244,7 @@ def _span(
     return start, stop, step
 
 
-def owned(
-    title: str, parts: Mapping[str, SystemComponent], label: str, name: str, *, single: bool
-) -> VariableReference:
+def owned(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
     """Component and variable of a name: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
 
     :param label: kind of the name, for messages.
@@ -262,7 +260,7 @@ def owned(
 
 def _recorded(
     title: str,
-    parts: Mapping[str, SystemComponent],
+    parts: Components,
     record: str | Iterable[str] | None,
     also: Iterable[str],
     *,

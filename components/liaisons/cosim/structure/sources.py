@@ -14,7 +14,7 @@ from liaisons.base.arguments import shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.description.start_values import RANGES
 from liaisons.cosim.description.variables import NUMBERS
-from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import LiaisonsError, SimulationError
 
@@ -151,9 +151,7 @@ def rounding(time: float) -> float:
     return _ROUNDING * (1 + abs(time))
 
 
-def drives(
-    functions: Mapping[VariableReference, Function], parts: Mapping[str, SystemComponent], start_time: float
-) -> list[Drive]:
+def drives(functions: Mapping[VariableReference, Function], parts: Components, start_time: float) -> list[Drive]:
     """The sources of inputs; a function that returns three numbers drives a whole port.
 
     :param functions: by input; an attribute ``breaks``, as :class:`Signal` has it, lists their jumps.
