@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from liaisons import System
+from liaisons.base import memory
 from liaisons.cosim import Result, simulate
-from liaisons.cosim.structure import memory
 from liaisons.cosim.structure.simulation import communication_points
 from liaisons.errors import SimulationError
 from liaisons.library import fmu_path

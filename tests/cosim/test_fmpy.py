@@ -14,9 +14,10 @@ from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.sundials import CVodeSolver
 from making import FmuPaths, Trace, exchange_only, wired
 
+from liaisons.base.unit_definitions import UnitDefinition
+from liaisons.base.units import BASE
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import read_description
-from liaisons.cosim.description.model_description import BASE_UNITS, UnitDefinition
 from liaisons.cosim.instances import loading
 from liaisons.errors import SimulationError
 
@@ -105,7 +106,7 @@ def test_descriptions_are_read_as_fmpy_reads_them(component: FmuPaths, name: str
         assert unit
         assert base
         assert ours.units[unit] == UnitDefinition(
-            tuple(getattr(base, quantity) for quantity in BASE_UNITS), base.factor, base.offset
+            tuple(getattr(base, quantity) for quantity in BASE), base.factor, base.offset
         )
     assert len(ours.outputs) == len(theirs.outputs)
     assert ours.states == len(theirs.derivatives)

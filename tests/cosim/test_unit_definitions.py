@@ -7,8 +7,8 @@ from xml.etree.ElementTree import Element
 
 import pytest
 
-from liaisons.cosim.description.model_description import UnitDefinition
-from liaisons.cosim.description.xml_documents import parse
+from liaisons.base.unit_definitions import UnitDefinition
+from liaisons.base.xml_documents import parse
 from liaisons.ssp.connectors import add_units
 from liaisons.ssp.xml import units
 

@@ -20,7 +20,7 @@ import pytest
 
 from liaisons import Coordinate, Mechanism, Parameter, System, operator, show, tabulated
 from liaisons.base import compiler
-from liaisons.cosim.description.model_description import Conversion
+from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim.structure.connections import connect_scalars
 from liaisons.errors import BuildError, SimulationError
 from liaisons.language.shapes import Ball, Box, Shapes

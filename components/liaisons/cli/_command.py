@@ -149,7 +149,7 @@ def several(metavar: str, words: str, *names: str, **more: Any) -> Any:
 def _set_unpacked_limit(limit: str | None) -> None:
     """Set the unpacked limit for this process and for those that it starts."""
     if limit is not None:
-        from liaisons.cosim.description.archive import LIMIT_VARIABLE, unpacked_limit
+        from liaisons.base.archive import LIMIT_VARIABLE, unpacked_limit
 
         os.environ[LIMIT_VARIABLE] = limit
         unpacked_limit()

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from fmpy.validation import validate_fmu
 
+from liaisons.base.archive import Archive
 from liaisons.base.folders import passing_folder
 from liaisons.check import Verdict, compare, verdict
 from liaisons.cli._subject import mismatches
 from liaisons.cosim import simulate
-from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING

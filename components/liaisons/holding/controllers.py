@@ -13,11 +13,11 @@ from scipy.optimize import linear_sum_assignment
 
 from liaisons.base.arguments import finite, merged, positive, shown
 from liaisons.base.logs import ignored_warnings
+from liaisons.base.memory import check_memory
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.memory import check_memory
 from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 from liaisons.base.arguments import shown
 from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.project import fmus_directory
+from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System, SystemComponent
-from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
 from liaisons.library import catalogue, has_size, model
 from liaisons.ssp import has_table

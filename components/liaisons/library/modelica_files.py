@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
+from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
-from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
 from liaisons.library import Target, catalogue, components
 from liaisons.library.flattening import identifier

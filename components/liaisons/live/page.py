@@ -12,10 +12,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from liaisons.base.archive import Archive
 from liaisons.base.array_names import split
 from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
 from liaisons.cosim import System, SystemComponent
-from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.description.fmu import read_description
 from liaisons.cosim.description.model_description import Attributes
 from liaisons.cosim.structure.components import Port

@@ -10,8 +10,8 @@ from typing import Any
 
 from liaisons.base.arguments import as_path, finite, merged, named, settings_beside, shown, whole
 from liaisons.base.files import beside, toml_arguments
+from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.progress import progress_bar
-from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.errors import PlanError
 from liaisons.library import Target, component
 from liaisons.planning.goals import Cost, Expression, Goal, Value, closed_names, duration_range, move_names

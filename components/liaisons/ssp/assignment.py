@@ -7,8 +7,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from liaisons.base.unit_definitions import SAME, UnitDefinition
 from liaisons.cosim.description.fmu import Fmu, read_description
-from liaisons.cosim.description.model_description import SAME, UnitDefinition
 from liaisons.cosim.description.variables import Array
 from liaisons.errors import SimulationError
 from liaisons.ssp.xml import path, tag, units

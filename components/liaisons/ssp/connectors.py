@@ -7,8 +7,9 @@ from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.base.array_names import Shape, split
+from liaisons.base.unit_definitions import UnitDefinition
+from liaisons.base.units import BASE
 from liaisons.cosim.description.fmu import LONGEST
-from liaisons.cosim.description.model_description import BASE_UNITS, UnitDefinition
 from liaisons.cosim.description.variables import Entry, Scalar
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
@@ -101,7 +102,7 @@ def add_units(parent: Element, name: str, units: Units) -> None:
         return
     group = SubElement(parent, tag(name))
     for unit, definition in units.items():
-        bases = zip(BASE_UNITS, definition.exponents, strict=True)
+        bases = zip(BASE, definition.exponents, strict=True)
         attributes = {base: str(exponent) for base, exponent in bases if exponent}
         if definition.factor != 1.0:
             attributes["factor"] = repr(definition.factor)

@@ -14,14 +14,14 @@ from typing import Any, TypeVar
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
+from liaisons.base.archive import Archive, too_big, unpacked_limit
 from liaisons.base.arguments import as_path
 from liaisons.base.folders import passing_folder
+from liaisons.base.unit_definitions import UnitDefinition
+from liaisons.base.xml_documents import tree
 from liaisons.cosim import System
-from liaisons.cosim.description.archive import Archive, too_big, unpacked_limit
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.fmu import read as read_fmu
-from liaisons.cosim.description.model_description import UnitDefinition
-from liaisons.cosim.description.xml_documents import tree
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect_scalars

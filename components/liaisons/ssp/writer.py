@@ -21,8 +21,8 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 from liaisons.base.arguments import as_path
 from liaisons.base.arguments import chosen as one_of
 from liaisons.base.files import replacing
+from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
-from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.description.variables import Entry
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection

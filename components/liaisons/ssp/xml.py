@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from liaisons.cosim.description.model_description import UnitDefinition
+from liaisons.base.unit_definitions import UnitDefinition
 
 STRUCTURE = "SystemStructure.ssd"
 

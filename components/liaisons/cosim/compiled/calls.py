@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, final
 
-from liaisons.cosim.compiled.structures import Record, fields
+from liaisons.base.structures import Record, fields
 from liaisons.errors import SimulationError
 
 Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]

@@ -11,9 +11,9 @@ from typing import final
 
 import numpy as np
 
+from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Action, Call
-from liaisons.cosim.description.model_description import Conversion
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
 

@@ -11,9 +11,10 @@ from typing import IO, Literal, TypeVar, final
 
 import fmpy
 
+from liaisons.base.archive import Archive, plain_file
 from liaisons.base.array_names import Shape, split
-from liaisons.cosim.description.archive import Archive, plain_file
-from liaisons.cosim.description.model_description import Description, Table, UnitDefinition, parse
+from liaisons.base.unit_definitions import UnitDefinition
+from liaisons.cosim.description.model_description import Description, Table, parse
 from liaisons.cosim.description.terminals import Terminals, read_terminals
 from liaisons.cosim.description.variables import RECORDED, Scalar, Variables
 from liaisons.errors import SimulationError, suggestion

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
-from typing import IO, NamedTuple, final
+from typing import IO, final
 
+from liaisons.base import xml_documents as documents
 from liaisons.base.array_names import Shape, complete, split
-from liaisons.cosim.description import xml_documents as documents
+from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.variables import Array, Entry, Scalar, Variables, VariableType
 
 Attributes = Mapping[str, str]
@@ -26,7 +27,6 @@ _MOST_REFERENCE = 2**32 - 1
 KINDS = ("CoSimulation", "ModelExchange", "ScheduledExecution")
 """Interface types, as their elements are named."""
 
-BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _BOTH: dict[str, VariableType] = {"Enumeration": "Enumeration", "Boolean": "Boolean", "String": "String"}
 _FMI_2: dict[str, VariableType] = {"Real": "Real", "Integer": "Integer", **_BOTH}
 _FMI_3: dict[str, VariableType] = {
@@ -36,52 +36,6 @@ _FMI_3: dict[str, VariableType] = {
     "Binary": "Binary",
     "Clock": "Clock",
 }
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class UnitDefinition:
-    """SI value = factor * value + offset; exponents of kg, m, s, A, K, mol, cd, rad."""
-
-    exponents: tuple[int, ...]
-    factor: float
-    offset: float
-
-    @classmethod
-    def of(cls, name: str, attributes: Attributes) -> UnitDefinition:
-        """The definition in the attributes of a ``BaseUnit``.
-
-        :raises ValueError: for attributes that are no numbers, and factors and offsets that cannot convert.
-        """
-        factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
-        if factor == 0 or not (math.isfinite(factor) and math.isfinite(offset)):
-            raise ValueError(f"the unit {name!r} has the factor {factor!r} and the offset {offset!r}")
-        return cls(tuple(int(attributes.get(base, 0)) for base in BASE_UNITS), factor, offset)
-
-    def to(self, other: UnitDefinition) -> Conversion:
-        """The conversion to another unit of the same dimension."""
-        if math.isclose(self.factor, other.factor) and self.offset == other.offset:
-            return SAME
-        return Conversion(self.factor / other.factor, (self.offset - other.offset) / other.factor)
-
-
-class Conversion(NamedTuple):
-    """factor * value + offset."""
-
-    factor: float = 1.0
-    offset: float = 0.0
-
-    def of(self, value: float) -> float:
-        """The converted value."""
-        return self.factor * value + self.offset
-
-    def then(self, other: Conversion) -> Conversion:
-        """The composition: first this, then the other."""
-        return Conversion(other.factor * self.factor, other.factor * self.offset + other.offset)
-
-
-SAME = Conversion()
-"""The identity."""
 
 
 Table = dict[int, frozenset[int] | None]

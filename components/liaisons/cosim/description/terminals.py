@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
+from liaisons.base.archive import Archive
 from liaisons.base.port_names import PortNames, port_names
-from liaisons.cosim.description.archive import Archive
+from liaisons.base.xml_documents import tree
 from liaisons.cosim.description.variables import Variables
-from liaisons.cosim.description.xml_documents import tree
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from liaisons.cosim.description.archive import Archive
+from liaisons.base.archive import Archive
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.fmi2 import CoSimulation2
 from liaisons.cosim.instances.fmi3 import CoSimulation3
@@ -19,7 +19,7 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     """Extract the binaries and resources of FMUs, each file once.
 
     :returns: path of the FMU -> its own folder.
-    :raises SimulationError: if a file is damaged or too big; see :class:`liaisons.cosim.description.archive.Archive`.
+    :raises SimulationError: if a file is damaged or too big; see :class:`liaisons.base.archive.Archive`.
     """
     folders: dict[Path, Path] = {}
     for path in dict.fromkeys(fmu.path for fmu in fmus):

@@ -13,10 +13,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons.base.libraries import loaded
+from liaisons.base.structures import Record, fields
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import HEADER
-from liaisons.cosim.compiled.library import loaded
-from liaisons.cosim.compiled.structures import Record, fields
 from liaisons.cosim.instances.motion import InputMotion
 from liaisons.errors import RefusedError
 

@@ -16,9 +16,9 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
+from liaisons.base.structures import Record, fields
 from liaisons.cosim.arrays import Numbers, Vector
 from liaisons.cosim.compiled.calls import HEADER, STEP_3, TRANSFER_3, Action, Call
-from liaisons.cosim.compiled.structures import Record, fields
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.buffer_layouts import Transfer, buffered, counted, layout, layouts
 from liaisons.cosim.instances.loading import FMU3CoSimulation

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.hermite import coefficients
 from liaisons.cosim.arrays import Vector
@@ -35,6 +35,20 @@ _NOTHING = 2e-14
 """Deviations below this, relative to the function, may be rounding."""
 _MOST, _OFTEN = 20, 3
 """Breaks in a step, and number of steps with more, from which on a function is not searched any more."""
+
+
+class _Examined(NamedTuple):
+    """A function of time in some steps.
+
+    :param off: deviations at the nodes, shape (steps, nodes).
+    :param sizes: its largest value so far, shape (steps,).
+    :param leaves: whether it deviates by more than a smooth function does; ``jumps``: whether it does at the end.
+    """
+
+    off: Vector
+    sizes: Vector
+    leaves: NDArray[np.bool_]
+    jumps: NDArray[np.bool_]
 
 
 @final
@@ -73,42 +87,18 @@ class Deviations:
 
         :returns: shape (steps, columns), of the columns :attr:`span` of the bus; no steps if a function raises.
         """
-        steps, integrals = np.diff(times)[:, None], []
-        nodes, thirds = times[:-1, None] + steps * _NODES, times[:-1, None] + steps * _THIRDS[1:-1]
-        many, sizes = len(steps), self._sizes.copy()
-        for k, drive in enumerate(self._drives):
-            try:
-                ends, inside = np.array([drive(t) for t in times.tolist()]), drive.sample(nodes)[..., 0]
-                right = drive.sample(times[1:] + drive.rounding(times[1:]))
-                between = drive.sample(thirds)[..., 0] if len(drive.inputs) < 3 else None
-            except SimulationError:
-                return np.empty((0, self._values.size))
-            powers = steps ** np.arange(len(drive.inputs))
-            begin, end = ends[:-1] * powers, ends[1:] * powers
-            if between is not None:
-                off = inside - np.hstack([begin[:, :1], between, end[:, :1]]) @ _CUBIC.T
-            else:
-                off = inside - np.hstack([begin, end]) @ _QUINTIC.T
-            integrals.append(_integrals(off, steps[:, 0]))
-            largest = np.abs(np.hstack([begin, end])).max(axis=1, initial=self._sizes[k])
-            largest = np.maximum.accumulate(largest)
-            allowed = self._allowed(largest)
-            leaves = (np.abs(off).max(axis=1) > allowed) | (np.abs(right * powers - end).max(axis=1) > allowed)
-            if self._overrun[k] < _OFTEN and leaves.any():
-                many = min(many, int(np.argmax(leaves)))
-            sizes[k] = largest[max(many, 1) - 1]
+        try:
+            examined = [self._examine(k, times) for k in range(len(self._drives))]
+        except SimulationError:
+            return np.empty((0, self._values.size))
+        breaks = [(one.leaves | one.jumps) & (self._overrun[k] < _OFTEN) for k, one in enumerate(examined)]
+        many = min((int(np.argmax(found)) for found in breaks if found.any()), default=len(times) - 1)
         if many:
-            self._sizes = sizes
-        if many and times[many] > self._end:  # not a step that was cut
-            self._end = float(times[many])
-            for k, count in enumerate(self._breaks):
-                self._overrun[k] += count >= _MOST
-                self._breaks[k] = 0
-        return np.hstack(integrals)[:many]
-
-    def _allowed(self, size: ArrayLike) -> Vector:
-        """Largest deviation of a smooth function of this size."""
-        return self._tolerance * np.where(np.asarray(size) > 0, size, 1.0)
+            self._sizes[:] = [one.sizes[many - 1] for one in examined]
+            if times[many] > self._end:  # not a step that was cut
+                self._count_breaks(float(times[many]))
+        steps = np.diff(times)
+        return np.hstack([_integrals(one.off, steps) for one in examined])[:many]
 
     def integrate(self, start: float, end: float, *, locate: bool = True) -> float:
         """Evaluate the integrals between two instants [s].
@@ -116,31 +106,48 @@ class Deviations:
         :param locate: search for breaks, too.
         :returns: the first break after the start and not after the end [s]; infinite if there is none.
         """
-        size, first = end - start, math.inf
-        for k, drive in enumerate(self._drives):
-            off = _deviation(drive, start, end)
-            self._values[k] = _integrals(off, size)
-            if locate:
-                first = min(first, self._break(k, start, end, float(np.max(np.abs(off)))))
+        times, first = np.array([start, end]), math.inf
+        for k in range(len(self._drives)):
+            if not locate:
+                self._values[k] = _integrals(_compare(self._drives[k], times)[0][0], end - start)
+                continue
+            examined = self._examine(k, times)
+            self._values[k] = _integrals(examined.off[0], end - start)
+            self._sizes[k] = examined.sizes[0]
+            if start >= self._end:  # not a step that was cut
+                self._count_breaks(end)
+            if self._breaks[k] < _MOST and self._overrun[k] < _OFTEN:
+                instant = self._locate_break(k, start, end, examined)
+                self._breaks[k] += instant < math.inf
+                first = min(first, instant)
         return first
 
-    def _break(self, k: int, start: float, end: float, deviation: float) -> float:
-        drive, powers = self._drives[k], (end - start) ** np.arange(len(self._drives[k].inputs))
-        last = drive(end) * powers
-        self._sizes[k] = size = max(self._sizes[k], float(np.max(np.abs([drive(start) * powers, last]))))
-        allowed = self._allowed(size)
-        if start >= self._end:  # not a step that was cut
-            self._overrun[k] += self._breaks[k] >= _MOST
-            self._breaks[k], self._end = 0, end
-        if self._breaks[k] >= _MOST or self._overrun[k] >= _OFTEN:
-            return math.inf
-        instant = _locate_break(drive, start, end, deviation, _NOTHING * (size or 1.0)) if deviation > allowed else None
-        if instant is None and np.max(np.abs(drive.right(end) * powers - last)) > allowed:
+    def _count_breaks(self, end: float) -> None:
+        """Count the functions with too many breaks in a step, and begin the next one, to an instant [s]."""
+        self._end = end
+        for k, count in enumerate(self._breaks):
+            self._overrun[k] += count >= _MOST
+            self._breaks[k] = 0
+
+    def _examine(self, k: int, times: Vector) -> _Examined:
+        """Compare a function with its polynomials in the steps from each of these instants [s] to the next."""
+        drive, steps = self._drives[k], np.diff(times)[:, None]
+        off, begin, end = _compare(drive, times)
+        sizes = np.abs(np.hstack([begin, end])).max(axis=1, initial=self._sizes[k])
+        sizes = np.maximum.accumulate(sizes)
+        right = drive.sample(times[1:] + drive.rounding(times[1:])) * steps ** np.arange(len(drive.inputs))
+        allowed = self._tolerance * np.where(sizes > 0, sizes, 1.0)
+        return _Examined(off, sizes, np.abs(off).max(axis=1) > allowed, np.abs(right - end).max(axis=1) > allowed)
+
+    def _locate_break(self, k: int, start: float, end: float, examined: _Examined) -> float:
+        """The first break of a function in a step [s]; infinite if there is none."""
+        instant, drive = None, self._drives[k]
+        if examined.leaves[0]:
+            nothing = _NOTHING * float(examined.sizes[0] or 1.0)
+            instant = _bisect(drive, start, end, float(np.abs(examined.off).max()), nothing)
+        if instant is None and examined.jumps[0]:
             instant = end
-        if instant is None or instant <= start + rounding(start):
-            return math.inf
-        self._breaks[k] += 1
-        return instant
+        return math.inf if instant is None or instant <= start + rounding(start) else instant
 
 
 def _integrals(off: Vector, size: ArrayLike) -> Vector:
@@ -150,11 +157,11 @@ def _integrals(off: Vector, size: ArrayLike) -> Vector:
     return (sizes @ _ONCE_TWICE) * np.stack([size, size**2], -1)
 
 
-def _locate_break(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
+def _bisect(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
     """Locate the break of the largest deviation by bisection [s]; None if the function is smooth."""
     before = 0.0
     while start < (middle := (start + end) / 2) < end and deviation > nothing:
-        left, right = (float(np.max(np.abs(_deviation(drive, *half)))) for half in ((start, middle), (middle, end)))
+        left, right = np.abs(_compare(drive, np.array([start, middle, end]))[0]).max(axis=1).tolist()
         shrunk = max(left, right) < _SMOOTH * deviation
         if shrunk and deviation < _SMOOTH * before:
             return None
@@ -163,11 +170,19 @@ def _locate_break(drive: Drive, start: float, end: float, deviation: float, noth
     return end
 
 
-def _deviation(drive: Drive, start: float, end: float) -> Vector:
-    """Deviation, at the nodes, from the quintic through both ends of a port, else from the cubic through the thirds."""
-    size = end - start
-    values = np.array([drive(start + size * node)[0] for node in _NODES])
+def _compare(drive: Drive, times: Vector) -> tuple[Vector, Vector, Vector]:
+    """Deviations of a function in steps from the quintic through both ends of a port, else the cubic through thirds.
+
+    :returns: at the nodes, shape (steps, nodes); and the data of the polynomials at both ends, shape (steps, data).
+    """
+    steps = np.diff(times)[:, None]
+    inside = drive.sample(times[:-1, None] + steps * _NODES)[..., 0]
+    powers = steps ** np.arange(len(drive.inputs))
+    ends = np.array([drive(t) for t in times.tolist()])
+    begin, end = ends[:-1] * powers, ends[1:] * powers
     if len(drive.inputs) < 3:
-        return values - _CUBIC @ [*(drive(start + size * part)[0] for part in _THIRDS[:-1]), drive(end)[0]]
-    powers = size ** np.arange(3)
-    return values - _QUINTIC @ np.concatenate([drive(start) * powers, drive(end) * powers])
+        between = drive.sample(times[:-1, None] + steps * _THIRDS[1:-1])[..., 0]
+        through = np.hstack([begin[:, :1], between, end[:, :1]]) @ _CUBIC.T
+    else:
+        through = np.hstack([begin, end]) @ _QUINTIC.T
+    return inside - through, begin, end

@@ -20,6 +20,7 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.folders import passing_folder
+from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.progress import progress_bar
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
@@ -42,7 +43,6 @@ from liaisons.cosim.running.input_reconstruction import (
     contacts_of_fed,
     input_reconstructions,
 )
-from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure import schedule

@@ -12,8 +12,8 @@ import numpy as np
 
 from liaisons.base.arguments import chosen
 from liaisons.base.compiler import no_compiler
+from liaisons.base.unit_definitions import SAME
 from liaisons.cosim.compiled import library as compiled
-from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Components, Port, SystemComponent

@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import final
 
-from liaisons.cosim.description.model_description import SAME, Conversion
+from liaisons.base.unit_definitions import SAME, Conversion
 from liaisons.cosim.description.start_values import RANGES
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import RECORDED, Scalar

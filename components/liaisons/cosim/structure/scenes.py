@@ -11,10 +11,10 @@ from typing import Any, final
 
 import numpy as np
 
+from liaisons.base.archive import Archive
 from liaisons.base.array_names import split
 from liaisons.base.folders import passing_folder
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.errors import SimulationError

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import finite, listed, named, numbers, positive, time_span
 from liaisons.base.array_names import split
 from liaisons.base.logs import collected_warnings
+from liaisons.base.memory import check_memory
 from liaisons.base.port_names import PortNames
+from liaisons.base.unit_definitions import SAME, Conversion
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
-from liaisons.cosim.description.model_description import SAME, Conversion
 from liaisons.cosim.structure import checks
 from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.memory import check_memory
 from liaisons.cosim.structure.scenes import FmuScene, connected_groups
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives

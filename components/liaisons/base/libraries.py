@@ -1,0 +1,61 @@
+"""Libraries of our own C code, each compiled once a user, and kept in the cache."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from ctypes import CDLL
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+
+from liaisons.base import cache
+from liaisons.base.compiler import FLAGS, compile_library, host
+from liaisons.base.files import replacing
+from liaisons.base.folders import process_folder
+from liaisons.base.logs import logger
+from liaisons.errors import BuildError, SimulationError
+
+
+@lru_cache
+def loaded(sources: tuple[Path, ...], without: str) -> CDLL | None:
+    """The library of C files; None if it cannot be compiled or loaded.
+
+    :param without: what happens then, for the log.
+    """
+    contents = {source.name: source.read_bytes() for source in sources}
+    try:
+        target = host()
+        key = sha256(repr((contents, target, FLAGS)).encode()).hexdigest()[:16]
+        path = cache.folder() / f"{sources[0].stem}-{key}{target.extension}"
+        if not _whole(path):
+            path = _written(path, compile_library(contents, target))
+        return CDLL(str(path))
+    except (BuildError, OSError) as error:
+        logger.info("%s: %s", without, error)
+        return None
+
+
+def _whole(path: Path) -> bool:
+    """Whether the file is complete; to load part of one would end this process."""
+    with suppress(OSError):
+        return _seal(path).read_text(encoding="ascii", errors="replace") == cache.digest(path)
+    return False
+
+
+def _seal(path: Path) -> Path:
+    """The file with the digest of a library."""
+    return path.with_suffix(".sha256")
+
+
+def _written(path: Path, content: bytes) -> Path:
+    """A file of this content: here, or where this cannot be written, in a folder that lasts as long as the process."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as part:
+            part.write_bytes(content)
+        with replacing(_seal(path)) as part:
+            part.write_text(sha256(content).hexdigest(), encoding="ascii")
+    except (OSError, SimulationError):
+        path = process_folder() / path.name
+        path.write_bytes(content)
+    return path
