@@ -19,10 +19,8 @@ from liaisons import Signal
 from liaisons.check import slope
 from liaisons.cosim import IncompleteError, Result, System, simulate
 from liaisons.cosim.coupling.implicit import _jerk
-from liaisons.cosim.coupling.newton import _INTEGRALS
-from liaisons.cosim.coupling.polynomials import polynomials
-from liaisons.cosim.coupling.signals import Curve
-from liaisons.cosim.coupling.strong_component import StrongComponent
+from liaisons.cosim.coupling.signals import Curve, polynomials
+from liaisons.cosim.coupling.strong_component import _INTEGRALS, StrongComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import Coupling, algebraic_loops
 from liaisons.errors import SimulationError

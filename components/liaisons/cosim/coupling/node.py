@@ -13,9 +13,8 @@ import numpy as np
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.polynomials import HIGHEST, Polynomials, polynomials
 from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord, records
-from liaisons.cosim.coupling.signals import Signals
+from liaisons.cosim.coupling.signals import HIGHEST, Polynomials, Signals, polynomials
 from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import InputInterface, Port, SystemComponent
 from liaisons.cosim.structure.schedule import Depends, OutputInput, VariableReference

@@ -28,7 +28,7 @@ class EliminationRecord(Record):
 
 @final
 class NewtonRecord(Record):
-    """See :class:`liaisons.cosim.coupling.newton.Newton`."""
+    """See :class:`liaisons.cosim.coupling.strong_component.Newton`."""
 
     _fields_ = _fields("Newton")
 

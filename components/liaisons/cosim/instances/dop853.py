@@ -6,6 +6,7 @@ Its whole state can be saved, so that steps are rolled back and repeated to the 
 from __future__ import annotations
 
 import ctypes as c
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, final
@@ -15,10 +16,52 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.libraries import loaded
 from liaisons.base.structures import Record, fields
-from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import HEADER
-from liaisons.cosim.instances.motion import InputMotion
+from liaisons.cosim.arrays import Indices, Numbers, Vector
+from liaisons.cosim.compiled.calls import HEADER, Call
 from liaisons.errors import RefusedError
+
+
+@final
+class InputMotion:
+    """Taylor polynomials of inputs, from their values at the start of a step.
+
+    :param orders: of the derivatives, each of the input with the number in ``rows``.
+    :param derivatives: a buffer, and the indices of the derivatives in it.
+    :param places: indices of the inputs among the held ones.
+    :ivar values: of the inputs, shape (inputs,).
+    :ivar first: these at ``start`` [s].
+    :ivar slopes: the factors of the powers of time, shape (orders,).
+    :ivar read: a call that reads the inputs into the values; ``write``: one that sets them.
+    """
+
+    read: Call
+    write: Call
+
+    def __init__(
+        self,
+        orders: Sequence[int],
+        rows: Sequence[int],
+        derivatives: tuple[Numbers, Sequence[int]],
+        places: Indices,
+    ) -> None:
+        self.orders, self.rows, self._moving = (
+            np.array(numbers, dtype=np.intp) for numbers in (orders, rows, derivatives[1])
+        )
+        self._all, self.places = np.asarray(derivatives[0]), places
+        self._factorials = np.array([math.factorial(order) for order in orders])
+        self.values = np.zeros(places.size)
+        self.first, self.slopes, self.start = np.empty(places.size), np.empty(len(orders)), 0.0
+
+    def begin(self, time: float) -> None:
+        """Start the polynomials from the present values at a time [s]."""
+        self.first[:], self.start = self.values, time
+        np.divide(self._all[self._moving], self._factorials, out=self.slopes)
+
+    def evaluate(self, time: float) -> None:
+        """Set the values to those at a time [s]."""
+        self.values[:] = self.first
+        np.add.at(self.values, self.rows, self.slopes * (time - self.start) ** self.orders)
+
 
 Memory = tuple[float, float, Vector, Vector]
 """Time and size of the next step [s], states, and their compensation of rounding."""

@@ -21,11 +21,10 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.instances import dop853
-from liaisons.cosim.instances.dop853 import Dop853
+from liaisons.cosim.instances.dop853 import Dop853, InputMotion
 from liaisons.cosim.instances.fmi2 import Instance2
 from liaisons.cosim.instances.fmi3 import Instance3
 from liaisons.cosim.instances.loading import FMU2ModelExchange, FMU3ModelExchange
-from liaisons.cosim.instances.motion import InputMotion
 from liaisons.cosim.instances.protocol import Loaded, Scalars
 from liaisons.cosim.messages import DISCARD, OK, SUCCESS, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -85,67 +87,113 @@ def input_reconstructions(
     gains: Gains,
     deviations: Mapping[VariableReference, tuple[int, int]],
 ) -> list[InputReconstruction]:
-    """Polynomials of all connected inputs within a step: for each, the first row of the table that applies.
+    """Polynomials of all connected inputs within a step, but for those without an effect that can be estimated.
 
     :param slopes: columns of the derivatives of outputs that FMUs give.
     :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
         numbers the function returns.
     """
-    parts, feeds = simulation.parts, simulation.feeds
-    group = {name: k for k, names in enumerate(simulation.groups) for name in names}
-    late = set(schedule.late_inputs(bus.order, feeds, simulation.coupling))
-    effects = _effects(parts, bus, gains)
-    recorded = {source: bus.index[target] for target, source in feeds.items() if source[0] == SIGNALS}
-    columns = {**bus.index, **recorded}  # functions of time are recorded as the inputs that they drive
+    parts, effects = simulation.parts, _effects(simulation.parts, bus, gains)
+    table = _PolynomialTable(simulation, bus, slopes, deviations)
     reconstructions: list[InputReconstruction] = []
-    for target, source in feeds.items():
-        name, part = target[0], parts[target[0]]
-        approximation, triple, derivative = part.approximation, *Port(part, target[1]).curve()
+    for target, source in simulation.feeds.items():
+        part = parts[target[0]]
         owner, variable = target if source[0] == SIGNALS else source
         signal = parts[owner].fmu.variables[variable]
-        moves_nothing = target not in effects and derivative > 0 and part.fmu.provides_directional_derivatives
-        if signal.type != "Real" or moves_nothing or approximation.samples:
+        is_rate = Port(part, target[1]).curve()[1] > 0
+        moves_nothing = is_rate and target not in effects and part.fmu.provides_directional_derivatives
+        if signal.type != "Real" or moves_nothing or part.approximation.samples:
             continue
-        own, cyclic, method = columns[source], name in simulation.cyclic, approximation.method
-        references, port_order = curve(parts, feeds, source)
-        port = [columns[reference] for reference in references if reference in columns]
-        past = _extrapolated(part, target, bus, own)
-        integral, numbers = deviations.get(target, (0, 0))
-        integrals = [integral, integral + 1]
-
-        extrapolates = approximation.is_prescribed and not cyclic
-        extrapolates |= not (simulation.iterates or approximation.interpolates)
-        is_port = len(port) == len(references) > 2 and method is not None
-        is_integrated = numbers == len(references)
-        follows = approximation.follows_polynomials
-        is_solved_with_source = simulation.iterates and cyclic and group.get(source[0]) == group[name]
-        table: list[tuple[bool, Shape, list[int], int]] = [  # whether the row applies; shape, data, order
-            (extrapolates and method is None and target not in late, "newest", *past),
-            (extrapolates, "taylor", *past),
-            (approximation.interpolates and triple is None, "hermite", [own], 0),
-            (approximation.interface == "mean value", "mean", [own], 0),
-            (is_port and is_integrated, "quintic", integrals, port_order),
-            (is_port, "hermite", port, port_order),
-            (is_integrated, "cubic", integrals, 0),
-            (follows and source in slopes, "hermite", [own, slopes.get(source, own)], 0),
-            (follows and not is_solved_with_source, "points", [own], 0),
-            (True, "hermite", [own], 0),
-        ]
-        _, shape, data, order = next(row for row in table if row[0])
-        if not signal.continuous and shape not in {"newest", "quintic", "cubic"}:
-            continue  # it is held until the communication point at which it jumps
-        reconstructions.append(
-            InputReconstruction(
-                f"{_name(source)} -> {'.'.join(target)}",
-                bus.index[target],
-                tuple(data),
-                order,
-                shape,
-                tuple(effects.get(target, ())),
-                tuple(bus.index[output] for output in bus.outputs(name)),
+        shape, data, order = table.polynomial(target, source)
+        if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only
+            answers = tuple(bus.index[output] for output in bus.outputs(target[0]))
+            name, own_effects = f"{_name(source)} -> {'.'.join(target)}", tuple(effects.get(target, ()))
+            reconstructions.append(
+                InputReconstruction(name, bus.index[target], tuple(data), order, shape, own_effects, answers)
             )
-        )
     return reconstructions
+
+
+@final
+@dataclass(frozen=True)
+class _PolynomialTable:
+    """The polynomials that inputs follow within a step: shape, columns of the data, and which derivative an input is.
+
+    ============================================  =========================================
+    inputs                                        polynomial
+    ============================================  =========================================
+    that hold or extrapolate                      newest value, or Taylor polynomial
+    that the FMU interpolates by itself           straight line; of a port the quintic
+    that are one value in each step               mean of both ends
+    port, of an FMU; of a function of time        quintic; with integrals of its deviation
+    another function of time                      cubic, with integrals of its deviation
+    output with a derivative                      cubic
+    output without one, of an earlier component   cubic through points
+    all else                                      straight line
+    ============================================  =========================================
+    """
+
+    simulation: Simulation
+    bus: Bus
+    slopes: Mapping[VariableReference, int]
+    deviations: Mapping[VariableReference, tuple[int, int]]
+
+    @cached_property
+    def columns(self) -> dict[VariableReference, int]:
+        """Columns of outputs; those of functions of time are recorded as the inputs that they drive."""
+        index, feeds = self.bus.index, self.simulation.feeds.items()
+        return {**index, **{source: index[target] for target, source in feeds if source[0] == SIGNALS}}
+
+    @cached_property
+    def group(self) -> dict[str, int]:
+        """Number of the strong component of each FMU."""
+        return {name: k for k, names in enumerate(self.simulation.groups) for name in names}
+
+    @cached_property
+    def late(self) -> set[VariableReference]:
+        """Inputs whose value at the end of a step is not known before it."""
+        return set(schedule.late_inputs(self.bus.order, self.simulation.feeds, self.simulation.coupling))
+
+    def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
+        """The polynomial of an input."""
+        simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
+        approximation, is_cyclic = part.approximation, target[0] in simulation.cyclic
+        if not (simulation.iterates or approximation.interpolates) or (approximation.is_prescribed and not is_cyclic):
+            return self._extrapolation(target, own)
+        if approximation.interpolates and Port(part, target[1]).curve()[0] is None:
+            return "hermite", [own], 0
+        if approximation.interface == "mean value":
+            return "mean", [own], 0
+        references, order = curve(simulation.parts, simulation.feeds, source)
+        port = [self.columns[reference] for reference in references if reference in self.columns]
+        integral, numbers = self.deviations.get(target, (0, 0))
+        integrals, is_driven = [integral, integral + 1], numbers == len(references)
+        if len(port) == len(references) > 2 and approximation.method is not None:
+            return ("quintic", integrals, order) if is_driven else ("hermite", port, order)
+        if is_driven:
+            return "cubic", integrals, 0
+        return self._single_output(target, source, own)
+
+    def _extrapolation(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
+        part = self.simulation.parts[target[0]]
+        method, (triple, order) = part.approximation.method, Port(part, target[1]).curve()
+        if method is None and target not in self.late:
+            return "newest", [own], 0
+        sources = [self.bus.source(port.place) for port in triple or ()] if method == 1 else []
+        known = [source for source in sources if source is not None]
+        return ("taylor", known, order) if known and len(known) == len(sources) else ("taylor", [own], 0)
+
+    def _single_output(
+        self, target: VariableReference, source: VariableReference, own: int
+    ) -> tuple[Shape, list[int], int]:
+        simulation = self.simulation
+        if simulation.parts[target[0]].approximation.follows_polynomials:
+            if source in self.slopes:
+                return "hermite", [own, self.slopes[source]], 0
+            is_solved_with_source = self.group.get(source[0]) == self.group[target[0]]
+            if not (simulation.iterates and target[0] in simulation.cyclic and is_solved_with_source):
+                return "points", [own], 0
+        return "hermite", [own], 0
 
 
 def _effects(parts: Components, bus: Bus, gains: Gains) -> dict[VariableReference, list[tuple[int, int, int]]]:
@@ -157,15 +205,6 @@ def _effects(parts: Components, bus: Bus, gains: Gains) -> dict[VariableReferenc
             rate, value = (bus.index.get(port.place, -1) for port in motion)
             effects.setdefault(input_, []).append((column, rate, value))
     return effects
-
-
-def _extrapolated(part: SystemComponent, target: VariableReference, bus: Bus, own: int) -> tuple[list[int], int]:
-    """Columns of the data from which an FMU extrapolates an input, and which derivative of them the input is."""
-    triple, order = Port(part, target[1]).curve()
-    if part.approximation.method != 1 or triple is None:
-        return [own], 0
-    sources = [bus.source(port.place) for port in triple]
-    return ([source for source in sources if source is not None], order) if None not in sources else ([own], 0)
 
 
 def _acceleration(part: SystemComponent, name: str) -> tuple[Port, Port] | None:

@@ -34,9 +34,9 @@ from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import keeping_warnings, logger, warn_of_what_is_not_finite
 from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
 from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.contacts import missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.impulses import missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.input_reconstruction import (
     InitialDerivatives,
     contact_mechanisms,
