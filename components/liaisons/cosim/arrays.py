@@ -15,6 +15,11 @@ Numbers = Vector | Array[c_double]
 """Doubles side by side, which a prepared call reads or writes."""
 
 
+def as_indices(numbers: object) -> Indices:
+    """Whole numbers as an array."""
+    return np.array(numbers, dtype=np.intp)
+
+
 def pointer_to(values: Numbers) -> Array[c_double]:
     """The same doubles as an argument of a foreign function."""
     return (c_double * len(values)).from_buffer(values)  # type: ignore[arg-type] - NumPy says so from Python 3.12 on

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from liaisons.cosim.arrays import Indices
+from liaisons.cosim.arrays import Indices, as_indices
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.coupling.records import EliminationRecord
 
@@ -50,7 +50,7 @@ class Elimination:
         rows = _flat((row for row, _ in column) for column in self._columns)
         parts: Any = self.values[indices], rows, _starts(self._columns)
         factors = splu(csc_array(parts, (n, n)))
-        row_order, column_order = (np.array(order, dtype=np.intp) for order in (factors.perm_r, factors.perm_c))
+        row_order, column_order = map(as_indices, (factors.perm_r, factors.perm_c))
         order = row_order.tolist()
         matrix = [[(order[row], index) for row, index in self._columns[k]] for k in np.argsort(column_order).tolist()]
         above, below = _fill_in([[row for row, _ in column] for column in matrix])

@@ -10,7 +10,7 @@ from typing import Literal, final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord, records
@@ -91,15 +91,15 @@ class Node:
         self.inputs = [variables[name] for _, name in inputs]
         self.outputs = [variables[name] for _, name in outputs]
         self.curves = [signals.curve(input_, cycle) for input_ in inputs]
-        self.sources: Indices = np.array([c.data[c.order] for c in self.curves], dtype=np.intp)
-        self.rates: Indices = np.array([c.rate for c in self.curves], dtype=np.intp)
+        self.sources = as_indices([c.data[c.order] for c in self.curves])
+        self.rates = as_indices([c.rate for c in self.curves])
         first = signals.index[outputs[0]] if outputs else 0
         self.values = slice(first, first + len(outputs))
         self.slopes = slice(signals.count + first, signals.count + first + len(outputs))
         self.sloped = bool(outputs) and self.name in signals.sloped
 
         self._repeated = bool(cycle)
-        self._roots: Indices = np.array([signals.root(input_, cycle) for input_ in inputs], dtype=np.intp)
+        self._roots = as_indices([signals.root(input_, cycle) for input_ in inputs])
         self._set_values, self._read = bus.view(inputs), bus.view(outputs)
         self._put = [instance.setter(self.inputs, self._set_values)] if inputs else []
         self._get = [instance.getter(self.outputs, self._read)] if outputs else []
@@ -221,8 +221,8 @@ class Node:
             record.point(
                 term=followed.terms,
                 factors=followed.factors,
-                begun=np.array([data[k][order] for k, order in followed.which], dtype=np.intp),
-                of=np.array([k for k, _ in followed.which], dtype=np.intp),
+                begun=as_indices([data[k][order] for k, order in followed.which]),
+                of=as_indices([k for k, _ in followed.which]),
             )
         return calls, record
 

@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.hermite import coefficients
-from liaisons.cosim.arrays import Indices, Memory, Vector
+from liaisons.cosim.arrays import Indices, Memory, Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.components import Components, Port
@@ -105,7 +105,7 @@ def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomial
                 signals.setdefault((end + index, i), len(signals))
     terms = [tuple(signals[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
     orders = tuple(curve.order for curve in curves)
-    indices = np.array([index for index, _ in signals], dtype=np.intp)
+    indices = as_indices([index for index, _ in signals])
     return Polynomials(signals=indices, **_alike(tuple(terms), orders, tuple(i for _, i in signals), highest))
 
 
@@ -121,8 +121,8 @@ def _alike(terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling:
         if power < many:
             columns[row, :many] = terms[k]
             factors[row, :many] = coefficients(many // 2)[power] * math.factorial(power)
-    after = np.array([order + orders[k] for k, order in which], dtype=np.intp)
-    powers_before = np.array(scaling, dtype=np.intp)
+    after = as_indices([order + orders[k] for k, order in which])
+    powers_before = as_indices(scaling)
     return {"which": which, "scaling": powers_before, "terms": columns, "factors": factors, "after": after}
 
 
@@ -255,7 +255,7 @@ class SignalHistory:
     def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
         ports = {curve.data[0]: curve.data for curve in curves}.values()
         made = [data[0] for data in ports if len(data) == 2 and signals.makes(data[0])]
-        self.made: Indices = np.array(made, dtype=np.intp)
+        self.made = as_indices(made)
         signals.held[[index for index in made if not signals.continuous(index)]] = True
         n = len(made)
         self.memory = Memory([np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)])

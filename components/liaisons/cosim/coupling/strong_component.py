@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import RAISED, Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.elimination import Elimination
@@ -69,8 +69,8 @@ class Newton:
                 number += 1
         n = len(unknowns)
         slots = {(k, k): k for k in range(n)}
-        slot_of_entry = np.array([slots.setdefault(e[:2], len(slots)) for e in entries], dtype=np.intp)
-        numbers, powers = (np.array([e[k] for e in entries], dtype=np.intp) for k in (2, 4))
+        slot_of_entry = as_indices([slots.setdefault(e[:2], len(slots)) for e in entries])
+        numbers, powers = (as_indices([e[k] for e in entries]) for k in (2, 4))
         elimination = Elimination(n, list(slots))
         addresses = [column.ctypes.data + i * column.itemsize for column in columns for i in range(len(column))]
         self.order = Call(elimination.order)
@@ -130,7 +130,7 @@ class StrongComponent:
         self._tolerance = simulation.interface_tolerance
         fed = {i for node in nodes for curve in node.curves for i in (*curve.data, curve.rate)} - {signals.zero}
         own = {i for n in nodes for part in (n.values, *[n.slopes] * n.sloped) for i in range(part.start, part.stop)}
-        self._unknowns: Indices = np.array(sorted(fed & own), dtype=np.intp)
+        self._unknowns = as_indices(sorted(fed & own))
         self._kinds = signals.kinds[self._unknowns % signals.count]
         self._errors = np.empty(len(self._unknowns))
         self._implicit = simulation.coupling == "implicit"

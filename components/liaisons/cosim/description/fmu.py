@@ -57,7 +57,6 @@ class Fmu:
     :param input_derivatives: whether derivatives of inputs can be set within a step (FMI 2.0 only).
     :param inside_inputs: whether inputs can be set in intermediate update mode (FMI 3.0 only).
     :param output_derivative_order: highest order of output derivatives that can be read.
-    :param only_one: whether a process can have only one instance.
     :param unpacked: size of its files in bytes.
     """
 
@@ -78,7 +77,6 @@ class Fmu:
     input_derivatives: bool
     inside_inputs: bool
     output_derivative_order: int
-    only_one: bool
     unpacked: int
     log_categories: tuple[str, ...]
     experiment: DefaultExperiment
@@ -236,7 +234,6 @@ def _fmu(path: Path, archive: Archive, description: Description, prefers: str) -
         input_derivatives=is_model_exchange or (two and _true(kind, "canInterpolateInputs")),
         inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=1 if is_model_exchange else int(kind.get("maxOutputDerivativeOrder", 0)),
-        only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
         unpacked=archive.size,
         log_categories=tuple(description.log_categories),
         experiment=_experiment(description.experiment),

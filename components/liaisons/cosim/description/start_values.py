@@ -18,6 +18,8 @@ from liaisons.errors import InvalidValueError, SimulationError, suggestion
 Start = float | int | bool | str
 Value = Start | tuple[Start, ...]
 """A start value; of an array, one for each element."""
+Starts = Mapping[str, Value]
+"""Start values by name."""
 
 
 def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, Value]:

@@ -15,7 +15,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances import texts
@@ -105,8 +105,7 @@ def layout(
             array = fmu.variables.whole(variable.name) if fmu.version == 3 else None
             size += array.size if array else 1
         positions.append(begin + variable.position)
-    indices = (np.array(numbers, dtype=np.intp) for numbers in (scalars, positions))
-    return BufferLayout(base, tuple(references), c_type, size, *indices)
+    return BufferLayout(base, tuple(references), c_type, size, as_indices(scalars), as_indices(positions))
 
 
 @lru_cache(maxsize=1024)

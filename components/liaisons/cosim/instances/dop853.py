@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.libraries import loaded
 from liaisons.base.structures import Record, fields
-from liaisons.cosim.arrays import Indices, Numbers, Vector
+from liaisons.cosim.arrays import Indices, Numbers, Vector, as_indices
 from liaisons.cosim.compiled.calls import HEADER, Call
 from liaisons.errors import RefusedError
 
@@ -44,9 +44,7 @@ class InputMotion:
         derivatives: tuple[Numbers, Sequence[int]],
         places: Indices,
     ) -> None:
-        self.orders, self.rows, self._moving = (
-            np.array(numbers, dtype=np.intp) for numbers in (orders, rows, derivatives[1])
-        )
+        self.orders, self.rows, self._moving = map(as_indices, (orders, rows, derivatives[1]))
         self._all, self.places = np.asarray(derivatives[0]), places
         self._factorials = np.array([math.factorial(order) for order in orders])
         self.values = np.zeros(places.size)

@@ -28,7 +28,7 @@ from liaisons.base.processes import fork_guarded
 from liaisons.cosim.arrays import Numbers, Vector
 from liaisons.cosim.compiled.calls import Action, Call
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import Value
+from liaisons.cosim.description.start_values import Starts
 from liaisons.cosim.instances.protocol import Instance, Scalars
 from liaisons.cosim.messages import FATAL, OK, STATUSES, logger
 from liaisons.errors import LiaisonsError, ProcessEndedError, SimulationError
@@ -71,9 +71,7 @@ class Isolated(Instance):
             self.close()
             raise
 
-    def initialize(
-        self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
-    ) -> None:
+    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
         self._ask("its initialization", "initialize", starts, tolerance, start_time, stop_time)
 
     def assign(self, name: str, value: Any) -> None:

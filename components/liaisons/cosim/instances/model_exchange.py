@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from ctypes import byref, c_bool, c_double, c_size_t, c_void_p
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, final
@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 import numpy as np
 from fmpy.fmi2 import fmi2EventInfo
 
-from liaisons.cosim.arrays import Indices, Numbers, Vector
+from liaisons.cosim.arrays import Indices, Numbers, Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import Value
+from liaisons.cosim.description.start_values import Starts
 from liaisons.cosim.instances import dop853
 from liaisons.cosim.instances.dop853 import Dop853, InputMotion
 from liaisons.cosim.instances.fmi2 import Instance2
@@ -70,9 +70,7 @@ class ModelExchange(Loaded, ABC):
 
     # ---- initialization
 
-    def initialize(
-        self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
-    ) -> None:
+    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
         self._tolerance = tolerance or self._fmu.experiment.tolerance or TOLERANCE
         self._clock.value, self._next_event, self._end_time = start_time, math.inf, math.inf
         self._jumped, self._motion, self._held_inputs[:] = False, None, np.nan
@@ -158,7 +156,7 @@ class ModelExchange(Loaded, ABC):
         """Give inputs indices among the held ones; returns these."""
         places = [self._input_indices.setdefault(variable.name, len(self._input_indices)) for variable in variables]
         self._held_inputs = np.full(len(self._input_indices), np.nan)
-        return np.array(places, dtype=np.intp)
+        return as_indices(places)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         inputs = [variable for variable in dict.fromkeys(variables) if variable.continuous]  # discrete ones do not move

@@ -18,7 +18,7 @@ from fmpy.fmi1 import FMICallException
 from liaisons.cosim.arrays import Numbers, Vector, pointer_to
 from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call, Failure
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import Value
+from liaisons.cosim.description.start_values import Starts
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, layouts, value_references
 from liaisons.cosim.instances.loading import FmpyInstance, load
@@ -54,9 +54,7 @@ class Instance(ABC):
         self.close()
 
     @abstractmethod
-    def initialize(
-        self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
-    ) -> None:
+    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
         """Enter initialization with these start values; tolerance None: the FMU's own; times [s]."""
 
     @abstractmethod
@@ -178,9 +176,7 @@ class Loaded(Instance):
     def _instantiate(self) -> None:
         """Instantiate it by FMPy."""
 
-    def initialize(
-        self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
-    ) -> None:
+    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
         experiment = tolerance is not None, tolerance or 0.0, start_time, True, stop_time
         if self._fmu.version == 2:
             self._call("fmi2SetupExperiment", *experiment)

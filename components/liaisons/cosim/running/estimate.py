@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.hermite import coefficients
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.messages import logger
 from liaisons.cosim.running.contacts import ContactMechanism, accumulated
 from liaisons.cosim.structure.schedule import VariableReference
@@ -138,11 +138,11 @@ class Estimate:
         self._followed = [item for items in alike.values() for item in items]
         self._names = {column: ".".join(reference) for reference, column in columns.items()}
         effects = sorted(effect for k, item in enumerate(self._followed) for effect in _effects(k, item))
-        targets, self._of, gains, once = np.array(effects, dtype=np.intp).reshape(-1, 4).T
+        targets, self._of, gains, once = as_indices(effects).reshape(-1, 4).T
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
         self._targets, self._starts = np.unique(targets, return_index=True)
         self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
-        self._answers = [np.array(self._followed[self._of[j]].answers, dtype=np.intp) for j in self._blind]
+        self._answers = [as_indices(self._followed[self._of[j]].answers) for j in self._blind]
         self._kinds = kinds
         owners = {column: owner for (owner, _), column in columns.items()}
         self._mechanisms = [

@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.arrays import Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.signals import curve
@@ -67,7 +67,7 @@ def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanis
     mechanisms: list[ContactMechanism] = []
     for name, contacts in contacts_of_fed(simulation).items():
         part, index = simulation.parts[name], bus.index
-        columns = np.array([[index[variable] for variable in contact] for contact in contacts], dtype=np.intp)
+        columns = as_indices([[index[variable] for variable in contact] for contact in contacts])
         inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
         mechanisms.append(ContactMechanism(name, columns, inputs))
     return mechanisms

@@ -13,7 +13,7 @@ from typing import Any, Literal, final, get_args
 from liaisons.base.arguments import as_path, settings_beside, shown
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.cosim.description.fmu import Fmu, read
-from liaisons.cosim.description.start_values import Value, start_values, structural_sizes
+from liaisons.cosim.description.start_values import Starts, start_values, structural_sizes
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
 from liaisons.errors import ConnectError, InvalidValueError, SimulationError
@@ -83,7 +83,7 @@ class SystemComponent:
 
     name: str
     fmu: Fmu
-    starts: Mapping[str, Value]
+    starts: Starts
     isolated: float = 0.0
     solver: Solver | None = None
 
@@ -131,11 +131,6 @@ class SystemComponent:
         if port.terminal is None:
             raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *self.fmu.terminals.named)}")
         return port.leading
-
-    def value_of(self, name: str) -> str:
-        """The variable of this name; of a port that is called otherwise, its value."""
-        port = Port(self, name)
-        return name if port.exists else port.leading.name
 
     @property
     def element_starts(self) -> dict[str, Any]:

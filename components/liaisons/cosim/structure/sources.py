@@ -14,7 +14,7 @@ from liaisons.base.arguments import shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.description.start_values import RANGES
 from liaisons.cosim.description.variables import NUMBERS
-from liaisons.cosim.structure.components import Components
+from liaisons.cosim.structure.components import Components, Port
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import LiaisonsError, SimulationError
 
@@ -157,7 +157,8 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
     found: list[Drive] = []
     for (owner, driven_as), function in functions.items():
         part = parts[owner]
-        name = part.value_of(driven_as)
+        port = Port(part, driven_as)
+        name = driven_as if port.exists else port.leading.name
         variable = part.scalar(name)
         if variable.causality != "input":
             words = f"{owner}.{name} is of causality {variable.causality!r}"
