@@ -164,7 +164,7 @@ def test_elimination_solves_what_a_dense_one_does(seed: int) -> None:
             continue
         elimination.values[:] = numbers
         if not (elimination.record.ordered and library.eliminate(byref(elimination.record))):
-            elimination.order()
+            elimination.choose_pivots()
         solution = np.empty(n)
         library.solve(byref(elimination.record), c_void_p(right.ctypes.data), c_void_p(solution.ctypes.data))
         # pivots of a thousandth let rounding grow by 1e3, times that of a random system of this size

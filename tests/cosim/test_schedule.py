@@ -26,16 +26,16 @@ def _program(text: str) -> list[Operation]:
 
 @pytest.mark.parametrize("names", ["abc", "cba", "bca"])
 def test_sources_come_before_what_they_feed(names: str) -> None:
-    assert schedule.order(list(names), CHAIN) == ["a", "b", "c"]
+    assert schedule.execution_order(list(names), CHAIN) == ["a", "b", "c"]
 
 
 def test_order_of_addition_decides_where_connections_do_not() -> None:
-    assert schedule.order(["z", "y", "x"], {}) == ["z", "y", "x"]
+    assert schedule.execution_order(["z", "y", "x"], {}) == ["z", "y", "x"]
 
 
 def test_cycle_keeps_the_order_of_addition_between_its_source_and_its_sink() -> None:
     feeds = {**RING, ("a", "w"): ("source", "y"), ("sink", "u"): ("a", "y")}
-    assert schedule.order(["sink", "b", "a", "source"], feeds) == ["source", "b", "a", "sink"]
+    assert schedule.execution_order(["sink", "b", "a", "source"], feeds) == ["source", "b", "a", "sink"]
 
 
 def _of_b(output: VariableReference, _input: VariableReference) -> bool:
@@ -62,12 +62,12 @@ def _of_b(output: VariableReference, _input: VariableReference) -> bool:
 def test_operations_of_a_step(  # noqa: PLR0917 - a table
     names: str, feeds: Feeds, depends: schedule.Depends, coupling: schedule.Coupling, newest: str, program: str
 ) -> None:
-    assert schedule.step(names, feeds, depends, coupling, newest) == _program(program)
+    assert schedule.step_program(names, feeds, depends, coupling, newest) == _program(program)
 
 
 @pytest.mark.parametrize("depends", [_always, _never])
 def test_every_component_of_a_cycle_is_consistent_at_the_end(depends: schedule.Depends) -> None:
-    program = schedule.consistent(["a", "b"], RING, depends)
+    program = schedule.consistent_program(["a", "b"], RING, depends)
     for name in ("a", "b"):
         assert program.index(("set", name)) < len(program) - 1 - program[::-1].index(("get", name))
 
@@ -79,7 +79,7 @@ def test_zigzag_through_two_components_is_followed_to_its_end() -> None:
     def depends(output: VariableReference, input_: VariableReference) -> bool:
         return (output[1], input_[1]) in {("y1", "u1"), ("y2", "u2")} and output != ("a", "y1")
 
-    assert schedule.consistent(["a", "b"], feeds, depends) == _program(
+    assert schedule.consistent_program(["a", "b"], feeds, depends) == _program(
         "get a, set b, get b, set a, get a, set b, get b"
     )
 

@@ -24,7 +24,7 @@ _MOST = 20  # variables that are named
 P = ParamSpec("P")
 
 
-def keeping_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
+def collect_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
     """The same function of a run, whose result has in ``warnings`` what was logged meanwhile, too."""
 
     @wraps(function)
@@ -33,19 +33,19 @@ def keeping_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
             try:
                 result = function(*arguments, **options)
             except (IncompleteError, Interrupted) as error:
-                error.result = _with(error.result, found.texts)
+                error.result = _add_warnings(error.result, found.texts)
                 raise
-        return _with(result, found.texts)
+        return _add_warnings(result, found.texts)
 
     return call
 
 
-def _with(result: Result, warnings: tuple[str, ...]) -> Result:
+def _add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
     """A result with these warnings after its own."""
     return replace(result, warnings=tuple(dict.fromkeys((*result.warnings, *warnings)))) if warnings else result
 
 
-def warn_of_what_is_not_finite(result: Result) -> None:
+def warn_of_non_finite_values(result: Result) -> None:
     """Warn of every signal with values that are not finite, with the first of them."""
     count = 0
     for name, values in zip(result.names, result.values, strict=True):

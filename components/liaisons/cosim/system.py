@@ -84,9 +84,9 @@ class System:
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
         starts = merged(f"{self.name}: {name}", start_values, keywords)
-        return self._added(name, fmu, starts, isolated=isolated, solver=solver)
+        return self._add_part(name, fmu, starts, isolated=isolated, solver=solver)
 
-    def _added(
+    def _add_part(
         self,
         name: str,
         fmu: Path | str,
@@ -334,7 +334,7 @@ def simulate(
     )
     starts = merged(path.stem, start_values, keywords)
     system = System(path.stem or str(path))
-    part = system._added(  # noqa: SLF001 - it may have a dot in its name
+    part = system._add_part(  # noqa: SLF001 - it may have a dot in its name
         path.stem, path, starts, isolated=isolated, solver=solver
     )
     with settings_beside(part.fmu.variables):

@@ -20,7 +20,7 @@ from liaisons.cosim.description.fmu import read_description
 from liaisons.cosim.description.model_description import Attributes
 from liaisons.cosim.structure.components import Port
 from liaisons.cosim.structure.scenes import connected_groups, picture_of
-from liaisons.cosim.structure.schedule import order
+from liaisons.cosim.structure.schedule import execution_order
 from liaisons.errors import SimulationError
 from liaisons.pictures import together
 from liaisons.pictures.inline import page
@@ -54,7 +54,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         root = read_description(subject).root
         parts, connections, title, text = {"": part}, (), root["modelName"], root.get("description", "")
     feeds = {connection.target.place: connection.source.place for connection in connections}
-    ordered = list(order([part.name for part in parts.values()], feeds))
+    ordered = list(execution_order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
     components = [

@@ -77,9 +77,9 @@ class Bus:
             raise error
         if status != WARNING:
             assert call.failure is not None
-            raise call.failure(call.action, status, self._when(call.action))
+            raise call.failure(call.action, status, self._time_text(call.action))
 
-    def _when(self, action: Action) -> str:
+    def _time_text(self, action: Action) -> str:
         since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
         return f" {since} t = {self.end.value:.10g} s"
 

@@ -41,7 +41,7 @@ class Elimination:
         for index, (row, column) in enumerate(pattern):
             self._columns[column].append((row, index))
 
-    def order(self) -> None:
+    def choose_pivots(self) -> None:
         """Choose the pivots by the present values, and eliminate.
 
         :raises RuntimeError: if the matrix is singular.

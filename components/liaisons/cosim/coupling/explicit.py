@@ -30,9 +30,9 @@ def prepared_calls(simulation: Simulation, instances: Instances, bus: Bus) -> tu
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     newest = {name for name, part in simulation.parts.items() if part.approximation.method in {None, 2}}
     return (
-        calls(schedule.consistent(order, feeds, partial(depends, initially=True)), initial=True),
-        calls(schedule.consistent(order, feeds, depends)),
-        calls(schedule.step(order, feeds, depends, simulation.coupling, newest)),
+        calls(schedule.consistent_program(order, feeds, partial(depends, initially=True)), initial=True),
+        calls(schedule.consistent_program(order, feeds, depends)),
+        calls(schedule.step_program(order, feeds, depends, simulation.coupling, newest)),
     )
 
 

@@ -64,7 +64,7 @@ class Coupled:
         self._library = library
         self._record = self._system_record()
         advance = Call(library.advance_coupled, byref(self._record), bus.start, bus.size)
-        self.advance = advance.recorded(COUPLED, addressof(self._record)).with_failure("couple", self._failure)
+        self.advance = advance.recorded(COUPLED, addressof(self._record)).with_failure("couple", self._raise_failure)
 
     def _system_record(self) -> SystemRecord:
         """The structure that compiled code reads."""
@@ -74,7 +74,7 @@ class Coupled:
             Call(self._step_in_thirds, k) if component.source else None for k, component in enumerate(components)
         ]
         calls = zip((*self._histories, self._driven), (*self._source_calls, None), strict=True)
-        self._kept = histories = [history.record(call) for history, call in calls]
+        self._referenced = histories = [history.record(call) for history, call in calls]
         records = [component.record("step") for component in components]
         record = SystemRecord(outputs=signals.count, kinds=len(signals.sizes), count=len(components))
         record.point(components=(StrongComponentRecord * len(components))(*records))
@@ -88,20 +88,20 @@ class Coupled:
         record.point(scratch=np.empty(_ROOM * max((r.n for r in records), default=0) + len(signals.sizes)))
         return record
 
-    def _failure(self, _action: Action, status: int, _when: str) -> SimulationError:
+    def _raise_failure(self, _action: Action, status: int, _when: str) -> SimulationError:
         """Raise the error of a step that compiled code has not made."""
         failure = self._record.failure
         for call in (self._drive_call, *self._source_calls):
             if status == RAISED and call is not None and call.raised is not None:
                 self._bus.check_status(call, status)
-        self._components[failure.component].fail("step", failure, status)
+        self._components[failure.component].raise_failure("step", failure, status)
         raise AssertionError(status)
 
     def _solve(self, component: StrongComponent, phase: Phase, size: float = 0.0) -> None:
         """Solve the equations of a component in the present step."""
         equations, start = byref(component.record(phase)), self._bus.start
         if status := self._library.solve_component(byref(self._record), equations, start, c_double(size)):
-            component.fail(phase, self._record.failure, status)
+            component.raise_failure(phase, self._record.failure, status)
 
     def reset(self) -> None:
         """Forget all steps."""
@@ -139,7 +139,7 @@ class Coupled:
             self.signals.measure()
         self.signals.before[:] = self.signals.now
 
-    def cross(self) -> None:
+    def cross_break(self) -> None:
         """Make the tiny step to a break with all inputs extrapolated, and forget the past."""
         signals, time = self.signals, self._bus.end.value
         signals.now[:] = signals.before

@@ -19,7 +19,7 @@ from liaisons.cosim.structure.schedule import Feeds, VariableReference
 from liaisons.cosim.structure.sources import SIGNALS
 
 
-def watched(parts: Components, feeds: Feeds) -> list[VariableReference]:
+def port_outputs(parts: Components, feeds: Feeds) -> list[VariableReference]:
     """Outputs in the ports of connected outputs, which are read along with them."""
     ports = (curve(parts, feeds, source)[0] for source in feeds.values())
     return [reference for triple in ports for reference in triple]

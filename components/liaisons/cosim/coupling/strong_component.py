@@ -40,7 +40,7 @@ class Newton:
     :param unknowns: indices of x among the signals.
     :param initial: the equations of initialization, where there are no slopes.
     :ivar calls: calculate the derivatives.
-    :ivar order: calls :meth:`Elimination.order`.
+    :ivar choose_pivots: calls :meth:`Elimination.choose_pivots`.
     :ivar record: the matrix, for compiled code.
     """
 
@@ -73,13 +73,13 @@ class Newton:
         numbers, powers = (as_indices([e[k] for e in entries]) for k in (2, 4))
         elimination = Elimination(n, list(slots))
         addresses = [column.ctypes.data + i * column.itemsize for column in columns for i in range(len(column))]
-        self.order = Call(elimination.order)
-        self._kept = columns, elimination
+        self.choose_pivots = Call(elimination.choose_pivots)
+        self._referenced = columns, elimination
         self.record = record = NewtonRecord(count=len(self.calls), entries=len(entries), numbers=len(slots))
         record.point(calls=records(self.calls), elimination=elimination.record)
         record.point(derivatives=np.array(addresses, dtype=np.uintp)[numbers], slots=slot_of_entry, powers=powers)
         record.point(factors=np.array([entry[3] for entry in entries]), values=elimination.values)
-        record.order = self.order.compiled().function
+        record.order = self.choose_pivots.compiled().function
 
 
 def _through_motion(triple: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:
@@ -134,8 +134,8 @@ class StrongComponent:
         self._kinds = signals.kinds[self._unknowns % signals.count]
         self._errors = np.empty(len(self._unknowns))
         self._implicit = simulation.coupling == "implicit"
-        running = self._newton(simulation, initial=False)
-        starting = self._newton(simulation, initial=True)
+        running = self._make_newton(simulation, initial=False)
+        starting = self._make_newton(simulation, initial=True)
         self._equations: dict[Phase, _Equations] = {
             "step": self._equations_of("step", running, cyclic=cyclic),
             "instant": self._equations_of("instant", running, cyclic=cyclic),
@@ -143,7 +143,7 @@ class StrongComponent:
             "crossing": self._equations_of("crossing", None, cyclic=False),
         }
 
-    def _newton(self, simulation: Simulation, *, initial: bool) -> Newton | None:
+    def _make_newton(self, simulation: Simulation, *, initial: bool) -> Newton | None:
         depends = partial(simulation.depends, initially=True) if initial else simulation.depends
         if not (self._cyclic and self._implicit):
             return None
@@ -181,7 +181,7 @@ class StrongComponent:
         first = self.nodes[0]
         return None if self._cyclic or first.inputs or not first.part.fmu.variable_step else first
 
-    def fail(self, phase: Phase, failure: FailureRecord, status: int) -> None:
+    def raise_failure(self, phase: Phase, failure: FailureRecord, status: int) -> None:
         """Raise the error of equations that compiled code has not solved.
 
         :raises SimulationError: always.
@@ -189,8 +189,8 @@ class StrongComponent:
         equations = self._equations[phase]
         if status == DIVERGED:
             self._raise_divergence(self._bus.end.value, self._errors)
-        if (newton := equations.newton) is not None and status == RAISED and newton.order.raised is not None:
-            self._raise_singular(newton.order)
+        if (newton := equations.newton) is not None and status == RAISED and newton.choose_pivots.raised is not None:
+            self._raise_singular(newton.choose_pivots)
         calls = newton.calls if failure.deriving and newton is not None else equations.calls[failure.node]
         try:
             self._bus.check_status(calls[failure.call], status)
@@ -200,9 +200,9 @@ class StrongComponent:
             hint = f"with inputs of iteration {failure.iteration}, which leads away: choose a smaller step_size"
             raise RefusedError(f"{refusal}; {hint}") from refusal
 
-    def _raise_singular(self, order: Call) -> None:
+    def _raise_singular(self, choose_pivots: Call) -> None:
         try:
-            self._bus.check_status(order, RAISED)
+            self._bus.check_status(choose_pivots, RAISED)
         except RuntimeError:
             names = ", ".join(node.name for node in self.nodes)
             raise SimulationError(

@@ -172,7 +172,7 @@ def read(
 @lru_cache(maxsize=64)
 def _read(path: Path, sizes: tuple[tuple[str, int], ...], prefers: str, *_identity: int) -> Fmu:
     with Archive(path) as archive:
-        return _reading(archive, lambda file: _fmu(path, archive, parse(file, dict(sizes)), prefers))
+        return _read_from(archive, lambda file: _make_fmu(path, archive, parse(file, dict(sizes)), prefers))
 
 
 def read_description(path: Path) -> Description:
@@ -181,10 +181,10 @@ def read_description(path: Path) -> Description:
     :raises SimulationError: as :func:`read`, but for what beside the model description is not looked at.
     """
     with Archive(path) as archive:
-        return _reading(archive, lambda file: parse(file, {}, keeps_attributes=True))
+        return _read_from(archive, lambda file: parse(file, {}, keeps_attributes=True))
 
 
-def _reading(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
+def _read_from(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
     """What a function reads from the model description in an archive."""
     if DESCRIPTION not in archive.names:
         raise SimulationError(f"{archive.path}: has no {DESCRIPTION} inside, so it is no FMU")
@@ -196,7 +196,7 @@ def _reading(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
             raise SimulationError(f"{archive.path}: its {DESCRIPTION} cannot be read: {reason}") from error
 
 
-def _fmu(path: Path, archive: Archive, description: Description, prefers: str) -> Fmu:
+def _make_fmu(path: Path, archive: Archive, description: Description, prefers: str) -> Fmu:
     root, kinds = description.root, description.kinds
     version = root["fmiVersion"]
     if version[:2] not in {"2.", "3."}:
@@ -221,18 +221,18 @@ def _fmu(path: Path, archive: Archive, description: Description, prefers: str) -
         states=description.states,
         continuous_states=description.continuous_states,
         indicators=int(root.get("numberOfEventIndicators") or 0),
-        completes=_true(kind, "completedIntegratorStepNotNeeded" if two else "needsCompletedIntegratorStep") != two,
+        completes=_is_true(kind, "completedIntegratorStepNotNeeded" if two else "needsCompletedIntegratorStep") != two,
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
         guid=root[needed[1]],
-        binary=_binary(path, archive, kind["modelIdentifier"], two=two),
-        variable_step=is_model_exchange or _true(kind, "canHandleVariableCommunicationStepSize"),
-        can_get_and_set_state=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
-        provides_directional_derivatives=_true(
+        binary=_binary_path(path, archive, kind["modelIdentifier"], two=two),
+        variable_step=is_model_exchange or _is_true(kind, "canHandleVariableCommunicationStepSize"),
+        can_get_and_set_state=_is_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
+        provides_directional_derivatives=_is_true(
             kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"
         ),
-        input_derivatives=is_model_exchange or (two and _true(kind, "canInterpolateInputs")),
-        inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
+        input_derivatives=is_model_exchange or (two and _is_true(kind, "canInterpolateInputs")),
+        inside_inputs=not two and _is_true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=1 if is_model_exchange else int(kind.get("maxOutputDerivativeOrder", 0)),
         unpacked=archive.size,
         log_categories=tuple(description.log_categories),
@@ -245,7 +245,7 @@ def _fmu(path: Path, archive: Archive, description: Description, prefers: str) -
     )
 
 
-def _true(attributes: Mapping[str, str], name: str) -> bool:
+def _is_true(attributes: Mapping[str, str], name: str) -> bool:
     return attributes.get(name, "false") in {"true", "1"}
 
 
@@ -275,7 +275,7 @@ def usable(start: float, stop: float | None, step: float | None) -> tuple[float 
 _MOST_STEPS = 1e12
 
 
-def _binary(path: Path, archive: Archive, identifier: str, *, two: bool) -> str:
+def _binary_path(path: Path, archive: Archive, identifier: str, *, two: bool) -> str:
     """Path of this platform's library in the archive: in a folder of FMI 2.0, or of 2.0.4 and 3.0."""
     files, library = archive.names, identifier + fmpy.sharedLibraryExtension
     folders = [fmpy.platform_tuple]

@@ -52,7 +52,7 @@ def parse(file: IO[bytes], sizes: Mapping[str, int], *, keeps_attributes: bool =
     """
     description = Description(sizes, keeps_attributes=keeps_attributes)
     documents.parse(file, description.start)
-    return description.finished()
+    return description.finish()
 
 
 _Pending = tuple[Scalar, list[tuple[str | None, str | None]], list[str]]
@@ -139,15 +139,15 @@ class Description:
         self._known: dict[str, frozenset[int]] = {}  # by the text of the attribute, which many unknowns share
         self._memory = 0
         self._handlers: dict[str, Callable[[Attributes], None]] = {
-            "fmiModelDescription": self._root,
+            "fmiModelDescription": self._read_root,
             **{kind: partial(self.kinds.__setitem__, kind) for kind in KINDS},
             "Category": lambda a: self.log_categories.append(a["name"]),
-            "Item": self._item,
+            "Item": self._add_item,
             "DefaultExperiment": partial(setattr, self, "experiment"),
             "Unit": partial(setattr, self, "_unit"),
-            "BaseUnit": self._base_unit,
-            "ModelVariables": self._open_variables,
-            "ModelStructure": self._close_variables,
+            "BaseUnit": self._add_base_unit,
+            "ModelVariables": self._begin_variables,
+            "ModelStructure": self._end_variables,
         }
 
     def start(self, tag: str, attributes: Attributes) -> None:
@@ -155,9 +155,9 @@ class Description:
         handler = self._handlers.get(tag)
         if handler is not None:
             handler(attributes)
-            self._take(_BYTES_OF_TAG)
+            self._count_memory(_BYTES_OF_TAG)
 
-    def _take(self, size: int) -> None:
+    def _count_memory(self, size: int) -> None:
         """Add to the estimate of memory in bytes.
 
         :raises ValueError: above the limit.
@@ -166,9 +166,9 @@ class Description:
         if self._memory > _MOST_MEMORY:
             raise ValueError(f"what it says takes more than {_MOST_MEMORY} bytes of memory; put variables into arrays")
 
-    def finished(self) -> Description:
+    def finish(self) -> Description:
         """Complete the description after the last tag; returns it."""
-        self._close_variables({})
+        self._end_variables({})
         self.states = len(self._derivatives)
         index_of = self._index.get if self._index else lambda number: number - 1
         pairs = ((index, index_of(self._differentiated.get(index, -1))) for index in self._derivatives)
@@ -179,63 +179,65 @@ class Description:
 
     # ---- header
 
-    def _root(self, attributes: Attributes) -> None:
+    def _read_root(self, attributes: Attributes) -> None:
         self.root = dict(attributes)
         version = attributes["fmiVersion"]
         if version.startswith("2."):
-            self._handlers |= {"SimpleType": partial(setattr, self, "_type"), "Real": self._real_type}
+            self._handlers |= {"SimpleType": partial(setattr, self, "_type"), "Real": self._add_real_type}
         elif version.startswith("3."):
-            self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._real_type)
+            self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._add_real_type)
             self._handlers["EnumerationType"] = partial(setattr, self, "_type")
         else:  # its elements mean something else
             self._handlers = {}
 
-    def _base_unit(self, attributes: Attributes) -> None:
+    def _add_base_unit(self, attributes: Attributes) -> None:
         name = self._unit["name"]
         self.units[name] = UnitDefinition.of(name, attributes)
 
-    def _item(self, attributes: Attributes) -> None:
+    def _add_item(self, attributes: Attributes) -> None:
         """Of an enumeration type, which :attr:`_type` names."""
         if self._keeps_attributes and "name" in self._type:
             self.items.setdefault(self._type["name"], {})[attributes.get("name", "")] = int(attributes.get("value", 0))
 
-    def _real_type(self, attributes: Attributes) -> None:
+    def _add_real_type(self, attributes: Attributes) -> None:
         """Keep the unit of a real type, whose name stands in its parent in FMI 2.0."""
         self._type_units[attributes.get("name") or self._type["name"]] = attributes.get("unit", "")
 
     # ---- variables
 
-    def _open_variables(self, _: Attributes) -> None:
+    def _begin_variables(self, _: Attributes) -> None:
         if self.root["fmiVersion"].startswith("2."):
             self._handlers["ScalarVariable"] = partial(setattr, self, "_scalar")
-            self._handlers |= {tag: self._scalar_of(tag, kind) for tag, kind in _FMI_2.items()}
+            self._handlers |= {tag: self._scalar_handler(tag, kind) for tag, kind in _FMI_2.items()}
             return
-        self._handlers |= {tag: self._variable_of(tag, kind) for tag, kind in _FMI_3.items()}
-        self._handlers |= {"Dimension": self._dimension, "Start": self._start, "Alias": self._alias}
+        self._handlers |= {tag: self._variable_handler(tag, kind) for tag, kind in _FMI_3.items()}
+        self._handlers |= {"Dimension": self._add_dimension, "Start": self._add_start_value, "Alias": self._add_alias}
 
-    def _scalar_of(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
+    def _scalar_handler(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
         base = "Integer" if tag == "Enumeration" else tag
 
         def handle(attributes: Attributes) -> None:
             if self._scalar is not None:  # else a tag of the same name elsewhere
-                self._add(self._variable(kind, tag, base, self._scalar, attributes))
+                self._add(self._make_variable(kind, tag, base, self._scalar, attributes))
                 self._scalar = None
 
         return handle
 
-    def _variable_of(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
+    def _variable_handler(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
         base = "Int64" if tag == "Enumeration" else tag
 
         def handle(attributes: Attributes) -> None:
-            variable = self._variable(kind, tag, base, attributes, attributes)
+            variable = self._make_variable(kind, tag, base, attributes, attributes)
             self._index[variable.reference] = variable.index
             self._pending = (variable, [], [])
             self._entries[variable.name] = self._pending
-            self._take(_BYTES_OF_VARIABLE)
+            self._count_memory(_BYTES_OF_VARIABLE)
 
         return handle
 
-    def _variable(self, kind: VariableType, tag: str, base: str, attributes: Attributes, typed: Attributes) -> Scalar:
+    def _make_variable(
+        self, kind: VariableType, tag: str, base: str, attributes: Attributes, typed: Attributes
+    ) -> Scalar:
         index = self._count
         self._count += 1
         reference = int(attributes["valueReference"])
@@ -243,7 +245,7 @@ class Description:
             raise ValueError(f"{attributes['name']!r} has the value reference {reference}, which has no 32 bits")
         if self._keeps_attributes:
             self.attributes[attributes["name"]] = {"causality": "local", **typed, **attributes, "tag": tag}
-            self._take(_BYTES_OF_VARIABLE)
+            self._count_memory(_BYTES_OF_VARIABLE)
         causality = attributes.get("causality", "local")
         initial, start = attributes.get("initial"), typed.get("start")
         if "derivative" in typed:
@@ -277,30 +279,30 @@ class Description:
             group = self._entries.get(f"{base}[")  # no variable has such a name
             if group is None:
                 group = self._entries[f"{base}["] = _Elements(replace(variable, name=base))
-                self._take(_BYTES_OF_VARIABLE)
+                self._count_memory(_BYTES_OF_VARIABLE)
             if isinstance(group, _Elements) and _KIND(group.like) == _KIND(variable):
                 group.add(variable, index)
                 return
         self._entries[variable.name] = variable
-        self._take(_BYTES_OF_VARIABLE)
+        self._count_memory(_BYTES_OF_VARIABLE)
 
-    def _dimension(self, attributes: Attributes) -> None:
+    def _add_dimension(self, attributes: Attributes) -> None:
         if self._pending is not None:
             self._pending[1].append((attributes.get("start"), attributes.get("valueReference")))
 
-    def _start(self, attributes: Attributes) -> None:
+    def _add_start_value(self, attributes: Attributes) -> None:
         if self._pending is not None:
             self._pending[2].append(attributes["value"])
 
-    def _alias(self, attributes: Attributes) -> None:
+    def _add_alias(self, attributes: Attributes) -> None:
         if self._pending is not None:
             variable, dimensions, starts = self._pending
             self._entries[attributes["name"]] = replace(variable, name=attributes["name"]), dimensions, starts
-            self._take(_BYTES_OF_VARIABLE)
+            self._count_memory(_BYTES_OF_VARIABLE)
 
     # ---- structure
 
-    def _close_variables(self, _: Attributes) -> None:
+    def _end_variables(self, _: Attributes) -> None:
         """Make the variables of their parts; the tags that follow are those of the model structure."""
         if "Unknown" in self._handlers or not self.root:
             return
@@ -315,29 +317,31 @@ class Description:
             if isinstance(entry, _Elements):
                 entries |= entry.entries(free=entry.like.name not in self._entries)
             else:
-                entries[name] = _entry(entry, sizes, resized=bool(self._sizes)) if isinstance(entry, tuple) else entry
+                entries[name] = (
+                    _make_entry(entry, sizes, resized=bool(self._sizes)) if isinstance(entry, tuple) else entry
+                )
         self.variables = Variables(entries)
         self._entries, self._pending = {}, None
         outputs, initial = self.outputs, self.initial_unknowns
         for tag in (*_FMI_2, *_FMI_3, "Dimension", "Start", "Alias", "ScalarVariable"):
             self._handlers.pop(tag, None)
         self._handlers |= {
-            "Outputs": partial(self._choose, outputs),
-            "Derivatives": partial(self._choose, self._derivatives),
-            "DiscreteStates": partial(self._choose, None),
-            "InitialUnknowns": partial(self._choose, initial),
-            "Unknown": lambda a: self._unknown(self._table, int(a["index"]) - 1, a),
-            "Output": lambda a: self._unknown(outputs, self._index.get(int(a["valueReference"]), -1), a),
-            "ContinuousStateDerivative": lambda a: self._unknown(
+            "Outputs": partial(self._choose_table, outputs),
+            "Derivatives": partial(self._choose_table, self._derivatives),
+            "DiscreteStates": partial(self._choose_table, None),
+            "InitialUnknowns": partial(self._choose_table, initial),
+            "Unknown": lambda a: self._add_unknown(self._table, int(a["index"]) - 1, a),
+            "Output": lambda a: self._add_unknown(outputs, self._index.get(int(a["valueReference"]), -1), a),
+            "ContinuousStateDerivative": lambda a: self._add_unknown(
                 self._derivatives, self._index.get(int(a["valueReference"]), -1), a
             ),
-            "InitialUnknown": lambda a: self._unknown(initial, self._index.get(int(a["valueReference"]), -1), a),
+            "InitialUnknown": lambda a: self._add_unknown(initial, self._index.get(int(a["valueReference"]), -1), a),
         }
 
-    def _choose(self, table: Table | None, _: Attributes) -> None:
+    def _choose_table(self, table: Table | None, _: Attributes) -> None:
         self._table = table
 
-    def _unknown(self, table: Table | None, index: int, attributes: Attributes) -> None:
+    def _add_unknown(self, table: Table | None, index: int, attributes: Attributes) -> None:
         words = attributes.get("dependencies")
         if table is not None:
             table[index] = None if words is None else self._inputs_of(words)
@@ -345,13 +349,13 @@ class Description:
     def _inputs_of(self, words: str) -> frozenset[int]:
         if words not in self._known:
             numbers = list(map(int, words.split()))
-            self._take(_BYTES_OF_INDEX * len(numbers))
+            self._count_memory(_BYTES_OF_INDEX * len(numbers))
             places = (self._index.get(n, -1) for n in numbers) if self._index else (n - 1 for n in numbers)
             self._known[words] = frozenset(place for place in places if place in self._inputs)
         return self._known[words]
 
 
-def _entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
+def _make_entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
     """A variable or array, with the sizes of its dimensions; start values have the sizes in the file."""
     variable, dimensions, given = pending
     starts = given or ([] if variable.start is None else variable.start.split())

@@ -71,7 +71,7 @@ def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
         raise SimulationError(f"{owner}: {fmu.unknown(name)}")
     variable = fmu.variables[name]
     _check_settable(owner, fmu, variable, name, value)
-    return _converted(f"{owner}.{name} = {shown(value)}", variable, value)
+    return _convert(f"{owner}.{name} = {shown(value)}", variable, value)
 
 
 def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> list[Start]:
@@ -81,7 +81,7 @@ def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> list[Start]:
     label = f"{owner}.{name} = {shown(given)}"
     elements = np.asarray(given, dtype=object)  # NumPy would convert numbers beside a string to strings
     if elements.ndim == 0:
-        return [_converted(label, entry.like, elements.item())] * entry.size
+        return [_convert(label, entry.like, elements.item())] * entry.size
     if elements.shape != entry.shape:
         received = "×".join(map(str, elements.shape))
         raise InvalidValueError(
@@ -89,7 +89,7 @@ def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> list[Start]:
             "or one number for all"
         )
     return [
-        _converted(f"{owner}.{name}[{index}] = {value!r}", entry.like, value)
+        _convert(f"{owner}.{name}[{index}] = {value!r}", entry.like, value)
         for index, value in enumerate(elements.reshape(-1).tolist(), start=1)
     ]
 
@@ -116,7 +116,7 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
     )
 
 
-def _converted(label: str, variable: Scalar, value: Any) -> Start:
+def _convert(label: str, variable: Scalar, value: Any) -> Start:
     kind = variable.type
     if kind not in _TAKES:
         raise InvalidValueError(f"{label}: {kind} variables cannot be set here")

@@ -110,7 +110,7 @@ class Terminals:
         for name in variables.entries:
             names = port_names(name)
             if name not in self._ports and {names.rate, names.acceleration} <= variables.entries.keys():
-                self._add(_conventional(names, variables), variables)
+                self._add(_terminal_by_names(names, variables), variables)
         for name, nested in self._points.items():
             self.named.setdefault(name, TerminalDescription(name, nested=nested))
 
@@ -136,14 +136,14 @@ class Terminals:
 
     def get(self, name: str) -> TerminalDescription | None:
         """The terminal of this name, or of an element of it; None if there is none."""
-        return _looked_up(self.named, name)
+        return _look_up(self.named, name)
 
     def port(self, variable: str) -> TerminalDescription | None:
         """The port that a variable, an array or an element of one is a member of; None if of none."""
-        return _looked_up(self._ports, variable)
+        return _look_up(self._ports, variable)
 
 
-def _looked_up(terminals: Mapping[str, TerminalDescription], name: str) -> TerminalDescription | None:
+def _look_up(terminals: Mapping[str, TerminalDescription], name: str) -> TerminalDescription | None:
     if name in terminals or not name.endswith("]"):
         return terminals.get(name)
     base = name.partition("[")[0]
@@ -151,7 +151,7 @@ def _looked_up(terminals: Mapping[str, TerminalDescription], name: str) -> Termi
     return whole and whole.element(name[len(base) :])
 
 
-def _conventional(names: PortNames, variables: Variables) -> TerminalDescription:
+def _terminal_by_names(names: PortNames, variables: Variables) -> TerminalDescription:
     """A terminal of variables with conventional names, where the FMU declares none."""
     entry = variables.entries[names.value].like
     force, flow = (names.force, "inflow") if entry.causality == "input" else (names.load, "outflow")

@@ -125,7 +125,7 @@ class Dop853:
         return self._equations.function, self._equations.status
 
     @property
-    def asked(self) -> float:
+    def last_time(self) -> float:
         """The last time that the FMU was set to [s]."""
         return self._equations.at
 
@@ -160,12 +160,12 @@ class Dop853:
         self.stiff = outcome == _STIFF
         return self._equations.time, outcome == _EVENT
 
-    def memory(self) -> Memory:
-        """The present state, for :meth:`remember`."""
+    def save(self) -> Memory:
+        """The present state, for :meth:`restore`."""
         e = self._equations
         return e.time, e.step, self.states.copy(), self._low.copy()
 
-    def remember(self, memory: Memory) -> None:
+    def restore(self, memory: Memory) -> None:
         """Restore a state."""
         e = self._equations
         e.time, e.step, self.states[:], self._low[:] = memory

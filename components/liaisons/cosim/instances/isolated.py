@@ -63,7 +63,7 @@ class Isolated(Instance):
         self._answers.register(self._pipe, select.POLLIN)
         self._fate = self._how = ""  # what has become of its process, once it does not answer
         self._function = ""  # of FMI, that the last prepared call calls
-        self._guard: int | None = _forked(self._pipe, child_end, make)
+        self._guard: int | None = _fork(self._pipe, child_end, make)
         try:
             self._functions: Mapping[Action, str] = self._ask("its instantiation", "functions")
         except BaseException:
@@ -84,11 +84,11 @@ class Isolated(Instance):
         self._ask("its reset", "reset")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        function = self._transferring("Get", variables)
+        function = self._transfer_functions("Get", variables)
         return self._prepare("get", "getter", variables, received=values, function=function)
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        function = self._transferring("Set", variables)
+        function = self._transfer_functions("Set", variables)
         return self._prepare("set", "setter", variables, sent=[values], function=function)
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
@@ -107,7 +107,7 @@ class Isolated(Instance):
         return self._prepare("shape", "input_derivatives", variables, orders, sent=[values])
 
     def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
-        function = self._transferring("Set", variables)
+        function = self._transfer_functions("Set", variables)
         return self._prepare("set", "intermediate_update", variables, sent=[values], function=function)
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - of the last call
@@ -165,7 +165,7 @@ class Isolated(Instance):
 
         return Call(call).with_failure(action, self.failure)
 
-    def _transferring(self, word: str, variables: Scalars) -> str:
+    def _transfer_functions(self, word: str, variables: Scalars) -> str:
         return " or ".join(f"fmi{self._fmu.version}{word}{base}" for base in dict.fromkeys(v.base for v in variables))
 
     def _ask(self, task: str, method: str, *arguments: object) -> Any:
@@ -225,7 +225,7 @@ class Isolated(Instance):
         return "its process has ended"
 
 
-def _forked(pipe: Connection, child_end: Connection, make: Callable[[], Instance]) -> int:
+def _fork(pipe: Connection, child_end: Connection, make: Callable[[], Instance]) -> int:
     """Fork a process that makes the instance and calls it; returns the id of its guard."""
 
     def close() -> None:

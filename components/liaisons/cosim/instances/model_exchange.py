@@ -286,7 +286,7 @@ class ModelExchange(Loaded, ABC):
         which, status = solver.refusal
         if which:
             time, *others = self._solver_functions
-            self._clock.value = solver.asked
+            self._clock.value = solver.last_time
             self._check((time, self.functions["set"], *others)[which - 1], status, self._at())
 
     def _restart_if_stale(self) -> Cvode | Dop853:
@@ -455,7 +455,7 @@ class ModelExchange(Loaded, ABC):
                     self._indicators.copy(),
                 )
                 solver = self._solver
-                memory[:] = [] if self._stale or not isinstance(solver, Dop853) else [solver, solver.memory()]
+                memory[:] = [] if self._stale or not isinstance(solver, Dop853) else [solver, solver.save()]
                 self._stale = not memory
             return save()
 
@@ -465,7 +465,7 @@ class ModelExchange(Loaded, ABC):
                 self._end_time, self._motion = math.inf, None
                 self._stale = not memory or self._solver is not memory[0]
                 if not self._stale:
-                    memory[0].remember(memory[1])
+                    memory[0].restore(memory[1])
                 elif not isinstance(self._solver, Dop853):
                     words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first from"
                     more = "%s, restart and are less accurate; smaller ones and a smaller tolerance may be needed"

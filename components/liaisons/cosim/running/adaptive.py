@@ -1,4 +1,4 @@
-"""Communication steps of adapted size, repeated where the estimate of their error is too large.
+"""Communication steps of adapt_steps size, repeated where the estimate of their error is too large.
 
 The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the points before it, and costs no step.
 
@@ -57,7 +57,7 @@ class Point(NamedTuple):
 @final
 @dataclass(frozen=True)
 class Stepper:
-    """Steps of adapted size.
+    """Steps of adapt_steps size.
 
     :param calls: those of a communication step.
     :param coupled: the coupling, if it remembers earlier steps.
@@ -80,9 +80,9 @@ class Stepper:
         self.bus.perform(self.calls)
         return self.bus.values.copy()
 
-    def keep(self, estimate: Estimate) -> Callable[[], None]:
+    def save(self, estimate: Estimate) -> Callable[[], None]:
         """Save the present state, and that of the estimate; returns a function that restores both."""
-        values, coupled, estimated = self.bus.values.copy(), self.coupled, estimate.snapshot()
+        values, coupled, estimated = self.bus.values.copy(), self.coupled, estimate.save()
         memory = None if coupled is None else coupled.memory.save()
 
         def go_back() -> None:
@@ -90,7 +90,7 @@ class Stepper:
             self.bus.values[:] = values
             if coupled is not None and memory is not None:
                 coupled.memory.restore(memory)
-            estimate.rewind(estimated)
+            estimate.restore(estimated)
 
         saves, restores = self._states
         self.bus.perform(saves)
@@ -101,7 +101,7 @@ class Stepper:
         saves, restores = zip(*(instance.states() for instance in self.instances.values()), strict=True)
         return saves, restores
 
-    def until(self, now: float, end: float, size: float) -> float | None:
+    def end_of_step(self, now: float, end: float, size: float) -> float | None:
         """End of a step of some size: the given end, or an instant shortly before a break [s].
 
         :returns: None if the break is so near that it is to be crossed.
@@ -124,7 +124,7 @@ class Stepper:
         return Point(stop, self.cross(now, stop).copy(), result_time, after_break=True)
 
 
-def adapted(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
+def adapt_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
     """Step by sizes that keep the error of each step below the tolerance.
 
     :returns: communication points after the start.
@@ -139,7 +139,7 @@ def adapted(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
     points = [Point(now, stepper.bus.values.copy(), now)]
     while now < end:
         target = end if end - now <= size * (1 + 1e-9) else now + size
-        stop = stepper.until(now, target, size)
+        stop = stepper.end_of_step(now, target, size)
         if stop is None:
             point = stepper.cross_break(now, end)
             now = end if point.result_time == end else point.time
@@ -147,7 +147,7 @@ def adapted(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
             yield point._replace(result_time=now)
             continue
         count = 2 if len(points) == 1 and estimate.has_targets else 1  # of one step alone there is no estimate
-        go_back = stepper.keep(estimate)
+        go_back = stepper.save(estimate)
         ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
         error /= tolerance
         factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / power), _SMALLEST_FACTOR), _LARGEST_FACTOR)
@@ -163,7 +163,7 @@ def adapted(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
             raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
 
 
-def divided(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
+def divide_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
     """Step between the communication points by equal steps, whose errors add up to less than the tolerance.
 
     :returns: communication points after the start.
@@ -174,7 +174,7 @@ def divided(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
     for start, end in pairwise(times):
         error = 0.0
         while now < end:
-            stop = stepper.until(now, end, end - start)
+            stop = stepper.end_of_step(now, end, end - start)
             if stop is None:
                 point = stepper.cross_break(now, end)
                 now, count = end if point.result_time else point.time, max(count, _FIRST)
@@ -199,7 +199,7 @@ def _divide(
     :param count: number of steps to try first.
     :returns: the ends of the steps, the sum of their errors, and the factor by which their number should grow.
     """
-    go_back = stepper.keep(estimate)
+    go_back = stepper.save(estimate)
     while True:
         ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
         if refusal is not None and count > _MOST:
@@ -223,12 +223,12 @@ def _attempt(
     try:
         ends = [Point(last, stepper.step(first, last), None) for first, last in pairwise((now, *instants))]
         rows, times = (np.array([point[k] for point in (*points, *ends)]) for k in (1, 0))
-        return ends, float(np.sum(estimate.latest(rows, times, count))), None
+        return ends, float(np.sum(estimate.estimate_last(rows, times, count))), None
     except RefusedError as refusal:
         return [], math.inf, refusal
 
 
-def kinds(simulation: Simulation, bus: Bus) -> Indices:
+def unit_numbers(simulation: Simulation, bus: Bus) -> Indices:
     """Number of the unit of each value on the bus; a value that is no Real has a number of its own."""
     variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
 

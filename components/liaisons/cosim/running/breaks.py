@@ -49,7 +49,7 @@ class Breaks:
     def begin_piece(self, time: float) -> None:
         """Start a smooth piece: functions of time return their limits from the right at this instant [s]."""
         for drive in self._drives:
-            drive.begin(time)
+            drive.begin_piece(time)
 
     def find_next(self, time: float) -> None:
         """Find the next break after an instant [s] that all FMUs have reached."""

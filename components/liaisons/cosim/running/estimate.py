@@ -205,7 +205,7 @@ class Estimate:
             self.worst = Worst(float(increase[latest]), float(times[latest]), signal, item.name, size, item.power)
         return increase
 
-    def latest(self, rows: Vector, times: Vector, count: int) -> Vector:
+    def estimate_last(self, rows: Vector, times: Vector, count: int) -> Vector:
         """Errors of the last steps.
 
         :param count: how many; those before have been estimated.
@@ -219,11 +219,11 @@ class Estimate:
             errors = np.fmax(errors, off[-count:] / (sizes or 1.0))
         return errors
 
-    def snapshot(self) -> tuple[Vector, Worst | None]:
-        """The state for :meth:`rewind`."""
+    def save(self) -> tuple[Vector, Worst | None]:
+        """The state for :meth:`restore`."""
         return self._sizes.copy(), self.worst
 
-    def rewind(self, snapshot: tuple[Vector, Worst | None]) -> None:
+    def restore(self, snapshot: tuple[Vector, Worst | None]) -> None:
         """Return to a snapshot; signals that were 0 until then keep their sizes."""
         sizes, self.worst = snapshot
         np.copyto(self._sizes, sizes, where=sizes > 0)
@@ -265,7 +265,7 @@ class Estimate:
             self._contacts[1, k] = totals[watched.targets].max(axis=0, initial=0.0)
         latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
         if errors[latest] > (self.worst.error if self.worst else 0.0):
-            self._note(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
+            self._update_worst(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
         return errors[first - 1 :]
 
     def _lever(self, watched: _Watched, k: int, signals: Vector) -> float:
@@ -276,7 +276,7 @@ class Estimate:
         sizes = np.abs(signals[pair]).max(axis=1)
         return float(sizes[1] / sizes[0]) if sizes[0] > 0 else 0.0
 
-    def _note(self, added: Vector, totals: Vector, time: float, size: float) -> None:
+    def _update_worst(self, added: Vector, totals: Vector, time: float, size: float) -> None:
         target = int(np.argmax(totals))
         start, end = (*self._starts, len(added))[target : target + 2]
         item = self._followed[self._of[start + int(np.argmax(np.abs(added[start:end])))]]

@@ -104,7 +104,7 @@ class Loop:
         if done < steps:
             self.internal.difference_update(range(self.done, first + steps))
             call, status = self._refusal
-            self._judge(self._calls[call], status)
+            self._raise_refusal(self._calls[call], status)
 
     def _make_room(self, points: int) -> None:
         while self.done + points > len(self.rows):
@@ -121,12 +121,12 @@ class Loop:
             for call in calls:
                 if status := call():
                     self.internal.difference_update(range(self.done, self.done + steps))
-                    self._judge(call, status)
+                    self._raise_refusal(call, status)
             flat[offset : offset + width] = values
             offset += width
             self.done += 1
 
-    def _judge(self, call: Call, status: int) -> None:
+    def _raise_refusal(self, call: Call, status: int) -> None:
         """Raise the error of a status; the end that an FMU asks for is recorded if all other FMUs reach it."""
         bus, calls = self._bus, self._calls
         try:

@@ -27,12 +27,12 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling import explicit
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import watched
+from liaisons.cosim.coupling.signals import port_outputs
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
-from liaisons.cosim.messages import keeping_warnings, logger, warn_of_what_is_not_finite
-from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
+from liaisons.cosim.messages import collect_warnings, logger, warn_of_non_finite_values
+from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.contacts import missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.deviations import Deviations
@@ -76,7 +76,7 @@ class Run:
         self._coupled: Coupled | None = None
         parts, times = simulation.parts, simulation.times
         self.repeats = again and all(part.fmu.can_get_and_set_state for part in parts.values())
-        with ExitStack() as stack, _without_garbage_collection():
+        with ExitStack() as stack, _pause_garbage_collection():
             if folders is None:
                 folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
             for name, part in parts.items():
@@ -93,8 +93,8 @@ class Run:
                     stiff=part.solver is not None,
                 )
                 self._instances[name] = stack.enter_context(instance)
-            also = watched(parts, simulation.feeds) if simulation.iterates else []
-            order = schedule.order([SIGNALS, *parts], simulation.feeds)
+            also = port_outputs(parts, simulation.feeds) if simulation.iterates else []
+            order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
             self._sums = sums_of_missing(simulation)
             contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
@@ -108,9 +108,9 @@ class Run:
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
             self._divides = self._breaks.divides and self._estimate.has_targets and not reads_samples
             self._loop = Loop(self._step, self._bus, len(times))
-            self._back: Sequence[Call] = []
+            self._restores: Sequence[Call] = []
             if self.repeats:
-                saves, self._back = zip(*(instance.states() for instance in self._instances.values()), strict=True)
+                saves, self._restores = zip(*(instance.states() for instance in self._instances.values()), strict=True)
                 self._bus.perform(saves)
             self._stack = stack.pop_all()
 
@@ -156,7 +156,7 @@ class Run:
         bus.set_step(begin, begin)
         self._breaks.begin_piece(begin)
         self._deviations.reset()
-        bus.perform(self._back)
+        bus.perform(self._restores)
         bus.values[:] = 0.0
         if self._coupled is not None:
             self._coupled.reset()
@@ -189,10 +189,10 @@ class Run:
             self._coupled,
             self._breaks,
             self._deviations,
-            self._cross,
+            self._cross_break,
         )
         self._estimate.reset(self._initial_derivatives.values)
-        points = (divided if simulation.adapts else adapted)(stepper, self._estimate)
+        points = (divide_steps if simulation.adapts else adapt_steps)(stepper, self._estimate)
         for point in points:  # steps as long as their error allows
             self._loop.add(point.time, point.values, result_time=point.result_time, after_break=point.after_break)
             if point.error is not None:
@@ -212,19 +212,19 @@ class Run:
             free = bisect_left(points, breaks.next - near, done)
             if done < free:  # points before the next break
                 last = min(done + many, free)
-                if self._is_alone() and free == done + 1:
+                if self._is_first_of_piece() and free == done + 1:
                     self._advance([(time + points[done]) / 2], in_result=False)
                 else:
                     done += self._advance(points[done:last])
             elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
                 stop = breaks.next - tiny
-                self._advance([(time + stop) / 2, stop] if self._is_alone() else [stop], in_result=False)
+                self._advance([(time + stop) / 2, stop] if self._is_first_of_piece() else [stop], in_result=False)
             else:
                 instant, result_time = breaks.next, None
                 if points[done] - instant <= near:
                     instant, result_time = max(instant, points[done]), points[done]
                     done += 1
-                loop.add(instant, self._cross(time, instant), result_time=result_time, after_break=True)
+                loop.add(instant, self._cross_break(time, instant), result_time=result_time, after_break=True)
             many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
             if on_progress:
                 on_progress(float(loop.times[loop.done - 1]))
@@ -252,12 +252,12 @@ class Run:
             loop.rows[first : loop.done, deviations.span] = integrals[: loop.done - first]
         return len(integrals)
 
-    def _is_alone(self) -> bool:
+    def _is_first_of_piece(self) -> bool:
         """Whether the next step is the first one of a piece: a piece of one step has no error estimate."""
         loop = self._loop
         return self._divides and loop.done - 1 == (loop.after_break[-1] if loop.after_break else 0)
 
-    def _cross(self, start: float, stop: float) -> Vector:
+    def _cross_break(self, start: float, stop: float) -> Vector:
         """Step across a break and find the next one; returns the values of the bus."""
         bus, coupled = self._bus, self._coupled
         bus.set_step(start, stop)
@@ -265,7 +265,7 @@ class Run:
         if coupled is None:
             bus.perform(self._step)
         else:
-            coupled.cross()
+            coupled.cross_break()
             bus.perform(self._step[1:])
         self._breaks.find_next(stop)
         return bus.values
@@ -304,7 +304,7 @@ class Run:
     def concluded(self) -> Result:
         """Warn of values that are not finite, lost impulses and large coupling errors; returns the result."""
         result = self.result()
-        warn_of_what_is_not_finite(result)
+        warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, self._missing)
         if self._estimate.worst is not None and not self._missing:
             self._estimate.worst.warn(float(np.nansum(self._error)))
@@ -330,7 +330,7 @@ class Run:
         if not self._simulation.iterates:
             return explicit.prepared_calls(self._simulation, self._instances, self._bus)
         self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
-        recorded_only = [call for name in self._instances for call in self._other_readings(name)]
+        recorded_only = [call for name in self._instances for call in self._read_recorded_only(name)]
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
         return [first], [settle, *recorded_only], [coupled.advance, *recorded_only]
 
@@ -341,9 +341,9 @@ class Run:
         initial = InitialDerivatives(simulation, self._instances, bus, gains)
         slopes = {} if coupled is None else coupled.slopes
         inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial.gains}, self._deviations.columns)
-        return initial, Estimate(inputs, bus.index, kinds(simulation, bus), contact_mechanisms(simulation, bus))
+        return initial, Estimate(inputs, bus.index, unit_numbers(simulation, bus), contact_mechanisms(simulation, bus))
 
-    def _other_readings(self, name: str) -> list[Call]:
+    def _read_recorded_only(self, name: str) -> list[Call]:
         places = self._bus.recorded_only(name)
         variables = self._simulation.parts[name].fmu.variables
         read = [variables[variable] for _, variable in places]
@@ -351,7 +351,7 @@ class Run:
 
 
 @contextmanager
-def _without_garbage_collection() -> Iterator[None]:
+def _pause_garbage_collection() -> Iterator[None]:
     """Switch garbage collection off: it takes half of the time in which thousands of FMUs are instantiated."""
     looks = gc.isenabled()
     gc.disable()
@@ -374,7 +374,7 @@ def started(simulation: Simulation) -> Run:
     return run
 
 
-@keeping_warnings
+@collect_warnings
 def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:
     """Run a simulation from its start to its end, or until an FMU ends it.
 

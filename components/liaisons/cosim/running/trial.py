@@ -127,12 +127,12 @@ def _print_stages() -> None:
     die_with_parent(parent)
     try:
         for stage in _stages(partial(make, part.name, part.fmu, directory), part, begin, size):
-            _say(stage)
+            _print_stage(stage)
     except SimulationError:
-        _say("refused")
+        _print_stage("refused")
     os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
 
 
-def _say(stage: str) -> None:
+def _print_stage(stage: str) -> None:
     sys.stdout.write(f"\nSTAGE {stage}\n")
     sys.stdout.flush()

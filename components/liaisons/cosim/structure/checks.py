@@ -65,7 +65,7 @@ class ConnectionGraph:
         return [" -> ".join(".".join(variable) for variable in loop) for loop in loops]
 
 
-def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
+def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     """The requested coupling; else implicit where it reduces the error, else Gauss-Seidel.
 
     It does where a cycle has a bidirectional port, and where, outside of cycles, a continuous signal feeds an FMU that
@@ -93,7 +93,7 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     two_ways = [connection for connection in connections if connection.back]
     hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
     hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
-    if asked is None and (two_ways or (not graph.cyclic and _gains(parts, connections, graph.driven))):
+    if asked is None and (two_ways or (not graph.cyclic and _reduces_error(parts, connections, graph.driven))):
         if compiled.steps() is None:
             hurdles.append(no_compiler())
         if not hurdles:
@@ -116,7 +116,7 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     return asked or "gauss-seidel"
 
 
-def _gains(parts: Components, connections: Sequence[Connection], driven: Collection[VariableReference]) -> bool:
+def _reduces_error(parts: Components, connections: Sequence[Connection], driven: Collection[VariableReference]) -> bool:
     """Whether implicit coupling reduces the error of an FMU outside of cycles, and can carry all signals."""
     if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
         return False
@@ -126,7 +126,7 @@ def _gains(parts: Components, connections: Sequence[Connection], driven: Collect
     return any(parts[name].approximation.follows_polynomials for name in {*fed, *(owner for owner, _ in driven)})
 
 
-def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
+def check_signals(connections: Sequence[Connection], chosen: Coupling) -> None:
     """Check that the coupling can carry all signals: iterations carry reals without conversion.
 
     :raises SimulationError: naming a connection that it cannot.
@@ -150,7 +150,7 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
             )
 
 
-def prepared(graph: ConnectionGraph, chosen: Coupling) -> Components:
+def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
     """The components with the start values that the coupling needs.
 
     In an iteration, FMUs of ours that take no derivatives of inputs interpolate their inputs.  In explicit coupling
@@ -169,9 +169,12 @@ def prepared(graph: ConnectionGraph, chosen: Coupling) -> Components:
         stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
         delayed = {name for name, _ in (*graph.late(chosen), *(driven if chosen == "jacobi" else ()))}
         connected = {*feeds, *driven}
-        partial = {name for name, variable in connected if not _whole(parts[name], variable, connected)}
+        partial = {name for name, variable in connected if not _rates_are_fed(parts[name], variable, connected)}
         able = {name for name, _ in connected} - stepwise - delayed - partial
-        return {name: part.interpolating() if name in able and _free(part) else part for name, part in parts.items()}
+        return {
+            name: part.interpolating() if name in able and _may_interpolate(part) else part
+            for name, part in parts.items()
+        }
     fed = {name for name, _ in feeds}
     ready = dict(parts)
     for name, part in parts.items():
@@ -188,18 +191,18 @@ def prepared(graph: ConnectionGraph, chosen: Coupling) -> Components:
     return ready
 
 
-def _free(part: SystemComponent) -> bool:
+def _may_interpolate(part: SystemComponent) -> bool:
     """Whether it extrapolates its inputs by default, not by a start value."""
     return part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
 
 
-def _whole(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:
+def _rates_are_fed(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:
     """Whether the rates of an input are fed, too, if it has any."""
     triple, _ = Port(part, name).curve()
     return all(port.place in fed for port in triple or ())
 
 
-def steps(
+def check_steps(
     parts: Components,
     graph: ConnectionGraph,
     times: Sequence[float],
@@ -242,7 +245,7 @@ def steps(
             )
 
 
-def inputs(parts: Components, graph: ConnectionGraph) -> None:
+def check_inputs(parts: Components, graph: ConnectionGraph) -> None:
     """Check that every input that needs a source has one, and whole ports are connected.
 
     :raises SimulationError: for an input without connection and without start value, or with two sources.

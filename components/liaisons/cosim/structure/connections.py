@@ -53,19 +53,19 @@ def connect(first: Port, second: Port) -> list[Connection]:
     """
     both_exist = first.exists and second.exists
     if both_exist and (first.is_array or second.is_array):
-        return [connection for pair in _elements(first, second) for connection in connect(*pair)]
+        return [connection for pair in _pair_elements(first, second) for connection in connect(*pair)]
     if both_exist and not (first.triple() and second.triple()):
         return [connect_scalars(first, second)]
     none = TerminalDescription("")
     return _terminal_connections(first, first.terminal or none, second, second.terminal or none)
 
 
-def _ordered(first: Port, second: Port) -> tuple[Port, Port]:
+def _order_ports(first: Port, second: Port) -> tuple[Port, Port]:
     turned = (first.variable.causality, second.variable.causality) == ("input", "output")
     return (second, first) if turned else (first, second)
 
 
-def _elements(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
+def _pair_elements(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
     """Scalars of two variables or arrays, in pairs."""
     one, other = first.elements(), second.elements()
     if len(one) != len(other):
@@ -82,7 +82,7 @@ def _terminal_connections(
     """Members and nested terminals of equal names, joined; of flows into both sides, one is the other's opposite."""
     if one.nested.keys() != other.nested.keys():
         raise ConnectError(
-            f"{first} has the port components {_listed(one.nested)}, {second} has {_listed(other.nested)}: "
+            f"{first} has the port components {_join_names(one.nested)}, {second} has {_join_names(other.nested)}: "
             "connect single components, for example 'bob_x' with 'pivot_x'"
         )
     if not (one.motion and other.motion) and one.kind and other.kind and one.kind != other.kind:
@@ -98,19 +98,19 @@ def _terminal_connections(
     complete = one.members.keys() == other.members.keys() or "bus" in {one.rule, other.rule}
     if not complete or not (members or joined):
         raise ConnectError(
-            f"{first} has the members {_listed(one.members)}, {second} has {_listed(other.members)}: "
+            f"{first} has the members {_join_names(one.members)}, {second} has {_join_names(other.members)}: "
             "connect single variables"
         )
     for name in members:
         member, counterpart = one.members[name], other.members[name]
         ends = Port(first.part, member.variable), Port(second.part, counterpart.variable)
-        for output, input_ in (_ordered(*pair) for pair in _elements(*ends)):
-            opposite = _of_units(output, input_).then(Conversion(-1.0)) if member.opposes(counterpart) else None
+        for output, input_ in (_order_ports(*pair) for pair in _pair_elements(*ends)):
+            opposite = _unit_conversion(output, input_).then(Conversion(-1.0)) if member.opposes(counterpart) else None
             joined.append(connect_scalars(output, input_, opposite))
     return joined
 
 
-def _listed(names: Iterable[str]) -> str:
+def _join_names(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
 
 
@@ -120,7 +120,7 @@ def connect_scalars(first: Port, second: Port, conversion: Conversion | None = N
     :param conversion: from output to input; if None, that of their units.
     :raises ConnectError: if they do not fit; the message names both.
     """
-    source, target = _ordered(first, second)
+    source, target = _order_ports(first, second)
     causalities = source.variable.causality, target.variable.causality
     if causalities != ("output", "input"):
         hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
@@ -128,13 +128,13 @@ def connect_scalars(first: Port, second: Port, conversion: Conversion | None = N
             f"{source} ({causalities[0]}) and {target} ({causalities[1]}) cannot be connected: "
             f"one end must be an output, the other an input{hint}"
         )
-    if not _fits(source.variable, target.variable):
+    if not _is_assignable(source.variable, target.variable):
         kinds = [v.type if v.type == "Enumeration" else v.base for v in (source.variable, target.variable)]
         raise ConnectError(
             f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of one type; "
             "of integers, the input may have the wider range, or be a real"
         )
-    conversion = _of_units(source, target) if conversion is None else conversion
+    conversion = _unit_conversion(source, target) if conversion is None else conversion
     if conversion != SAME and {source.variable.type, target.variable.type} != {"Real"}:
         raise ConnectError(
             f"{source} ({source.variable.base}) and {target} ({target.variable.base}) cannot be connected with a "
@@ -143,7 +143,7 @@ def connect_scalars(first: Port, second: Port, conversion: Conversion | None = N
     return Connection(source, target, conversion)
 
 
-def _fits(source: Scalar, target: Scalar) -> bool:
+def _is_assignable(source: Scalar, target: Scalar) -> bool:
     """Whether every value of the source is one of the target, and is handed over as such."""
     if {source.type, target.type} in ({"Integer"}, {"Integer", "Enumeration"}):
         (least, most), (lowest, highest) = RANGES[source.base], RANGES[target.base]
@@ -152,7 +152,7 @@ def _fits(source: Scalar, target: Scalar) -> bool:
     return same or (source.type, target.type) == ("Integer", "Real")
 
 
-def _of_units(source: Port, target: Port) -> Conversion:
+def _unit_conversion(source: Port, target: Port) -> Conversion:
     one, other = (port.part.fmu.units.get(port.variable.unit) for port in (source, target))
     if one is None or other is None:  # no unit fits any; one without a definition cannot be checked
         return SAME

@@ -88,7 +88,7 @@ def diagram(name: str, parts: Components, connections: Collection[Connection]) -
     forward = {c.target.place: c.source.place for c in connections if not c.back}
     groups = schedule.groups(parts, feeds)
     turns = {part: turn for turn, group in enumerate(groups, 1) for part in group}
-    drawn = schedule.order(parts, forward)[:_MOST]
+    drawn = schedule.execution_order(parts, forward)[:_MOST]
     wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]
     blocks = _blocks(drawn, parts, {(source, target) for (target, _), (source, _) in forward.items()}, wires)
     corners, bottoms = _corners(blocks)

@@ -57,7 +57,7 @@ class FmuScene:
             missing = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in values]
             recorded = {name.removeprefix(prefix): signals[name] for name in signals if name.startswith(prefix)}
             if missing:
-                values |= {f"{prefix}{name}": rows for name, rows in _asked(part, missing, recorded).items()}
+                values |= {f"{prefix}{name}": rows for name, rows in _calculated(part, missing, recorded).items()}
         return values
 
 
@@ -95,7 +95,7 @@ def picture_of(part: SystemComponent) -> Picture:
     return picture
 
 
-def _asked(part: SystemComponent, names: list[str], known: Values) -> Values:
+def _calculated(part: SystemComponent, names: list[str], known: Values) -> Values:
     """Values of variables of an instance that is initialized at the configurations."""
     count = max((len(values) for values in known.values()), default=1)
     configurations = _configuration(part, known)

@@ -124,7 +124,7 @@ def _shortest_cycle(
     return cycle[::-1]
 
 
-def order(names: Iterable[str], feeds: Feeds) -> list[str]:
+def execution_order(names: Iterable[str], feeds: Feeds) -> list[str]:
     """Components in execution order; in the order of addition within a cycle or without connections."""
     return [name for group in groups(names, feeds) for name in group]
 
@@ -137,7 +137,7 @@ def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> lis
     return [input_ for input_, (source, _) in feeds.items() if position[source] >= position[input_[0]]]
 
 
-def consistent(ordered: Sequence[str], feeds: Feeds, depends: Depends) -> list[Operation]:
+def consistent_program(ordered: Sequence[str], feeds: Feeds, depends: Depends) -> list[Operation]:
     """Operations after which all outputs and inputs belong to one instant, in and after initialization."""
     program = _Writer(ordered, feeds, depends)
     for name in ordered:
@@ -145,7 +145,7 @@ def consistent(ordered: Sequence[str], feeds: Feeds, depends: Depends) -> list[O
     return program.finish()
 
 
-def step(
+def step_program(
     ordered: Sequence[str], feeds: Feeds, depends: Depends, coupling: Coupling, newest: Collection[str]
 ) -> list[Operation]:
     """One communication step, from consistent values at t to consistent values at t + H.
@@ -205,9 +205,9 @@ class _Writer:
             self._waiting[name] = old
             self._missing[name] = sum(self._feeds[input_] not in self._new for input_ in old)
             self._queue(name)
-        self._renew(o for o in self._outputs[name] if not any(self._depends(o, input_) for input_ in old))
+        self._mark(o for o in self._outputs[name] if not any(self._depends(o, input_) for input_ in old))
 
-    def _renew(self, outputs: Iterable[VariableReference]) -> None:
+    def _mark(self, outputs: Iterable[VariableReference]) -> None:
         """Mark outputs that belong to the new instant."""
         for output in outputs:
             if output in self._new:
@@ -230,7 +230,7 @@ class _Writer:
         while self._ready:
             _, name = heappop(self._ready)
             if name in self._waiting and self._missing[name] == 0:
-                self._visit(name)
+                self._set_and_get(name)
 
     def finish(self) -> list[Operation]:
         """Refresh everything, cycles once, and drop readings that are not used."""
@@ -238,12 +238,12 @@ class _Writer:
         while self._waiting:
             partly = self._next_partly()
             if partly is not None:
-                self._visit(partly)
+                self._set_and_get(partly)
             else:  # an algebraic loop: start with old values
                 first = min(self._waiting, key=self._turn.__getitem__)
-                self._renew([self._feeds[input_] for input_ in self._inputs[first] if input_ in self._waiting[first]])
+                self._mark([self._feeds[input_] for input_ in self._inputs[first] if input_ in self._waiting[first]])
             self.refresh()
-        return self._useful()
+        return self._without_unused()
 
     def _next_partly(self) -> str | None:
         while self._partly:
@@ -252,11 +252,11 @@ class _Writer:
                 return name
         return None
 
-    def _visit(self, name: str) -> None:
+    def _set_and_get(self, name: str) -> None:
         self.set(name)
         self.get(name)
 
-    def _useful(self) -> list[Operation]:
+    def _without_unused(self) -> list[Operation]:
         """The operations without readings that are repeated before they are used."""
         useful: list[Operation] = []
         again: set[str] = set()

@@ -189,11 +189,11 @@ def checked(
             positive(name, value)
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
-        chosen = checks.coupling(graph, settings.coupling)
-        checks.signals(connections, chosen)
-        parts = checks.prepared(graph, chosen)
-        checks.steps(parts, graph, points, chosen, adaptive=error_tolerance is not None)
-        checks.inputs(parts, graph)
+        chosen = checks.choose_coupling(graph, settings.coupling)
+        checks.check_signals(connections, chosen)
+        parts = checks.prepare_components(graph, chosen)
+        checks.check_steps(parts, graph, points, chosen, adaptive=error_tolerance is not None)
+        checks.check_inputs(parts, graph)
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
     chooses = settings.step_size is None and settings.times is None and error_tolerance is None and not single
     return Simulation(
@@ -293,7 +293,7 @@ def communication_points(
         increase, or come together with the others; or if the recording is larger than the memory.
     """
     if times is not None:
-        return _given(times, start_time, stop_time, step_size)
+        return _checked_times(times, start_time, stop_time, step_size)
     stop_time, step_size = time_span(start_time, stop_time, step_size)
     check_memory(start_time, stop_time, step_size, signals)
     steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
@@ -309,7 +309,9 @@ def first_points(start_time: float, stop_time: float | None, step_size: float | 
     return [float(start_time), float(min(start_time + step_size, stop_time)), float(stop_time)]
 
 
-def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
+def _checked_times(
+    times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None
+) -> list[float]:
     if (stop_time, step_size) != (None, None) or start_time != 0.0:
         raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
     points = numbers("times", times)

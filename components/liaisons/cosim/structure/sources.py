@@ -96,7 +96,7 @@ class Drive:
         """Distance [s] from a break at t beyond which rounding cannot bring a function back to its other side."""
         return 8 * np.spacing(np.maximum(np.abs(t), np.max(np.abs(self.breaks), initial=0.0)))
 
-    def begin(self, t: float) -> None:
+    def begin_piece(self, t: float) -> None:
         """Start a smooth piece at t: from now on its values there are the limits from the right.
 
         Integers and truth values remain those at t itself, unless it has a break there.
@@ -122,10 +122,10 @@ class Drive:
         if (values := self._known.get(t)) is None:
             if len(self._known) >= _KEPT:
                 self._known.clear()
-            values = self._known[t] = self._evaluated(float(t))
+            values = self._known[t] = self._evaluate(float(t))
         return values
 
-    def _evaluated(self, t: float) -> Vector:
+    def _evaluate(self, t: float) -> Vector:
         name = self.inputs[0][1]
         values = evaluate(self.function, name, t)
         if values.size != len(self.inputs) or not np.isfinite(values).all():
