@@ -16,12 +16,12 @@ Numbers = Vector | Array[c_double]
 
 
 def as_indices(numbers: object) -> Indices:
-    """Whole numbers as an array."""
+    """An array of whole numbers."""
     return np.array(numbers, dtype=np.intp)
 
 
 def pointer_to(values: Numbers) -> Array[c_double]:
-    """The same doubles as an argument of a foreign function."""
+    """A ctypes array that shares the memory of doubles, as an argument of a foreign function."""
     return (c_double * len(values)).from_buffer(values)  # type: ignore[arg-type] - NumPy says so from Python 3.12 on
 
 

@@ -25,7 +25,7 @@ P = ParamSpec("P")
 
 
 def collect_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
-    """The same function of a run, whose result has in ``warnings`` what was logged meanwhile, too."""
+    """Decorate a function that runs a simulation: its result has the warnings that were logged meanwhile, too."""
 
     @wraps(function)
     def call(*arguments: P.args, **options: P.kwargs) -> Result:

@@ -53,7 +53,7 @@ class Call(partial[Any]):
     buffers: object = None
 
     def with_failure(self, action: Action, failure: Failure) -> Call:
-        """The same with what it does, and what makes its error."""
+        """Set what the call does, and what makes its error; returns the call."""
         self.action, self.failure = action, failure
         return self
 
@@ -68,7 +68,7 @@ class Call(partial[Any]):
         size: int = 0,
         more: Any = None,
     ) -> Call:
-        """The same with its record.
+        """Set the record by which compiled code makes the call; returns the call.
 
         :param source: address of what is read, or an object of ctypes; ``values`` of what is written.
         """
@@ -82,13 +82,14 @@ class Call(partial[Any]):
         return self
 
     def compiled(self) -> CallRecord:
-        """How compiled code makes it; what only Python can do, it asks Python for."""
+        """The record by which compiled code makes the call; without one, compiled code calls Python."""
         if self.record is None:
             self._asked = _ASKED(self._answer)
             self.record = CallRecord(PYTHON, cast(self._asked, c_void_p).value)
         return self.record
 
     def _answer(self) -> int:
+        """Make the call for compiled code; keeps an exception, and returns :data:`RAISED` for it."""
         try:
             return self() or 0
         except BaseException as error:  # noqa: BLE001 - nothing gets through compiled code but this

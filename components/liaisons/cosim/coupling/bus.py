@@ -140,6 +140,7 @@ def _convert(bus: memoryview[float], target: int, source: int, conversion: Conve
 
 
 def _by_component(names: Iterable[str], references: Iterable[VariableReference]) -> dict[str, list[VariableReference]]:
+    """Component -> its variables."""
     grouped: dict[str, list[VariableReference]] = {name: [] for name in names}
     for reference in references:
         grouped[reference[0]].append(reference)

@@ -101,6 +101,7 @@ def _fill_in(columns: Iterable[Sequence[int]]) -> tuple[list[list[int]], list[li
 
 
 def _flat(columns: Iterable[Iterable[int]]) -> Indices:
+    """The entries of all columns, one column after the other."""
     return np.fromiter(chain.from_iterable(columns), dtype=np.intp)
 
 

@@ -155,9 +155,9 @@ class Node:
         return [self._set_input_derivatives([(k, 1) for k in range(len(self.inputs))], self._rate_values), read]
 
     def _add_input_rates(self) -> Call:
-        """A call that adds ∂(outputs)/∂(inputs) times the rates of inputs that the FMU does not know to the slopes.
+        """A call that adds ∂(outputs)/∂(inputs) times rates of inputs to the slopes, where the FMU does not know them.
 
-        By itself it takes the rates of an active coordinate from its port, and other inputs for constant.
+        By itself the FMU takes the rates of an active coordinate from its port, and other inputs for constant.
         """
         product = np.empty(len(self.outputs))
         curves = (Port(self.part, variable.name).curve() for variable in self.inputs)
@@ -238,7 +238,7 @@ class Node:
             target[self.slopes] = self._slope_values
 
     def derivatives(self, depends: Depends, *, record: bool) -> tuple[list[tuple[int, int]], list[Call], list[Vector]]:
-        """∂(outputs)/∂(inputs) that are not 0, column by column.
+        """Prepare the calls that calculate ∂(outputs)/∂(inputs), where these are not 0, column by column.
 
         :param record: they are recorded, where :attr:`gains` says.
         :returns: (output, input), their places among those of the member, of each; the calls that calculate them at

@@ -165,7 +165,7 @@ class StrongComponent:
         return self._equations[phase].record
 
     def forget_derivatives(self) -> None:
-        """Have the derivatives calculated anew."""
+        """Mark the derivatives as out of date, so that the next step calculates them."""
         for equations in self._equations.values():
             if equations.newton is not None:
                 equations.newton.record.ready = False

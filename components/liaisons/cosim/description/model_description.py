@@ -195,7 +195,7 @@ class Description:
         self.units[name] = UnitDefinition.of(name, attributes)
 
     def _add_item(self, attributes: Attributes) -> None:
-        """Of an enumeration type, which :attr:`_type` names."""
+        """Add an item to the enumeration type that :attr:`_type` names."""
         if self._keeps_attributes and "name" in self._type:
             self.items.setdefault(self._type["name"], {})[attributes.get("name", "")] = int(attributes.get("value", 0))
 

@@ -1,5 +1,10 @@
 /* The equations of an FMU of Model Exchange, y' = f(t, y, u(t)), by DOP853: one step, and where an event indicator changes
-   its sign in it.  dop853.py prepares it; solver.c is the solver that our FMUs of Co-Simulation have inside. */
+   its sign in it.  dop853.py prepares it; solver.c is the solver that our FMUs of Co-Simulation have inside.
+
+   Its search for events is not that of runtime/events.c.  There an event is a fall below 0, and indicators are functions
+   of interpolated states that cost little and have no effect.  Here both changes of sign are events, 0 counts as
+   negative, indicators may jump, there may be any number of them, and each look is calls of an FMU, which must never be
+   left at states that were not integrated: trials are steps of their own. */
 #include <float.h>
 #include <math.h>
 

@@ -80,7 +80,7 @@ class _Equations(Record):
 
 
 def library() -> c.CDLL | None:
-    """Its code; None if it cannot be compiled."""
+    """The compiled solver; None if it cannot be compiled."""
     code = loaded(_SOURCES, "Model Exchange is solved by CVODE")
     if code is not None:
         code.dop853_room.restype, code.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]

@@ -42,6 +42,8 @@ class _Library(CDLL):
 
 
 def _missing(message: str) -> Callable[..., Any]:
+    """A function that raises the error of a function that a library lacks."""
+
     def call(*_: object) -> None:
         raise AttributeError(message)
 

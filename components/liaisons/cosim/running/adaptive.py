@@ -1,4 +1,4 @@
-"""Communication steps of adapt_steps size, repeated where the estimate of their error is too large.
+"""Communication steps of adapted size, repeated where the estimate of their error is too large.
 
 The estimate (:mod:`liaisons.cosim.running.estimate`) compares a step with the points before it, and costs no step.
 
@@ -57,7 +57,7 @@ class Point(NamedTuple):
 @final
 @dataclass(frozen=True)
 class Stepper:
-    """Steps of adapt_steps size.
+    """Steps of adapted size.
 
     :param calls: those of a communication step.
     :param coupled: the coupling, if it remembers earlier steps.

@@ -153,14 +153,10 @@ class Estimate:
             )
             for mechanism in mechanisms
         ]
-        self.reset(np.empty(0))
+        self.reset()
 
-    def reset(self, constants: Vector) -> None:
-        """Forget everything.
-
-        :param constants: derivatives that stay, which stand behind the bus.
-        """
-        self._constants = constants
+    def reset(self) -> None:
+        """Forget all steps."""
         self._sizes = np.zeros(len(self._of_kind))
         self.worst: Worst | None = None
 
@@ -244,10 +240,8 @@ class Estimate:
         integrals = [_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
         once, twice = (np.concatenate([both[k] for both in integrals]) for k in range(2))
         added = np.where(self._once[:, None], once[self._of], twice[self._of])
-        recorded, behind = self._gains < len(signals), self._gains >= len(signals)
-        recorded[self._blind] = False
-        added[recorded] *= signals[self._gains[recorded], 1:]
-        added[behind] *= self._constants[self._gains[behind] - len(signals), None]
+        known = self._gains >= 0
+        added[known] *= signals[self._gains[known], 1:]
         for j, outputs in zip(self._blind, self._answers, strict=True):
             answers = np.append(outputs, self._followed[self._of[j]].column) if ahead else outputs
             largest = np.abs(signals[answers]).max(axis=1, keepdims=True)

@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Vector, as_indices
+from liaisons.cosim.arrays import as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.signals import curve
@@ -23,43 +23,33 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 
 Gains = Mapping[OutputInput, int]
-"""Output and input -> column of the derivative; behind the bus those of :class:`InitialDerivatives`."""
+"""Output and input -> column of the derivative on the bus."""
 
 
-@final
-class InitialDerivatives:
-    """Derivatives of accelerations by inputs at the start, where Newton's method does not calculate them.
+def initial_derivatives(
+    simulation: Simulation, instances: Instances, bus: Bus, solved: Gains
+) -> tuple[list[Call], dict[OutputInput, int]]:
+    """Calls that calculate derivatives of accelerations by inputs at the start, and the columns of these.
 
     :param solved: those that Newton's method calculates.
-    :ivar calls: calculate them.
-    :ivar gains: their indices in ``values``, counted from the end of the bus.
     """
-
-    def __init__(self, simulation: Simulation, instances: Instances, bus: Bus, solved: Gains) -> None:
-        self.calls: list[Call] = []
-        self.gains: dict[OutputInput, int] = {}
-        solved_inputs = {input_ for _, input_ in solved}
-        width = len(bus.values)
-        parts: list[Vector] = []
-        for name, part in simulation.parts.items():
-            fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
-            if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
-                continue
-            moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _acceleration(part, p[1]) is not None]
-            variables = part.fmu.variables
-            for input_ in fed:
-                rows = [p for p in moving if simulation.depends(p, input_)]
-                if rows:
-                    parts.append(np.empty(len(rows)))
-                    unknown, about = [variables[row] for _, row in rows], [variables[input_[1]]]
-                    self.calls.append(instances[name].directional(unknown, about, np.ones(1), parts[-1]))
-                    self.gains |= {(row, input_): width + len(self.gains) + k for k, row in enumerate(rows)}
-        self._parts = parts
-
-    @property
-    def values(self) -> Vector:
-        """The derivatives, as they were taken last."""
-        return np.concatenate([np.empty(0), *self._parts])
+    calls: list[Call] = []
+    gains: dict[OutputInput, int] = {}
+    solved_inputs = {input_ for _, input_ in solved}
+    for name, part in simulation.parts.items():
+        fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
+        if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
+            continue
+        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _acceleration(part, p[1]) is not None]
+        variables = part.fmu.variables
+        for input_ in fed:
+            rows = [p for p in moving if simulation.depends(p, input_)]
+            if rows:
+                first, column = bus.add_columns(len(rows))
+                unknown, about = [variables[row] for _, row in rows], [variables[input_[1]]]
+                calls.append(instances[name].directional(unknown, about, np.ones(1), column))
+                gains |= {(row, input_): first + k for k, row in enumerate(rows)}
+    return calls, gains
 
 
 def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:

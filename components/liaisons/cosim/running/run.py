@@ -38,9 +38,9 @@ from liaisons.cosim.running.contacts import missing_impulses, sums_of_missing, w
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.input_reconstruction import (
-    InitialDerivatives,
     contact_mechanisms,
     contacts_of_fed,
+    initial_derivatives,
     input_reconstructions,
 )
 from liaisons.cosim.running.loop import Loop
@@ -167,7 +167,7 @@ class Run:
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._settle)
-        bus.perform(self._initial_derivatives.calls)
+        bus.perform(self._initial_derivatives)
         self._loop.add(begin, bus.values, result_time=begin)
         self._breaks.find_next(begin)
 
@@ -191,7 +191,7 @@ class Run:
             self._deviations,
             self._cross_break,
         )
-        self._estimate.reset(self._initial_derivatives.values)
+        self._estimate.reset()
         points = (divide_steps if simulation.adapts else adapt_steps)(stepper, self._estimate)
         for point in points:  # steps as long as their error allows
             self._loop.add(point.time, point.values, result_time=point.result_time, after_break=point.after_break)
@@ -315,7 +315,7 @@ class Run:
         if self._errors:
             return np.array([0.0, *self._errors])
         loop, sums = self._loop, np.zeros(len(in_result))
-        self._estimate.reset(self._initial_derivatives.values)
+        self._estimate.reset()
         errors = self._estimate(loop.rows[: loop.done], loop.times[: loop.done], loop.after_break)
         if len(in_result) > 1:
             sums[1:] = np.add.reduceat(errors[: in_result[-1] + 1], in_result[:-1] + 1)
@@ -334,14 +334,14 @@ class Run:
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
         return [first], [settle, *recorded_only], [coupled.advance, *recorded_only]
 
-    def _prepare_estimate(self) -> tuple[InitialDerivatives, Estimate]:
-        """The derivatives at the start, and the estimate of coupling errors."""
+    def _prepare_estimate(self) -> tuple[list[Call], Estimate]:
+        """Prepare the estimate of coupling errors; returns the calls for it at the start, too."""
         simulation, bus, coupled = self._simulation, self._bus, self._coupled
         gains = {} if coupled is None else coupled.gains
-        initial = InitialDerivatives(simulation, self._instances, bus, gains)
+        calls, initial_gains = initial_derivatives(simulation, self._instances, bus, gains)
         slopes = {} if coupled is None else coupled.slopes
-        inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial.gains}, self._deviations.columns)
-        return initial, Estimate(inputs, bus.index, unit_numbers(simulation, bus), contact_mechanisms(simulation, bus))
+        inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial_gains}, self._deviations.columns)
+        return calls, Estimate(inputs, bus.index, unit_numbers(simulation, bus), contact_mechanisms(simulation, bus))
 
     def _read_recorded_only(self, name: str) -> list[Call]:
         places = self._bus.recorded_only(name)

@@ -66,7 +66,7 @@ class ConnectionGraph:
 
 
 def choose_coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
-    """The requested coupling; else implicit where it reduces the error, else Gauss-Seidel.
+    """Choose the coupling: the requested one; else implicit where it reduces the error, else Gauss-Seidel.
 
     It does where a cycle has a bidirectional port, and where, outside of cycles, a continuous signal feeds an FMU that
     takes input derivatives.
