@@ -39,9 +39,9 @@ def test_a_piece_begins_with_the_limit_from_the_right(breaks: list[float]) -> No
     """Whatever the function returns at the break itself, which may have been found by bisection."""
     drive = Drive(lambda t: float(t > 0.5), (("part", "force"),), breaks=np.array(breaks))
     assert drive(0.5) == 0
-    drive.begin(0.5)
+    drive.begin_piece(0.5)
     assert drive(0.5) == 1
-    drive.begin(0.7)
+    drive.begin_piece(0.7)
     assert drive(0.5) == 0
 
 
@@ -110,7 +110,7 @@ def _integrals(function: Callable[[float], Sequence[float]], count: int) -> NDAr
     """∫ |e| and ∫ (1 - t) |e| over a step from 0 to 1 s, of what a function leaves of its polynomial."""
     drive = Drive(function, tuple(("part", name) for name in ("s", "s_dot", "s_ddot")[:count]))
     values = np.zeros(2)
-    deviations = Deviations([drive], cast("Bus", SimpleNamespace(room=lambda _: (0, values, None))), 1e-8)
+    deviations = Deviations([drive], cast("Bus", SimpleNamespace(add_columns=lambda _: (0, values))), 1e-8)
     deviations.integrate(0.0, 1.0, locate=False)
     return abs(values)
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from making import wired
 
-from liaisons.base import compiler
+from liaisons.base import compiler, libraries
 from liaisons.cosim import Result, simulate
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.compiled.calls import COUPLED, Call
@@ -216,7 +216,7 @@ def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path / "cache")
     assert _loaded() is not None
     (library,) = (path for path in (tmp_path / "cache").iterdir() if path.suffix != ".sha256")
-    monkeypatch.setattr(compiled, "compile_library", lambda *_: pytest.fail("compiled again"))
+    monkeypatch.setattr(libraries, "compile_library", lambda *_: pytest.fail("compiled again"))
     found = _loaded()
     assert found is not None
     assert Path(found._name) == library
@@ -234,7 +234,7 @@ def test_without_a_compiler(monkeypatch, tmp_path, caplog) -> None:
         raise BuildError("no C compiler is found")
 
     monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path)
-    monkeypatch.setattr(compiled, "compile_library", refuse)
+    monkeypatch.setattr(libraries, "compile_library", refuse)
     with caplog.at_level(logging.INFO, "liaisons.cosim"):
         assert _loaded() is None
     assert "made by Python: no C compiler is found" in caplog.text

@@ -78,6 +78,10 @@ class Drive:
         """References of its values on the bus."""
         return [(SIGNALS, f"{part}.{variable}") for part, variable in self.inputs]
 
+    def right(self, t: float) -> Vector:
+        """Limits of its values from the right of t, to rounding, shape (inputs,)."""
+        return self(t + float(self.rounding(t)))
+
     def sample(self, times: Vector) -> Vector:
         """Its values at instants inside of steps, shape (*times, inputs).
 
@@ -104,7 +108,7 @@ class Drive:
         self._begins.clear()
         value = self(t)
         if self.among is None or np.any(np.abs(self.breaks - t) <= rounding(t)):
-            right = self(t + float(self.rounding(t)))
+            right = self.right(t)
             self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
     def next_break(self, time: float) -> float | None:
