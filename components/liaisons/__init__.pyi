@@ -23,6 +23,7 @@ from .interface import equations as equations
 from .interface import operator as operator
 from .interface import show as show
 from .interface import simulate as simulate
+from .interface import start as start
 from .interface import sweep as sweep
 from .interface import tabulated as tabulated
 from .language import ActiveCoordinate as ActiveCoordinate

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, cast, final
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar, cast, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,6 +57,26 @@ def _by_name(
 
 
 simulate = _by_name(cosim.simulate)
+
+
+def _with_systems(
+    function: Callable[Concatenate[Target, P], cosim.Run],
+) -> Callable[Concatenate[Target | cosim.System, P], cosim.Run]:
+    """Return the function with systems, and paths of SSP archives, allowed as first argument."""
+
+    @wraps(function)
+    def call(subject: Target | cosim.System, /, *arguments: P.args, **options: P.kwargs) -> cosim.Run:
+        if isinstance(subject, (str, Path)) and Path(subject).suffix == ".ssp":
+            subject = System.from_ssp(subject)
+        if not isinstance(subject, cosim.System):
+            return function(subject, *arguments, **options)
+        settings: dict[str, Any] = dict(options)
+        return subject.with_start_values(settings.pop("start_values", {})).start(**settings)
+
+    return call
+
+
+start = _with_systems(_by_name(cosim.start))
 
 
 def show(

@@ -52,7 +52,7 @@ def test_run_hands_out_the_object_of_fmpy(
         state = mass.deserializeFMUState(mass.serializeFMUState(mass.getFMUState()))
         mass.setFMUState(state)
         run.finish()
-        result = run.result()
+        result = run.result
         assert read([reference]) == [result["mass.x"][-1]]
     assert result["mass.x"].tolist() == system.simulate(stop_time=1.0, step_size=0.1)["mass.x"].tolist()
 

@@ -84,6 +84,20 @@ def with_settings(
     return decorate
 
 
+def with_arguments(make: Callable[P, S]) -> Callable[[Callable[[S], R]], Callable[P, R]]:
+    """Decorate a function of one object: callers give the arguments of the function that makes the object."""
+
+    def decorate(function: Callable[[S], R]) -> Callable[P, R]:
+        @wraps(function)
+        def call(*arguments: P.args, **keywords: P.kwargs) -> R:
+            return function(make(*arguments, **keywords))
+
+        vars(call)["__signature__"] = inspect.signature(make)  # for help()
+        return call
+
+    return decorate
+
+
 @contextmanager
 def settings_beside(variables: Collection[str]) -> Iterator[None]:
     """Let errors about a setting tell where the value of a variable of the same name is given."""

@@ -38,11 +38,11 @@ class Warnings:
 def collected_warnings() -> Iterator[Warnings]:
     """Yield a collector of the warnings that this thread logs in the context; they are logged all the same."""
     warnings = Warnings()
-    token = _collecting.set((*_collecting.get(), warnings))
+    _collecting.set((*_collecting.get(), warnings))
     try:
         yield warnings
-    finally:
-        _collecting.reset(token)
+    finally:  # contexts of several runs may end in any order
+        _collecting.set(tuple(other for other in _collecting.get() if other is not warnings))
 
 
 @contextmanager

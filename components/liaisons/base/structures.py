@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from ctypes import Array, Structure, addressof, c_bool, c_double, c_int, c_size_t, c_ssize_t, c_void_p
+from ctypes import Array, Structure, addressof, c_bool, c_double, c_int, c_size_t, c_ssize_t, c_void_p, memmove
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,18 @@ class Record(Structure):
         vars(self).setdefault("targets", {}).update(targets)
         for name, target in targets.items():
             setattr(self, name, target.ctypes.data if isinstance(target, np.ndarray) else addressof(target))
+
+    def save(self) -> tuple[bytes, list[tuple[NDArray[Any], NDArray[Any]]]]:
+        """The fields and what the arrays contain, for :meth:`restore`."""
+        arrays = [array for array in vars(self).get("targets", {}).values() if isinstance(array, np.ndarray)]
+        return bytes(self), [(array, array.copy()) for array in arrays]
+
+    def restore(self, saved: tuple[bytes, list[tuple[NDArray[Any], NDArray[Any]]]]) -> None:
+        """Return to fields and contents; the arrays are those that they were then."""
+        content, arrays = saved
+        memmove(addressof(self), content, len(content))
+        for array, numbers in arrays:
+            array[:] = numbers
 
 
 def fields(path: Path, structure: str, **nested: type[Structure]) -> list[tuple[str, Any]]:

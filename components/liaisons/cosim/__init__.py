@@ -1,8 +1,9 @@
 """FMU files in, system, result out: composition and simulation on fmpy; no symbols here."""
 
+from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.sources import Signal
-from liaisons.cosim.system import OperatorFmu, System, simulate
+from liaisons.cosim.system import OperatorFmu, System, simulate, start
 from liaisons.results import IncompleteError, Interrupted, Result
 
 __all__ = [
@@ -11,8 +12,10 @@ __all__ = [
     "OperatorFmu",
     "Port",
     "Result",
+    "Run",
     "Signal",
     "System",
     "SystemComponent",
     "simulate",
+    "start",
 ]

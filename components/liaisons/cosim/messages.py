@@ -33,14 +33,14 @@ def collect_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
             try:
                 result = function(*arguments, **options)
             except (IncompleteError, Interrupted) as error:
-                error.result = _add_warnings(error.result, found.texts)
+                error.result = add_warnings(error.result, found.texts)
                 raise
-        return _add_warnings(result, found.texts)
+        return add_warnings(result, found.texts)
 
     return call
 
 
-def _add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
+def add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
     """A result with these warnings after its own."""
     return replace(result, warnings=tuple(dict.fromkeys((*result.warnings, *warnings)))) if warnings else result
 

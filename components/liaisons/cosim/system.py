@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import as_path, merged, named, settings_beside, shown, with_settings
+from liaisons.base.arguments import as_path, merged, settings_beside, shown, with_arguments, with_settings
 from liaisons.cosim.description.fmu import DefaultExperiment
-from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.running.run import Run, performed, started
 from liaisons.cosim.structure.components import Components, Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
 from liaisons.cosim.structure.diagram import Diagram, diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked
+from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, with_start_values
 from liaisons.cosim.structure.sources import Function
-from liaisons.errors import ConnectError, InvalidValueError, SimulationError, suggestion
+from liaisons.errors import ConnectError, SimulationError
 from liaisons.results import Result
 
 _SHOWN, _WIDEST = 20, 200
@@ -155,17 +154,8 @@ class System:
         :param start_values: ``"component.variable"`` -> start value, where it differs.
         :raises SimulationError: for an unknown component or variable, or a value that it cannot have.
         """
-        own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in self._parts.items()}
-        for name, value in named(f"{self.name}: start_values", start_values).items():
-            component, _, variable = name.partition(".")
-            if component not in own:
-                raise SimulationError(f"{self.name} has no component {component!r}{suggestion(component, own)}")
-            own[component][variable] = value
         other = copy(self)
-        parts = self._parts.items()
-        vars(other)["_parts"] = {
-            name: replace(part, starts=checked_starts(name, part.fmu, own[name])) for name, part in parts
-        }
+        vars(other)["_parts"] = with_start_values(self.name, self._parts, start_values)
         return other
 
     @with_settings(SimulationSettings)
@@ -197,6 +187,7 @@ class System:
             coordinate and its two rates, as for :func:`simulate`; None: no functions.
         :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
         :param progress: show a progress bar on stderr.
+        :param real_time: simulated seconds a second of the clock, which is waited for; None: it is not.
         :returns: the signals at all communication points; an FMU that ends the simulation ends it, with a warning.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized; after that
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
@@ -205,29 +196,30 @@ class System:
         simulation, step_size = self._checked(settings), settings.step_size
         start, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
-        return performed(simulation, progress=settings.progress, verify=settings.verify)
+        return performed(simulation, **settings.of_run())
 
     @with_settings(SimulationSettings)
     def start(self, settings: SimulationSettings) -> Run:
-        """Initialize the FMUs for a run, which hands out the FMUs as objects of FMPy.
+        """Initialize the FMUs for a run, step by step.
+
+        Without ``stop_time`` it has no end.  The FMUs are handed out as objects of FMPy: ``run.fmu("cart")``.
 
         Example::
 
             with system.start(stop_time=10.0, step_size=0.01) as run:
-                length = run.fmu("swing").getReal([3])
-                run.finish()
-                result = run.result()
+                while run["cart.x"] < 1:
+                    run.step({"cart.x_force": -run["cart.x_dot"]})
+            result = run.result
 
-        :param settings: those of :meth:`simulate`, but for ``verify`` and ``progress``.
+        :param settings: those of :meth:`simulate`, but for ``verify``, ``progress`` and ``real_time``.
         :returns: the run, a context manager that releases the FMUs.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
         """
-        if settings.verify or settings.progress:
-            raise InvalidValueError(f"{self.name}: verify and progress are settings of simulate(): leave them out")
-        return started(self._checked(settings))
+        settings.require_no_run()
+        return started(self._checked(settings, endless=True))
 
-    def _checked(self, settings: SimulationSettings) -> Simulation:
-        return checked(self.name, self.filled(), self.connections, settings)
+    def _checked(self, settings: SimulationSettings, *, endless: bool = False) -> Simulation:
+        return checked(self.name, self.filled(), self.connections, settings, endless=endless)
 
     @property
     def parts(self) -> Components:
@@ -272,26 +264,82 @@ class System:
         return self.diagram().svg
 
 
-def simulate(
-    fmu: Path | str,
-    /,
-    *,
-    stop_time: float | None = None,
-    step_size: float | None = None,
-    start_time: float | None = None,
-    times: ArrayLike | None = None,
-    tolerance: float | None = None,
-    coupling: Coupling | None = None,
-    error_tolerance: float | None = None,
-    record: str | Iterable[str] | None = None,
-    inputs: Mapping[str, Function] | None = None,
-    verify: bool = False,
-    progress: bool = False,
-    isolated: bool | float = False,
-    solver: Solver | None = None,
-    start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
-    **keywords: ArrayLike | OperatorFmu,
-) -> Result:
+@final
+@dataclass(frozen=True)
+class _SingleRun:
+    """One FMU with its operators, start values that are given, and settings."""
+
+    system: System
+    starts: Mapping[str, object]
+    settings: SimulationSettings
+
+    @classmethod
+    def of(
+        cls,
+        fmu: Path | str,
+        /,
+        *,
+        stop_time: float | None = None,
+        step_size: float | None = None,
+        start_time: float | None = None,
+        times: ArrayLike | None = None,
+        tolerance: float | None = None,
+        coupling: Coupling | None = None,
+        error_tolerance: float | None = None,
+        record: str | Iterable[str] | None = None,
+        inputs: Mapping[str, Function] | None = None,
+        verify: bool = False,
+        progress: bool = False,
+        real_time: float | None = None,
+        isolated: bool | float = False,
+        solver: Solver | None = None,
+        start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
+        **keywords: ArrayLike | OperatorFmu,
+    ) -> _SingleRun:
+        """Put the FMU and its operators into a system."""
+        settings = SimulationSettings(
+            stop_time,
+            step_size,
+            start_time=start_time,
+            times=times,
+            tolerance=tolerance,
+            coupling=coupling,
+            error_tolerance=error_tolerance,
+            record=record,
+            inputs=inputs,
+            verify=verify,
+            progress=progress,
+            real_time=real_time,
+        )
+        path = as_path("fmu", fmu)
+        starts = merged(path.stem, start_values, keywords)
+        system = System(path.stem or str(path))
+        system._add_part(  # noqa: SLF001 - it may have a dot in its name
+            path.stem, path, starts, isolated=isolated, solver=solver
+        )
+        return cls(system, starts, settings)
+
+    def checked(self, *, endless: bool = False) -> Simulation:
+        """The simulation.
+
+        :raises SimulationError: for a bad setting, and a start value that is not where a function of time begins.
+        """
+        system, starts, parts = self.system, self.starts, self.system.parts
+        title = next(iter(parts))
+        with settings_beside(parts[title].fmu.variables):
+            simulation = checked(title, parts, system.connections, self.settings, single=True, endless=endless)
+        for drive in simulation.drives:
+            for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
+                if name in starts and not np.allclose(
+                    np.asarray(starts[name], dtype=float), first, rtol=1e-9, atol=1e-9
+                ):
+                    words = f"{name} = {shown(starts[name])}: the function of inputs says {first:.10g} where it begins"
+                    raise SimulationError(f"{title}.{words}; leave one out")
+        return simulation
+
+
+@with_arguments(_SingleRun.of)
+def simulate(single: _SingleRun) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates.
 
     Settings that :meth:`System.simulate` has, too, are the same here, but for the first five: None is the value in the
@@ -312,6 +360,7 @@ def simulate(
         connected source; None: no functions.
     :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
     :param progress: show a progress bar on stderr.
+    :param real_time: simulated seconds a second of the clock, which is waited for; None: it is not.
     :param isolated: in a process of its own, as in :meth:`System.add`; ``solver``: the same.
     :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or the
         :func:`operator` of a coordinate.  An input that a function drives starts with the function's value.
@@ -320,28 +369,25 @@ def simulate(
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
-    path = as_path("fmu", fmu)
-    settings = SimulationSettings(
-        stop_time,
-        step_size,
-        start_time=start_time,
-        times=times,
-        tolerance=tolerance,
-        coupling=coupling,
-        error_tolerance=error_tolerance,
-        record=record,
-        inputs=inputs,
-    )
-    starts = merged(path.stem, start_values, keywords)
-    system = System(path.stem or str(path))
-    part = system._add_part(  # noqa: SLF001 - it may have a dot in its name
-        path.stem, path, starts, isolated=isolated, solver=solver
-    )
-    with settings_beside(part.fmu.variables):
-        simulation = checked(path.stem, system.parts, system.connections, settings, single=True)
-    for drive in simulation.drives:
-        for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
-            if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), first, rtol=1e-9, atol=1e-9):
-                words = f"{name} = {shown(starts[name])}: the function of inputs says {first:.10g} where it begins"
-                raise SimulationError(f"{path.stem}.{words}; leave one out")
-    return performed(simulation, progress=progress, verify=verify)
+    return performed(single.checked(), **single.settings.of_run())
+
+
+@with_arguments(_SingleRun.of)
+def start(single: _SingleRun) -> Run:
+    """Initialize one FMU, and the operators that prescribe its coordinates, for a run step by step.
+
+    ::
+
+        with start("Pendulum", step_size=0.02, theta_0=0.1) as run:
+            while run.time < 10:
+                run.step(theta_force=-run["theta_dot"])
+        result = run.result
+
+    Arguments are those of :func:`simulate`, but for ``verify``, ``progress`` and ``real_time``; without ``stop_time``
+    the run has no end.
+
+    :returns: the run, a context manager that releases the FMUs.
+    :raises SimulationError: for a bad argument or an FMU that cannot be initialized.
+    """
+    single.settings.require_no_run()
+    return started(single.checked(endless=True))

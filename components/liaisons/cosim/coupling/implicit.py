@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from ctypes import addressof, byref, c_double
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class Coupled:
                 Node(parts[name], instances[name], bus, signals, cycle, prescribed=name in prescribed) for name in names
             ]
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
+        self._matrices = [matrix for component in self._components for matrix in component.matrices]
         self._nodes = [node for component in self._components for node in component.nodes]
         component_of = {name: k for k, group in enumerate(groups) for name in group} | {SIGNALS: len(groups)}
         leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
@@ -151,10 +153,25 @@ class Coupled:
                 self._solve(component, "crossing", self._bus.size.value)
         finally:
             signals.held[:] = held
-        signals.since[:] = 0.0
+        self.forget_past()
+        self.settle(initial=False)
+
+    def forget_past(self) -> None:
+        """Forget the points before the present one."""
+        self.signals.since[:] = 0.0
         for history in (*self._histories, self._driven):
             history.memory.reset()
-        self.settle(initial=False)
+
+    def save(self) -> list[Any]:
+        """All that later steps depend on, for :meth:`restore`."""
+        return [self.memory.save(), self.signals.sizes.copy(), [matrix.save() for matrix in self._matrices]]
+
+    def restore(self, saved: Sequence[Any]) -> None:
+        """Return to what was saved, so that the steps that follow are the same to the last bit."""
+        memory, self.signals.sizes[:], matrices = saved
+        self.memory.restore(memory)
+        for matrix, content in zip(self._matrices, matrices, strict=True):
+            matrix.restore(content)
 
     def _later_instant(self, time: float) -> float | None:
         """Another instant of the piece that starts at this one [s]; None without one, or without functions of time."""

@@ -9,6 +9,7 @@ from typing import final
 
 import numpy as np
 
+from liaisons.base.structures import Record
 from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import RAISED, Call
 from liaisons.cosim.coupling.bus import Bus
@@ -74,7 +75,7 @@ class Newton:
         elimination = Elimination(n, list(slots))
         addresses = [column.ctypes.data + i * column.itemsize for column in columns for i in range(len(column))]
         self.choose_pivots = Call(elimination.choose_pivots)
-        self._referenced = columns, elimination
+        self.elimination, self._referenced = elimination, columns
         self.record = record = NewtonRecord(count=len(self.calls), entries=len(entries), numbers=len(slots))
         record.point(calls=records(self.calls), elimination=elimination.record)
         record.point(derivatives=np.array(addresses, dtype=np.uintp)[numbers], slots=slot_of_entry, powers=powers)
@@ -169,6 +170,12 @@ class StrongComponent:
         for equations in self._equations.values():
             if equations.newton is not None:
                 equations.newton.record.ready = False
+
+    @property
+    def matrices(self) -> list[Record]:
+        """The structures of Newton's method, whose factors serve for several steps."""
+        newtons = [equations.newton for equations in self._equations.values() if equations.newton is not None]
+        return [record for newton in newtons for record in (newton.record, newton.elimination.record)]
 
     def read_start_values(self) -> None:
         """Read the outputs at the start values of a cycle: the first guess."""

@@ -74,7 +74,8 @@ class ModelExchange(Loaded, ABC):
         self._tolerance = tolerance or self._fmu.experiment.tolerance or TOLERANCE
         self._clock.value, self._next_event, self._end_time = start_time, math.inf, math.inf
         self._jumped, self._motion, self._held_inputs[:] = False, None, np.nan
-        self._size = self._fmu.experiment.step_size or (stop_time - start_time) * _DIFFERENCE_SPAN
+        span = stop_time - start_time if math.isfinite(stop_time) else 1.0
+        self._size = self._fmu.experiment.step_size or span * _DIFFERENCE_SPAN
         super().initialize(starts, tolerance, start_time, stop_time)
 
     def exit_initialization(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -55,7 +56,10 @@ class Instance(ABC):
 
     @abstractmethod
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        """Enter initialization with these start values; tolerance None: the FMU's own; times [s]."""
+        """Enter initialization with these start values; tolerance None: the FMU's own.
+
+        :param stop_time: [s]; infinite: none.
+        """
 
     @abstractmethod
     def assign(self, name: str, value: Any) -> None:
@@ -177,7 +181,8 @@ class Loaded(Instance):
         """Instantiate it by FMPy."""
 
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        experiment = tolerance is not None, tolerance or 0.0, start_time, True, stop_time
+        ends = math.isfinite(stop_time)
+        experiment = tolerance is not None, tolerance or 0.0, start_time, ends, stop_time if ends else 0.0
         if self._fmu.version == 2:
             self._call("fmi2SetupExperiment", *experiment)
             experiment = ()

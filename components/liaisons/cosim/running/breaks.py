@@ -53,6 +53,8 @@ class Breaks:
 
     def find_next(self, time: float) -> None:
         """Find the next break after an instant [s] that all FMUs have reached."""
+        if not (self._calls or self._drives):
+            return
         self._bus.perform(self._calls)
         instants = [float(number[0]) for number in self._numbers]
         if self.divides:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.hermite import coefficients
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.arrays import Memory, Vector
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.structure.sources import Drive, rounding
 from liaisons.errors import SimulationError
@@ -57,6 +57,7 @@ class Deviations:
 
     :param drives: those of integers and Booleans are left out: they are sampled.
     :param tolerance: relative to the function; a smaller deviation is no break.
+    :ivar memory: what was seen of the functions until now.
     :ivar columns: of each input: column of the first of the two integrals, and how many numbers its function returns;
         ``span`` are the columns of all integrals.
     """
@@ -70,17 +71,12 @@ class Deviations:
         self.columns = {
             input_: (first + 2 * k, len(drive.inputs)) for k, drive in enumerate(drives) for input_ in drive.inputs
         }
-        self.reset()
+        n = len(drives)
+        self._sizes, self._breaks, self._overrun, self._end = np.zeros(n), np.zeros(n), np.zeros(n), np.full(1, -np.inf)
+        self.memory = Memory([self._sizes, self._breaks, self._overrun, self._end])
 
     def __bool__(self) -> bool:
         return bool(self._drives)
-
-    def reset(self) -> None:
-        """Forget everything."""
-        self._sizes = np.zeros(len(self._drives))
-        self._breaks = [0] * len(self._drives)
-        self._overrun = [0] * len(self._drives)
-        self._end = -math.inf
 
     def integrate_steps(self, times: Vector) -> Vector:
         """The integrals of steps from each of these instants [s] to the next, up to the first that may have a break.
@@ -124,10 +120,9 @@ class Deviations:
 
     def _count_breaks(self, end: float) -> None:
         """Count the functions with too many breaks in a step, and begin the next one, to an instant [s]."""
-        self._end = end
-        for k, count in enumerate(self._breaks):
-            self._overrun[k] += count >= _MOST
-            self._breaks[k] = 0
+        self._end[:] = end
+        self._overrun += self._breaks >= _MOST
+        self._breaks[:] = 0
 
     def _examine(self, k: int, times: Vector) -> _Examined:
         """Compare a function with its polynomials in the steps from each of these instants [s] to the next."""

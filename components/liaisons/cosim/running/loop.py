@@ -11,7 +11,7 @@ from contextlib import suppress
 from ctypes import byref, c_size_t, c_ssize_t, c_void_p
 from functools import partial
 from itertools import pairwise
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class Loop:
         self.after_break: list[int] = []
         self._result_times: dict[int, float] = {}
         self._calls, self._bus = calls, bus
+        self._addresses = self.times.ctypes.data, self.rows.ctypes.data  # looked up once, since that takes 1 µs
         self._compiled: Callable[..., int] | None = None
         if (library := compiled.steps()) is not None:
             records = [call.compiled() for call in calls]
@@ -74,6 +75,37 @@ class Loop:
         self.rows[self.done], self.times[self.done] = values, time
         self.done += 1
 
+    @property
+    def time(self) -> float:
+        """The last point [s]."""
+        return self._result_times.get(self.done - 1) or float(self.times[self.done - 1])
+
+    def begin_piece(self, tiny: float) -> None:
+        """Make a break of the last point, to which a tiny step [s] leads."""
+        last = self.done - 1
+        if last and last not in self.after_break:
+            time, result_time = float(self.times[last]), self.time
+            self._result_times.pop(last, None)
+            self.times[last] -= tiny
+            self.internal.add(last)
+            self.add(time, self.rows[last], result_time=result_time, after_break=True)
+
+    def save(self) -> list[Any]:
+        """All points, for :meth:`restore`."""
+        rows, times = self.rows[: self.done].copy(), self.times[: self.done].copy()
+        return [rows, times, set(self.internal), list(self.after_break), dict(self._result_times)]
+
+    def restore(self, saved: Sequence[Any]) -> None:
+        """Return to the points that were saved."""
+        rows, times, internal, after_break, result_times = saved
+        self.reset()
+        self._make_room(len(times))
+        self.done = len(times)
+        self.rows[: self.done], self.times[: self.done] = rows, times
+        self.internal.update(internal)
+        self.after_break += after_break
+        self._result_times |= result_times
+
     def result_rows(self) -> tuple[Indices, Vector]:
         """Indices of the rows in the result, and their times [s]."""
         rows = np.delete(np.arange(self.done), sorted(self.internal))
@@ -95,9 +127,9 @@ class Loop:
             self._advance(steps)
             return
         done = self._compiled(
-            c_void_p(self.times.ctypes.data + (first - 1) * self.times.itemsize),
+            c_void_p(self._addresses[0] + (first - 1) * self.times.itemsize),
             c_size_t(steps),
-            c_void_p(self.rows.ctypes.data + first * self.rows.strides[0]),
+            c_void_p(self._addresses[1] + first * self.rows.strides[0]),
             self._refusal,
         )
         self.done += done
@@ -109,6 +141,7 @@ class Loop:
     def _make_room(self, points: int) -> None:
         while self.done + points > len(self.rows):
             self.rows, self.times = np.concatenate([self.rows] * 2), np.concatenate([self.times] * 2)
+            self._addresses = self.times.ctypes.data, self.rows.ctypes.data
 
     def _advance(self, steps: int) -> None:
         bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]

@@ -9,20 +9,25 @@ the bare calls.
 from __future__ import annotations
 
 import gc
+import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
-from typing import Any, final
+from time import perf_counter, sleep
+from typing import Any, NoReturn, final
+from weakref import finalize
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from liaisons.base.arguments import positive
 from liaisons.base.folders import passing_folder
 from liaisons.base.interrupts import deferred_interrupts
+from liaisons.base.logs import collected_warnings
 from liaisons.base.progress import progress_bar
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling import explicit
 from liaisons.cosim.coupling.bus import Bus
@@ -31,7 +36,7 @@ from liaisons.cosim.coupling.signals import port_outputs
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
-from liaisons.cosim.messages import collect_warnings, logger, warn_of_non_finite_values
+from liaisons.cosim.messages import add_warnings, collect_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.contacts import missing_impulses, sums_of_missing, warn_of_missing
@@ -44,10 +49,12 @@ from liaisons.cosim.running.input_reconstruction import (
     input_reconstructions,
 )
 from liaisons.cosim.running.loop import Loop
+from liaisons.cosim.running.stepping import FreeInput, RunState
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
-from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.simulation import Simulation, owned, with_start_values
 from liaisons.cosim.structure.sources import SIGNALS, rounding
 from liaisons.errors import EndedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
@@ -55,6 +62,13 @@ from liaisons.results import IncompleteError, Interrupted, Result
 _PORTION = 0.02  # [s] between two calls of on_progress, about
 _MOST_IN_BATCH = 256
 """Most steps for which functions of time are evaluated at once."""
+_FEW_POINTS = 1024
+"""Points for which there is room at first in a run without an end."""
+_LATE = 1e-3
+"""Lateness of which there is no warning [s]: what clocks and schedulers resolve."""
+
+Reading = tuple[Sequence[Call], Vector, Callable[[Vector], Any]]
+"""Calls that read a variable, the numbers that they write, and what makes its value of these."""
 
 
 @final
@@ -107,11 +121,17 @@ class Run:
             self._breaks = Breaks(simulation, self._instances, self._bus)
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
             self._divides = self._breaks.divides and self._estimate.has_targets and not reads_samples
-            self._loop = Loop(self._step, self._bus, len(times))
+            self._loop = Loop(self._step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
+            self._free_inputs: dict[str, FreeInput] = {}
+            self._readings: dict[str, Reading] = {}
+            self._unused_states: list[Sequence[tuple[Call, Call]]] = []
+            self._closed = False
+            self._begin_steps()
             self._restores: Sequence[Call] = []
             if self.repeats:
                 saves, self._restores = zip(*(instance.states() for instance in self._instances.values()), strict=True)
                 self._bus.perform(saves)
+            self._warnings = stack.enter_context(collected_warnings())
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Run:
@@ -122,6 +142,7 @@ class Run:
 
     def close(self) -> None:
         """Release the FMUs."""
+        self._closed = True
         self._stack.close()
 
     def fmu(self, name: str) -> Any:
@@ -155,7 +176,7 @@ class Run:
             instance.reset()
         bus.set_step(begin, begin)
         self._breaks.begin_piece(begin)
-        self._deviations.reset()
+        self._deviations.memory.reset()
         bus.perform(self._restores)
         bus.values[:] = 0.0
         if self._coupled is not None:
@@ -170,16 +191,24 @@ class Run:
         bus.perform(self._initial_derivatives)
         self._loop.add(begin, bus.values, result_time=begin)
         self._breaks.find_next(begin)
+        self._begin_steps()
+
+    def _begin_steps(self) -> None:
+        self._points, self._end = 1, ""  # communication points that were reached; why there is no next one
+        self._clock: tuple[float, float, float] | None = None  # seconds a second, instant of the clock, and simulated
+        self.lateness: list[float] = []
+        for free in self._free_inputs.values():
+            free.values[:] = np.nan
 
     def finish(self, on_progress: Callable[[float], None] | None = None) -> None:
-        """Simulate to the end, from the start.
+        """Simulate to the end.
 
         :param on_progress: called now and then with the time that is reached [s].
         :raises SimulationError: if an FMU refuses something.
         """
         simulation = self._simulation
-        if simulation.error_tolerance is None and not simulation.adapts:
-            self._step_to(simulation.times, on_progress)
+        if not self._chooses_steps:
+            self._step_to(len(simulation.times), on_progress)
             return
         stepper = Stepper(
             simulation,
@@ -200,34 +229,240 @@ class Run:
             if on_progress:
                 on_progress(point.time)
 
-    def _step_to(self, points: Sequence[float], on_progress: Callable[[float], None] | None) -> None:
-        """Step to each of the communication points, and to the breaks between them."""
-        loop, breaks, done = self._loop, self._breaks, 1
-        most = _MOST_IN_BATCH if self._deviations else len(points)
+    @property
+    def _chooses_steps(self) -> bool:
+        """Whether steps are as long as their errors allow."""
+        return self._simulation.error_tolerance is not None or self._simulation.adapts
+
+    def _step_to(self, stop: int, on_progress: Callable[[float], None] | None = None) -> None:
+        """Step until so many communication points are reached, and to the breaks between them."""
+        loop, breaks, points, done = self._loop, self._breaks, self._simulation.times, self._points
+        most = _MOST_IN_BATCH if self._deviations else stop
         many = 1 if on_progress or self._deviations else most  # points between two calls of on_progress
-        while done < len(points):
+        most = 1 if self._clock else most
+        while done < stop:
             begin, time = perf_counter(), float(loop.times[loop.done - 1])
             size = points[done] - points[done - 1]
             near = rounding(breaks.next) if breaks.next < np.inf else 0.0
-            free = bisect_left(points, breaks.next - near, done)
+            last = min(done + many, stop)
+            free = bisect_left(points, breaks.next - near, done, min(last + 1, len(points)))
             if done < free:  # points before the next break
-                last = min(done + many, free)
                 if self._is_first_of_piece() and free == done + 1:
                     self._advance([(time + points[done]) / 2], in_result=False)
                 else:
-                    done += self._advance(points[done:last])
+                    done += self._advance(points[done : min(last, free)])
             elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
-                stop = breaks.next - tiny
-                self._advance([(time + stop) / 2, stop] if self._is_first_of_piece() else [stop], in_result=False)
+                before = breaks.next - tiny
+                halves = [(time + before) / 2, before]
+                self._advance(halves if self._is_first_of_piece() else halves[1:], in_result=False)
             else:
                 instant, result_time = breaks.next, None
                 if points[done] - instant <= near:
                     instant, result_time = max(instant, points[done]), points[done]
                     done += 1
                 loop.add(instant, self._cross_break(time, instant), result_time=result_time, after_break=True)
+            self._points = done
             many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
             if on_progress:
                 on_progress(float(loop.times[loop.done - 1]))
+
+    # ---- step by step
+
+    @property
+    def time(self) -> float:
+        """The communication point that was reached last [s]."""
+        return self._loop.time
+
+    def step(self, inputs: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
+        """Step to the next communication point.
+
+        :param inputs: values of inputs that nothing feeds, which they keep until they are set again; of a system by
+            ``"component.input"``.  ``keywords`` are further ones.
+        :raises SimulationError: for an unknown input, one that has a source, a value that it cannot have, and a run
+            that is closed or at its end; :class:`IncompleteError`, with the result so far, if an FMU refuses the step.
+        """
+        values = {**(inputs or {}), **keywords}
+        self._set_and_step([self._free_input(name) for name in values], values.values())
+
+    def stepper(self, inputs: Sequence[str], outputs: Sequence[str]) -> Callable[[ArrayLike], Vector]:
+        """Prepare a step as a function of an array.
+
+        :param inputs: names of scalars, as of :meth:`step`.
+        :param outputs: names of scalars that are recorded or connected.
+        :returns: function of the inputs, shape (inputs,), that steps and returns the outputs, shape (outputs,).
+        :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
+        """
+        free, columns = [self._free_input(name) for name in inputs], []
+        for name in outputs:
+            columns.append(self._bus.index.get(self._reference(name), -1))
+            if columns[-1] < 0:
+                raise SimulationError(f"{self._simulation.title}: {name} is not recorded; name it in record=[...]")
+        indices = as_indices(columns)
+
+        def step(values: ArrayLike) -> Vector:
+            self._set_and_step(free, np.asarray(values).tolist())
+            return self._bus.values[indices]
+
+        return step
+
+    def _set_and_step(self, free: Sequence[FreeInput], values: Collection[ArrayLike]) -> None:
+        """Set inputs to values, where these are others than those that were set last, and step."""
+        self._require_open()
+        times, points = self._simulation.times, self._points
+        if self._chooses_steps:
+            self._refuse("errors choose its steps; give step_size, and leave error_tolerance out")
+        if self._end or points == len(times):
+            self._refuse(self._end or f"it has reached its end, t = {self.time:.10g} s; give a later stop_time")
+        numbers = [one.check(value) for one, value in zip(free, values, strict=True)]
+        changed = [one.put for one, number in zip(free, numbers, strict=True) if one.assign(number)]
+        try:
+            if changed:
+                self._bus.perform(changed)
+                self._begin_piece(times[points] - times[points - 1])
+            if self._deviations or self._breaks.next < math.inf or points + 1 == len(times):
+                self._step_to(points + 1)
+            else:
+                self._loop.advance((times[points],))
+                self._points += 1
+        except EndedError as ended:
+            self._end = str(ended)
+            logger.warning("%s", ended)
+        except SimulationError as error:
+            raise IncompleteError(str(error), self.result) from error
+        self.wait()
+
+    def _begin_piece(self, size: float) -> None:
+        """Begin a smooth piece now, with the inputs that were set, before a step of a size [s]."""
+        bus, loop, time = self._bus, self._loop, self.time
+        bus.set_step(time, time)
+        if self._coupled is not None:
+            self._coupled.forget_past()
+        bus.perform(self._settle)
+        if self._estimate.has_targets:
+            loop.begin_piece(gap(time, size))
+        loop.rows[loop.done - 1] = bus.values
+        self._breaks.find_next(time)
+
+    def _reference(self, name: str) -> VariableReference:
+        """Component and variable of a name."""
+        simulation = self._simulation
+        title, parts = simulation.title, simulation.parts
+        return simulation.recorded.get(name) or owned(title, parts, "variable", name, single=simulation.single)
+
+    def _free_input(self, name: str) -> FreeInput:
+        if name not in self._free_inputs:
+            owner, variable = self._reference(name)
+            part, feeds = self._simulation.parts[owner], self._simulation.feeds
+            self._require_open()
+            self._free_inputs[name] = FreeInput(part, variable, self._instances[owner], feeds)
+        return self._free_inputs[name]
+
+    def __getitem__(self, name: str) -> Any:
+        """A value at the present time, whether it is recorded or not; of an array, all of them.
+
+        :raises SimulationError: for an unknown name, and after the run was closed.
+        """
+        self._require_open()
+        if name not in self._readings:
+            self._readings[name] = self._prepare_reading(name)
+        calls, values, convert = self._readings[name]
+        self._bus.perform(calls)
+        return convert(values)
+
+    def _prepare_reading(self, name: str) -> Reading:
+        """Calls that read a variable, the numbers that they write, and what makes its value of these."""
+        owner, variable = self._reference(name)
+        part, column = self._simulation.parts[owner], self._bus.index.get((owner, variable))
+        scalars, shape = [part.scalar(n) for n in part.recordable(variable)], part.fmu.arrays.get(variable)
+        if column is None:
+            values = np.empty(len(scalars))
+            calls = [self._instances[owner].getter(scalars, values)]
+        else:
+            values, calls = self._bus.values[column : column + 1], list[Call]()
+        if scalars[0].type == "String":
+            return calls, values, lambda values: text(values[0]).decode(errors="replace")
+        return calls, values, lambda values: float(values[0]) if shape is None else values.reshape(shape).copy()
+
+    def _require_open(self) -> None:
+        if self._closed:
+            self._refuse("the run is closed; start another one")
+
+    def _refuse(self, words: str) -> NoReturn:
+        raise SimulationError(f"{self._simulation.title}: {words}")
+
+    def save(self) -> RunState:
+        """The present state, to which the run can return as often as wanted.
+
+        :raises SimulationError: if an FMU cannot return to a state.
+        """
+        self._require_states()
+        calls = self._unused_states.pop() if self._unused_states else [i.states() for i in self._instances.values()]
+        saves, restores = zip(*calls, strict=True)
+        self._bus.perform(saves)
+        owners = [owner.save() for owner in self._owners]
+        inputs = {name: free.values.copy() for name, free in self._free_inputs.items()}
+        state = RunState(self, self.time, self._points, restores, self._bus.values.copy(), owners, inputs)
+        finalize(state, self._unused_states.append, calls)
+        return state
+
+    def restore(self, state: RunState) -> None:
+        """Return to a state; of the recorded points those until then stay.
+
+        :raises SimulationError: for the state of another run.
+        """
+        self._require_open()
+        if state.run is not self:
+            self._refuse(f"{state!r} is of another run; restore what its own save() has returned")
+        self._bus.perform(state.restores)
+        self._bus.values[:] = state.values
+        self._bus.set_step(state.time, state.time)
+        for owner, saved in zip(self._owners, state.owners, strict=True):
+            owner.restore(saved)
+        for name, free in self._free_inputs.items():
+            free.values[:] = state.inputs.get(name, np.nan)
+        self._points, self._end = state.points, ""
+        self._breaks.find_next(state.time)
+
+    @property
+    def _owners(self) -> list[Any]:
+        """What has a state beside the FMUs and the bus."""
+        coupled = [] if self._coupled is None else [self._coupled]
+        return [self._loop, self._deviations.memory, *self._simulation.drives, *coupled]
+
+    def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
+        """Begin again at the start time, with the FMUs that there are.
+
+        :param start_values: where they differ from those that the run was made with; of a system by
+            ``"component.variable"``.  ``keywords`` are further ones.
+        :raises SimulationError: for an unknown name, a value that cannot be set, or an FMU that cannot go back.
+        """
+        self._require_states()
+        simulation, starts = self._simulation, {**(start_values or {}), **keywords}
+        self.start(with_start_values(simulation.title, simulation.parts, starts, single=simulation.single))
+
+    def _require_states(self) -> None:
+        self._require_open()
+        for name, part in self._simulation.parts.items():
+            if not part.fmu.can_get_and_set_state:
+                words = f"{name} ({part.fmu.path.name}) cannot go back: its canGetAndSetFMUstate is false"
+                self._refuse(f"{words}; start another run")
+
+    def pace(self, factor: float = 1.0) -> None:
+        """Wait, from now on, after each step until the clock has advanced as much.
+
+        :param factor: simulated seconds a second.
+        :raises SimulationError: unless it is positive.
+        """
+        positive("pace", factor)
+        self._clock = factor, perf_counter(), self.time
+
+    def wait(self) -> None:
+        """Wait for the clock, if there is a pace; :attr:`lateness` gets by how much it was ahead [s]."""
+        if self._clock is not None:
+            factor, begin, first = self._clock
+            late = perf_counter() - begin - (self.time - first) / factor
+            self.lateness.append(max(late, 0.0))
+            sleep(max(-late, 0.0))
 
     def _advance(self, instants: Sequence[float], *, in_result: bool = True) -> int:
         """Step to these instants up to the next break; returns how many were reached."""
@@ -270,7 +505,14 @@ class Run:
         self._breaks.find_next(stop)
         return bus.values
 
+    @property
     def result(self) -> Result:
+        """The result so far, with all warnings."""
+        with collected_warnings() as last:
+            result = self.concluded()
+        return add_warnings(result, (*self._warnings.texts, *last.texts))
+
+    def recorded_result(self) -> Result:
         """The result of all that was recorded so far."""
         simulation, loop = self._simulation, self._loop
         in_result, times = loop.result_rows()
@@ -303,9 +545,17 @@ class Run:
 
     def concluded(self) -> Result:
         """Warn of values that are not finite, lost impulses and large coupling errors; returns the result."""
-        result = self.result()
+        result = self.recorded_result()
         warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, self._missing)
+        if (worst := max(self.lateness, default=0.0)) > _LATE:
+            words = (
+                "%s: up to %.3g s late, at %d of %d points, where steps take longer than the time that they simulate"
+            )
+            late = sum(one > _LATE for one in self.lateness)
+            logger.warning(
+                words + ": a smaller pace, or larger steps, would do", result.title, worst, late, len(self.lateness)
+            )
         if self._estimate.worst is not None and not self._missing:
             self._estimate.worst.warn(float(np.nansum(self._error)))
         return result
@@ -368,17 +618,20 @@ def started(simulation: Simulation) -> Run:
     :raises SimulationError: if an FMU cannot be initialized.
     """
     with ExitStack() as stack:
-        run = stack.enter_context(Run(simulation))
+        run = stack.enter_context(Run(simulation, again=True))
         run.start()
         stack.pop_all()
     return run
 
 
 @collect_warnings
-def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:
+def performed(
+    simulation: Simulation, *, progress: bool = False, verify: bool = False, real_time: float | None = None
+) -> Result:
     """Run a simulation from its start to its end, or until an FMU ends it.
 
     :param verify: run it once more, at half the steps, and keep the differences in ``errors`` of the result.
+    :param real_time: simulated seconds a second of the clock, which is waited for; None: it is not.
     :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
         what was computed until then.
     :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
@@ -387,10 +640,13 @@ def performed(simulation: Simulation, *, progress: bool = False, verify: bool = 
     with Run(simulation) as run:
         try:
             run.start()
+            if real_time is not None:
+                run.pace(real_time)
             with progress_bar(title, "t = {:.6g} of {:.6g} s", *span) as show, deferred_interrupts() as interrupts:
 
                 def on_progress(time: float) -> None:
                     show(time)
+                    run.wait()
                     if interrupts:
                         raise KeyboardInterrupt
 
@@ -416,5 +672,5 @@ def _with_differences(simulation: Simulation, result: Result) -> Result:
     with Run(replace(simulation, times=times.tolist(), error_tolerance=None, adapts=False)) as run:
         run.start()
         run.finish()
-        fine = run.result()
+        fine = run.recorded_result()
     return replace(result, errors=np.abs(result.values - fine.values[:, ::2]))

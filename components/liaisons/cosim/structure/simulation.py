@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.base.arguments import finite, listed, named, numbers, positive, time_span
+from liaisons.base.arguments import finite, listed, named, numbers, positive, shown, time_span
 from liaisons.base.array_names import split
 from liaisons.base.logs import collected_warnings
 from liaisons.base.memory import check_memory
 from liaisons.base.port_names import PortNames
 from liaisons.base.unit_definitions import SAME, Conversion
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
+from liaisons.cosim.description.start_values import start_values as checked_starts
 from liaisons.cosim.structure import checks
-from liaisons.cosim.structure.components import Components
+from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.scenes import FmuScene, connected_groups
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
@@ -53,6 +55,20 @@ class SimulationSettings:
     inputs: Mapping[str, Function] | None = None
     verify: bool = False
     progress: bool = False
+    real_time: float | None = None
+
+    def of_run(self) -> dict[str, Any]:
+        """Those that are no property of the simulation itself, by name."""
+        return {name: getattr(self, name) for name in ("verify", "progress", "real_time")}
+
+    def require_no_run(self) -> None:
+        """Refuse these.
+
+        :raises SimulationError: for one that is set.
+        """
+        for name, value in self.of_run().items():
+            if value:
+                raise InvalidValueError(f"{name} = {shown(value)}: is for simulate(); leave it out")
 
 
 @final
@@ -67,6 +83,7 @@ class Simulation:
     :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
     :param groups: strongly connected components of the connection graph, in execution order.
     :param cyclic: components in cycles.
+    :param single: whether it is of one FMU, whose variables have no prefix.
     :param adapts: whether steps between the communication points are as short as the estimate of their error asks for.
     :param warnings: what was warned of when it was checked.
     """
@@ -82,6 +99,7 @@ class Simulation:
     error_tolerance: float | None
     groups: Sequence[Sequence[str]]
     cyclic: Collection[str]
+    single: bool = False
     adapts: bool = False
     warnings: tuple[str, ...] = ()
 
@@ -159,20 +177,26 @@ def checked(
     *,
     single: bool = False,
     also: Iterable[str] = (),
+    endless: bool = False,
 ) -> Simulation:
     """A simulation whose settings are checked and complete.
 
     :param single: of one FMU, the first, whose variables have no prefix and whose default experiment counts; the
         others are its operators.
     :param also: names that are recorded besides.
+    :param endless: without a stop time it has no end.
     :raises SimulationError: for a bad setting.
     """
     recorded = _recorded(title, parts, settings.record, also, single=single)
-    start_time, stop_time, step_size = _span(title, parts, settings, single=single)
+    endless = endless and settings.stop_time is None and settings.times is None
+    start_time, stop_time, step_size = _span(title, parts, settings, single=single, endless=endless)
     tolerance, error_tolerance = settings.tolerance, settings.error_tolerance
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
-    if error_tolerance is None:
+    points: Sequence[float]
+    if endless and error_tolerance is None:
+        points = _endless_times(start_time, step_size)
+    elif error_tolerance is None:
         points = communication_points(start_time, stop_time, step_size, settings.times, signals=len(recorded))
     elif settings.times is None:
         points = first_points(start_time, stop_time, step_size)
@@ -192,7 +216,8 @@ def checked(
         chosen = checks.choose_coupling(graph, settings.coupling)
         checks.check_signals(connections, chosen)
         parts = checks.prepare_components(graph, chosen)
-        checks.check_steps(parts, graph, points, chosen, adaptive=error_tolerance is not None)
+        first = points[:2] if endless else points
+        checks.check_steps(parts, graph, first, chosen, adaptive=error_tolerance is not None)
         checks.check_inputs(parts, graph)
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
     chooses = settings.step_size is None and settings.times is None and error_tolerance is None and not single
@@ -208,6 +233,7 @@ def checked(
         error_tolerance,
         graph.groups,
         graph.cyclic,
+        single=single,
         adapts=chooses and free and chosen in checks.ITERATING,
         warnings=warned.texts,
     )
@@ -224,7 +250,7 @@ def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
 
 
 def _span(
-    title: str, parts: Components, settings: SimulationSettings, *, single: bool
+    title: str, parts: Components, settings: SimulationSettings, *, single: bool, endless: bool
 ) -> tuple[float, float | None, float | None]:
     """Start, stop and step [s], from the settings, else from the default experiments."""
     start, stop, step = settings.start_time, settings.stop_time, settings.step_size
@@ -233,15 +259,41 @@ def _span(
     fmus = [part.fmu for part in parts.values()][: 1 if single else None]
     usual = common_experiment(fmus)
     start = (usual.start_time or 0.0) if start is None else start
-    stop = usual.stop_time if stop is None and single else stop
+    stop = usual.stop_time if stop is None and single and not endless else stop
     step = usual.step_size if step is None else step
     if step is None and stop is not None and (fmus[0].is_model_exchange or not single):
         finite("stop_time", stop)
         finite("start_time", start)
         step = (stop - start) / _POINTS
-    if single and (stop is None or step is None):
-        raise InvalidValueError(f"{title}.fmu has no default {'stop_time' if stop is None else 'step_size'}: give one")
+    missing = "stop_time" if stop is None and not endless else "step_size" if step is None else ""
+    if single and missing:
+        raise InvalidValueError(f"{title}.fmu has no default {missing}: give one")
     return start, stop, step
+
+
+@final
+@dataclass(frozen=True)
+class EndlessTimes(Sequence[float]):
+    """t_i = start_time + i * step_size [s] without an end: the last one is infinite."""
+
+    start_time: float
+    step_size: float
+
+    def __len__(self) -> int:
+        return sys.maxsize
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        return math.inf if index == -1 else self.start_time + index * self.step_size
+
+
+def _endless_times(start_time: float, step_size: float | None) -> EndlessTimes:
+    if step_size is None:
+        raise InvalidValueError("give step_size, the distance of the communication points")
+    finite("start_time", start_time)
+    positive("step_size", step_size)
+    return EndlessTimes(float(start_time), float(step_size))
 
 
 def owned(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
@@ -256,6 +308,21 @@ def owned(title: str, parts: Components, label: str, name: str, *, single: bool)
     if owner not in parts:
         raise SimulationError(f"{label} {name!r}: {title} has no component {owner!r}{suggestion(owner, parts)}")
     return owner, variable
+
+
+def with_start_values(
+    title: str, parts: Components, start_values: Mapping[str, object], *, single: bool = False
+) -> dict[str, SystemComponent]:
+    """The components with other start values.
+
+    :param start_values: by name, where they differ.
+    :raises SimulationError: for an unknown name, or a value that it cannot have.
+    """
+    own: dict[str, dict[str, object]] = {name: dict(part.starts) for name, part in parts.items()}
+    for name, value in named(f"{title}: start_values", start_values).items():
+        owner, variable = owned(title, parts, "start value", name, single=single)
+        own[owner][variable] = value
+    return {name: replace(part, starts=checked_starts(name, part.fmu, own[name])) for name, part in parts.items()}
 
 
 def _recorded(

@@ -111,6 +111,15 @@ class Drive:
             right = self.right(t)
             self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
+    def save(self) -> dict[float, Vector]:
+        """Limits from the right at the start of the present piece, for :meth:`restore`."""
+        return dict(self._begins)
+
+    def restore(self, saved: Mapping[float, Vector]) -> None:
+        """Return to that piece."""
+        self._begins.clear()
+        self._begins.update(saved)
+
     def next_break(self, time: float) -> float | None:
         """First break of the function after an instant [s]; None if there is none."""
         index = int(np.searchsorted(self.breaks, time + rounding(time), side="right"))

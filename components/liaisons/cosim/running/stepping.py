@@ -1,0 +1,88 @@
+"""Inputs that the caller of a run sets from step to step, and the state to which a run can return."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons.base.arguments import numbers, shown
+from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.description.start_values import RANGES
+from liaisons.cosim.description.variables import NUMBERS
+from liaisons.cosim.instances.protocol import Instance
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.schedule import Feeds
+from liaisons.errors import InvalidValueError, SimulationError
+
+
+@final
+class FreeInput:
+    """An input of numbers, or an array of inputs, that nothing feeds.
+
+    :ivar values: those that were set last, shape (elements,); not-a-number before.
+    :ivar put: a call that sets the FMU to them.
+    :raises SimulationError: if it is none.
+    """
+
+    def __init__(self, part: SystemComponent, name: str, instance: Instance, feeds: Feeds) -> None:
+        scalars = [part.scalar(element) for element in (part.fmu.elements(name) if name in part.fmu.arrays else [name])]
+        self._label, self._variable, self._shape = f"{part.name}.{name}", scalars[0], part.fmu.arrays.get(name, ())
+        if self._variable.causality != "input" or self._variable.type not in NUMBERS:
+            words = f"is {self._variable.type} of causality {self._variable.causality!r}"
+            raise SimulationError(f"{self._label} {words}, which a step cannot set; give numbers to inputs")
+        if fed := [scalar.name for scalar in scalars if (part.name, scalar.name) in feeds]:
+            raise SimulationError(f"{part.name}.{fed[0]} is connected or driven, so that a step cannot set it")
+        self.values = np.full(len(scalars), np.nan)
+        self.put: Call = instance.setter(scalars, self.values)
+
+    def check(self, value: ArrayLike) -> Vector | float:
+        """A value as numbers.
+
+        :raises SimulationError: if it is not finite, or not of the type or the shape of the input.
+        """
+        if type(value) is float and self._variable.type == "Real" and not self._shape and math.isfinite(value):
+            return value
+        checked = numbers(self._label, value)
+        if checked.shape != self._shape:
+            raise InvalidValueError(f"{self._label} = {shown(value)}: give numbers of shape {self._shape}")
+        if not np.isfinite(checked).all():
+            raise InvalidValueError(f"{self._label} = {shown(value)}: must be finite")
+        if self._variable.type != "Real":
+            least, most = RANGES.get(self._variable.base, (0, 1))
+            if not (checked == np.clip(np.round(checked), least, most)).all():
+                raise InvalidValueError(f"{self._label} = {shown(value)}: give whole numbers from {least} to {most}")
+        return checked.reshape(-1)
+
+    def assign(self, numbers: Vector | float) -> bool:
+        """Set :attr:`values`, but not yet the FMU; returns whether they are others than before."""
+        same = np.array_equal(self.values, numbers) if self._shape else bool(self.values[0] == numbers)
+        self.values[:] = numbers
+        return not same
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class RunState:
+    """The state of a run, to which it can return; made by :meth:`liaisons.cosim.running.run.Run.save`.
+
+    :param time: [s]; ``points``: communication points that were reached.
+    :param restores: calls that restore the FMUs; ``values``: those of the bus.
+    :param owners: states of what else has one; ``inputs``: the values that were set last.
+    """
+
+    run: object
+    time: float
+    points: int
+    restores: Sequence[Call]
+    values: Vector
+    owners: Sequence[Any]
+    inputs: Mapping[str, Vector]
+
+    def __repr__(self) -> str:
+        return f"<state at t = {self.time:.10g} s>"
