@@ -148,8 +148,13 @@ class Deviations:
 def _integrals(off: Vector, size: ArrayLike) -> Vector:
     """∫ and ∫∫ of deviations at the nodes; each takes the sign of their mean, so that none cancel."""
     size = np.asarray(size)
-    sizes = np.copysign(np.abs(off), (off @ _WEIGHTS)[..., None])
-    return (sizes @ _ONCE_TWICE) * np.stack([size, size**2], -1)
+    sizes = np.copysign(np.abs(off), _multiply(off, _WEIGHTS[:, None]))
+    return _multiply(sizes, _ONCE_TWICE) * np.stack([size, size**2], -1)
+
+
+def _multiply(rows: Vector, matrix: Vector) -> Vector:
+    """Rows times a matrix, row by row: a step alone gets the same bits as among others."""
+    return (rows[..., None, :] @ matrix)[..., 0, :]
 
 
 def _bisect(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
@@ -177,7 +182,7 @@ def _compare(drive: Drive, times: Vector) -> tuple[Vector, Vector, Vector]:
     begin, end = ends[:-1] * powers, ends[1:] * powers
     if len(drive.inputs) < 3:
         between = drive.sample(times[:-1, None] + steps * _THIRDS[1:-1])[..., 0]
-        through = np.hstack([begin[:, :1], between, end[:, :1]]) @ _CUBIC.T
+        through = _multiply(np.hstack([begin[:, :1], between, end[:, :1]]), _CUBIC.T)
     else:
-        through = np.hstack([begin, end]) @ _QUINTIC.T
+        through = _multiply(np.hstack([begin, end]), _QUINTIC.T)
     return inside - through, begin, end

@@ -548,14 +548,9 @@ class Run:
         result = self.recorded_result()
         warn_of_non_finite_values(result)
         warn_of_missing(result.title, result.time, self._missing)
-        if (worst := max(self.lateness, default=0.0)) > _LATE:
-            words = (
-                "%s: up to %.3g s late, at %d of %d points, where steps take longer than the time that they simulate"
-            )
-            late = sum(one > _LATE for one in self.lateness)
-            logger.warning(
-                words + ": a smaller pace, or larger steps, would do", result.title, worst, late, len(self.lateness)
-            )
+        if late := [one for one in self.lateness if one > _LATE]:
+            words = "%s: %d of %d paced steps end late, by up to %.3g s: choose a smaller pace, or larger steps"
+            logger.warning(words, result.title, len(late), len(self.lateness), max(late))
         if self._estimate.worst is not None and not self._missing:
             self._estimate.worst.warn(float(np.nansum(self._error)))
         return result
