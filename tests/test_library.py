@@ -12,7 +12,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from liaisons import System, build, derive, ensemble, fmu_path, grid, simulate, sweep
+from liaisons import System, build, derive, ensemble, fmu_path, grid, simulate, start, sweep
 from liaisons.base.project import ProjectError
 from liaisons.errors import LiaisonsError
 from liaisons.library import variables
@@ -165,9 +165,9 @@ def test_two_files_with_one_name_do_not_take_turns(own: Callable[..., Path]) -> 
     assert fmu_path(Pendulum) == fmu_path("Pendulum")
 
 
-@pytest.mark.parametrize("function", [simulate, sweep])
+@pytest.mark.parametrize("function", [simulate, start, sweep])
 def test_help_says_that_components_are_taken(function: Callable[..., object]) -> None:
-    signature, below = inspect.signature(function), inspect.signature(inspect.unwrap(function))
+    signature, below = inspect.signature(function), inspect.signature(vars(function)["__wrapped__"])
     assert "type[Component]" in str(signature)
     assert list(signature.parameters) == list(below.parameters)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from copy import deepcopy
 from ctypes import byref, c_size_t, c_ssize_t, c_void_p
 from functools import partial
 from itertools import pairwise
@@ -92,19 +93,16 @@ class Loop:
 
     def save(self) -> list[Any]:
         """All points, for :meth:`restore`."""
-        rows, times = self.rows[: self.done].copy(), self.times[: self.done].copy()
-        return [rows, times, set(self.internal), list(self.after_break), dict(self._result_times)]
+        points = self.rows[: self.done], self.times[: self.done]
+        return deepcopy([*points, self.internal, self.after_break, self._result_times])
 
     def restore(self, saved: Sequence[Any]) -> None:
         """Return to the points that were saved."""
-        rows, times, internal, after_break, result_times = saved
-        self.reset()
+        rows, times, self.internal, self.after_break, self._result_times = deepcopy(saved)
+        self.done = 0
         self._make_room(len(times))
         self.done = len(times)
         self.rows[: self.done], self.times[: self.done] = rows, times
-        self.internal.update(internal)
-        self.after_break += after_break
-        self._result_times |= result_times
 
     def result_rows(self) -> tuple[Indices, Vector]:
         """Indices of the rows in the result, and their times [s]."""

@@ -126,7 +126,6 @@ class Run:
             self._readings: dict[str, Reading] = {}
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []
             self._closed = False
-            self._begin_steps()
             self._restores: Sequence[Call] = []
             if self.repeats:
                 saves, self._restores = zip(*(instance.states() for instance in self._instances.values()), strict=True)
@@ -191,9 +190,6 @@ class Run:
         bus.perform(self._initial_derivatives)
         self._loop.add(begin, bus.values, result_time=begin)
         self._breaks.find_next(begin)
-        self._begin_steps()
-
-    def _begin_steps(self) -> None:
         self._points, self._end = 1, ""  # communication points that were reached; why there is no next one
         self._clock: tuple[float, float, float] | None = None  # seconds a second, instant of the clock, and simulated
         self.lateness: list[float] = []
@@ -292,12 +288,10 @@ class Run:
         :returns: function of the inputs, shape (inputs,), that steps and returns the outputs, shape (outputs,).
         :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
         """
-        free, columns = [self._free_input(name) for name in inputs], []
-        for name in outputs:
-            columns.append(self._bus.index.get(self._reference(name), -1))
-            if columns[-1] < 0:
-                raise SimulationError(f"{self._simulation.title}: {name} is not recorded; name it in record=[...]")
-        indices = as_indices(columns)
+        free = [self._free_input(name) for name in inputs]
+        if missing := [name for name in outputs if self._reference(name) not in self._bus.index]:
+            self._refuse(f"{missing[0]} is not recorded; name it in record=[...]")
+        indices = as_indices([self._bus.index[self._reference(name)] for name in outputs])
 
         def step(values: ArrayLike) -> Vector:
             self._set_and_step(free, np.asarray(values).tolist())
@@ -329,6 +323,9 @@ class Run:
             logger.warning("%s", ended)
         except SimulationError as error:
             raise IncompleteError(str(error), self.result) from error
+        except KeyboardInterrupt:
+            self._end = "it was interrupted within a step; restore a state, or start another run"
+            raise
         self.wait()
 
     def _begin_piece(self, size: float) -> None:
