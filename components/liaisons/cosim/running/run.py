@@ -330,9 +330,9 @@ class Run:
 
     def _begin_piece(self, size: float) -> None:
         """Begin a smooth piece now, with the inputs that were set, before a step of a size [s]."""
-        bus, loop, time = self._bus, self._loop, self.time
-        bus.set_step(time, time)
+        bus, loop, time = self._bus, self._loop, self._bus.end.value
         if self._coupled is not None:
+            bus.set_step(time, time)
             self._coupled.forget_past()
         bus.perform(self._settle)
         if self._estimate.has_targets:
