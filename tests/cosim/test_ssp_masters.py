@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -125,9 +125,10 @@ def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) 
         settings: SimulationSettings,
         *,
         single: bool = False,
+        **options: Any,
     ) -> object:
         if single and len(parts) == 1:
-            return checked(title, parts, (), settings, single=True)
+            return checked(title, parts, (), settings, single=True, **options)
         system = System(title)
         system._parts.update(parts)
         system.join(connections)
