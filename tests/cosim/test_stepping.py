@@ -17,6 +17,7 @@ import liaisons
 from liaisons import LiaisonsError, System, simulate, start
 from liaisons.cosim import Result, Run
 from liaisons.errors import IncompleteError, SimulationError
+from liaisons.models import Pendulum
 
 Made = tuple[System, Mapping[str, Any]]
 Make = Callable[[FmuPaths, FmuPaths], Made]
@@ -320,7 +321,7 @@ def test_subjects_of_start(component: FmuPaths, tmp_path: Path) -> None:
     seen = []
     for subject, prefix in (
         ("Pendulum", ""),
-        (liaisons.models.Pendulum, ""),
+        (Pendulum, ""),
         (component("Pendulum"), ""),
         (system, "Pendulum."),
         (tmp_path / "one.ssp", "Pendulum."),
