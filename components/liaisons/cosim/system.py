@@ -274,7 +274,7 @@ class _SingleRun:
     settings: SimulationSettings
 
     @classmethod
-    def of(
+    def assemble(
         cls,
         fmu: Path | str,
         /,
@@ -338,7 +338,7 @@ class _SingleRun:
         return simulation
 
 
-@with_arguments(_SingleRun.of)
+@with_arguments(_SingleRun.assemble)
 def simulate(single: _SingleRun) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates.
 
@@ -372,7 +372,7 @@ def simulate(single: _SingleRun) -> Result:
     return performed(single.checked(), **single.settings.of_run())
 
 
-@with_arguments(_SingleRun.of)
+@with_arguments(_SingleRun.assemble)
 def start(single: _SingleRun) -> Run:
     """Initialize one FMU, and the operators that prescribe its coordinates, for a run step by step.
 

@@ -88,7 +88,7 @@ class Deviations:
         except SimulationError:
             return np.empty((0, self._values.size))
         breaks = [(one.leaves | one.jumps) & (self._overrun[k] < _OFTEN) for k, one in enumerate(examined)]
-        many = min((int(np.argmax(found)) for found in breaks if found.any()), default=len(times) - 1)
+        many = min((int(np.argmax(steps)) for steps in breaks if steps.any()), default=len(times) - 1)
         if many:
             self._sizes[:] = [one.sizes[many - 1] for one in examined]
             if times[many] > self._end:  # not a step that was cut

@@ -240,8 +240,8 @@ class Estimate:
         integrals = [_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
         once, twice = (np.concatenate([both[k] for both in integrals]) for k in range(2))
         added = np.where(self._once[:, None], once[self._of], twice[self._of])
-        known = self._gains >= 0
-        added[known] *= signals[self._gains[known], 1:]
+        has_gain = self._gains >= 0
+        added[has_gain] *= signals[self._gains[has_gain], 1:]
         for j, outputs in zip(self._blind, self._answers, strict=True):
             answers = np.append(outputs, self._followed[self._of[j]].column) if ahead else outputs
             largest = np.abs(signals[answers]).max(axis=1, keepdims=True)

@@ -170,8 +170,8 @@ class _PolynomialTable:
         if method is None and target not in self.late:
             return "newest", [own], 0
         sources = [self.bus.source(port.place) for port in triple or ()] if method == 1 else []
-        known = [source for source in sources if source is not None]
-        return ("taylor", known, order) if known and len(known) == len(sources) else ("taylor", [own], 0)
+        port = [source for source in sources if source is not None]
+        return ("taylor", port, order) if port and len(port) == len(sources) else ("taylor", [own], 0)
 
     def _single_output(
         self, target: VariableReference, source: VariableReference, own: int
