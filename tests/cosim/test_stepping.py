@@ -349,10 +349,17 @@ def test_pace_is_kept_and_lateness_is_said(component: FmuPaths) -> None:
 
 
 def test_simulate_in_real_time(component: FmuPaths) -> None:
-    begin = time.perf_counter()
-    result = simulate(component("Pendulum"), stop_time=0.3, step_size=0.1, real_time=1.0)
-    assert time.perf_counter() - begin >= 0.3
-    _assert_same_bits(result, simulate(component("Pendulum"), stop_time=0.3, step_size=0.1))
+    """A function of time is asked for the end of a step when the clock has come to its start, and not before."""
+    path, begin, asked = component("Pendulum"), time.perf_counter(), dict[float, float]()
+
+    def force(t: float) -> float:
+        asked.setdefault(round(t, 9), time.perf_counter() - begin)
+        return 0.0
+
+    settings: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.1, "inputs": {"theta_force": force}}
+    result = simulate(path, real_time=1.0, **settings)
+    assert all(asked[t] >= t - 0.1 for t in (0.2, 0.3, 0.4, 0.5))
+    _assert_same_bits(result, simulate(path, **settings))
 
 
 COSTS = {"one": 15e-6, "array": 8e-6, "implicit": 40e-6}

@@ -233,7 +233,7 @@ class Run:
     def _step_to(self, stop: int, on_progress: Callable[[float], None] | None = None) -> None:
         """Step until so many communication points are reached, and to the breaks between them."""
         loop, breaks, points, done = self._loop, self._breaks, self._simulation.times, self._points
-        most = _MOST_IN_BATCH if self._deviations else stop
+        most = 1 if self._clock else _MOST_IN_BATCH if self._deviations else stop
         many = 1 if on_progress or self._deviations else most  # points between two calls of on_progress
         most = 1 if self._clock else most
         while done < stop:
