@@ -137,6 +137,27 @@ def test_input_of_a_coupled_system_is_held_over_a_step(component: FmuPaths) -> N
     assert errors[0] > 2**3.5 * errors[1]
 
 
+def test_input_that_jumps_has_no_past(component: FmuPaths, fmu: FmuPaths) -> None:
+    """What hands a held input on is constant in each step: no polynomial goes through points before the jump."""
+    system = wired("probe.echo -> mass.x_force", probe=fmu("probe"), mass=(component("Oscillator"), {"x_0": 0.0}))
+    with (
+        system.start(step_size=0.1, coupling="implicit", tolerance=1e-10) as run,
+        start(component("Oscillator"), step_size=0.1, tolerance=1e-10, x_0=0.0) as alone,
+    ):
+        for k in range(12):
+            run.step({"probe.u": math.cos(2 * k)})
+            alone.step(x_force=math.cos(2 * k))
+    assert_allclose(run.result["mass.x"], alone.result["x"], atol=1e-9)
+
+
+def test_one_step_alone(made: Made) -> None:
+    """It is made in two halves, so that its error is estimated."""
+    system, settings = made
+    with system.start(0.05, 0.05, **settings) as run:
+        run.step()
+    _assert_same_bits(run.result, system.simulate(0.05, 0.05, **settings))
+
+
 @pytest.mark.parametrize("name", ["one", "implicit", "a source", "contacts"])
 def test_branches_are_exact(component: FmuPaths, fmu: FmuPaths, name: str) -> None:
     system, settings = SYSTEMS[name](component, fmu)
