@@ -84,7 +84,7 @@ static Signal go_on(void *context, double t, double y[]) { (void)context, (void)
 
 static Outcome advance(Equations *e, double *t, double end, double y[], double low[], double *step, double *work,
                        Signal (*accept)(void *, double, double[])) {
-    const Problem p = {e->states, e->states, e->tolerance, e->size, rates, rates, accept, e, NULL};
+    const Problem p = {e->states, e->states, e->tolerance, e->size, rates, rates, accept, e, NULL, NULL};
     e->function = NOBODY, e->status = OK;
     return solver_advance(&p, t, end, y, low, step, work);
 }
