@@ -303,7 +303,11 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
 def _contact_fields(model: Model, contact: ca.Function) -> dict[str, object]:
     """Return the members of the struct ``Model`` that contacts need."""
     gaps = sum(not contact.friction for contact in model.contacts)
-    counts = {"gaps": gaps, "frictions": len(model.contacts) - gaps, "operators": len(operators_of(model))}
+    counts = {
+        "gaps": gaps,
+        "frictions": len(model.contacts) - gaps,
+        "operators": len(operators_of(model)),
+    }
     counts["indicators"] = len(model.contacts)
     starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
     rows = (f".{name} = {start}" for name, start in zip((*contact.name_out(), "count"), starts, strict=True))

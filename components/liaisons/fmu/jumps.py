@@ -11,10 +11,11 @@ effective mass Θ (M eq. 50) must not depend on x, that is the vector field -X_K
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import combinations
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from liaisons.fmu.dependencies import coupled_count, shown_states
 from liaisons.fmu.layout import index_ranges
 from liaisons.language import Variable
+from liaisons.mechanics.functions import results_of
 from liaisons.mechanics.model import Model
 
 _SAMPLES, _TRIES = 6, 60
@@ -58,7 +60,6 @@ def jump_effects(model: Model) -> Jumps:
 
     Sparsity is not enough: it has terms that cancel.
     """
-    model = model.relaxed or model
     inputs = index_ranges(model.inputs)
     numbers = [i for a in model.active for i in zip(inputs[a.rate], inputs[a.acceleration], strict=True)]
     a, states = len(numbers), model.start.numel_out(0)
@@ -119,28 +120,33 @@ class _Sample:
 
 def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
     """Return seeded random states that satisfy the conditions of the model."""
-
-    def rates(t: float, y: NDArray, k: NDArray, u: NDArray) -> NDArray:
-        return _flattened(model.derivatives.call([t, y, u, k])[0])
-
     random = np.random.default_rng(20240229)
     samples: list[_Sample] = []
     lasting = len(model.condition_texts) - model.start_only
     for _ in range(_TRIES):
         u, k = (_random_numbers(random, variables) for variables in (model.inputs, model.parameters))
         t = float(random.uniform(0.1, 1))
-        y = _flattened(model.start.call([t, u, k])[0])
+        y, memory = map(_flattened, model.start.call([t, u, k]))
+        x = random.normal(size=len(model.contacts))
         sizes = np.abs(_flattened(model.nominals.call([t, y, u, k])[0]))
         y = y + random.normal(size=y.size) * sizes
         if model.project is not None:
             y = _flattened(model.project.call([t, y, u, k])[0])
-        margins = _flattened(model.conditions.call([t, y, u, k])[0])[:lasting]
-        if np.all(margins > 0) and np.all(np.isfinite(np.concatenate([y, sizes, rates(t, y, k, u)]))):
+        vectors = {"t": t, "y": y, "u": u, "k": k, "m": memory, "x": x}
+        margins = _flattened(results_of("conditions", model.conditions, vectors)[0])[:lasting]
+        rates = partial(_rates, model, vectors)
+        if np.all(margins > 0) and np.all(np.isfinite(np.concatenate([y, sizes, rates(u)]))):
             steps = random.uniform(0.5, 1.5, u.size)
-            samples.append(_Sample(partial(rates, t, y, k), u, steps, sizes[:coupled_states]))
+            samples.append(_Sample(rates, u, steps, sizes[:coupled_states]))
         if len(samples) == _SAMPLES:
             break
     return samples
+
+
+def _rates(model: Model, vectors: Mapping[str, Any], u: NDArray) -> NDArray:
+    """Rates of the states, with contact forces that do not depend on the inputs."""
+    name = "forced_motion" if model.contacts else "derivatives"
+    return _flattened(results_of(name, getattr(model, name), {**vectors, "u": u})[0])
 
 
 def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDArray:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
-from typing import Any, ClassVar, Generic, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar, Generic, TypeVar, final
 
 import casadi as ca
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import stack
 from liaisons.language.checks import (
     declared,
     reject_clashes,
@@ -17,7 +18,7 @@ from liaisons.language.checks import (
     reject_reserved_names,
     require_methods,
 )
-from liaisons.language.declarations import Declaration, Friction, Parameter
+from liaisons.language.declarations import Declaration, Friction, InternalState, Parameter
 from liaisons.language.layout import Layout
 from liaisons.language.variables import Experiment, Variable
 
@@ -55,14 +56,27 @@ class Component(ABC):
     experiment: ClassVar[Experiment] = Experiment()
     is_abstract: ClassVar[bool] = True
     parameters = DeclarationsOf(Parameter)
+    internal_states = DeclarationsOf(InternalState)
     symbols: dict[str, ca.SX]
     formulas: dict[str, Any]
     parameter_column: ca.SX
+    internal: ca.SX
 
     def __init__(self) -> None:
         self.symbols = {}
         self.formulas = {}
         self.parameter_column = self._symbols(name for p in self.parameters for name in p.names)
+        self.internal = self._symbols(state.name for state in self.internal_states)
+
+    def internal_rates(self) -> Mapping[str, ca.SX]:
+        """Rates of the internal states, by name."""
+        return {}
+
+    @final
+    def internal_rate_column(self) -> ca.SX:
+        """Rates of the internal states, in their order."""
+        rates = self.internal_rates()
+        return stack(ca.SX(rates[state.name]) for state in self.internal_states)
 
     @classmethod
     def is_sampled(cls) -> bool:

@@ -64,10 +64,8 @@ class Layout:
             parameters=tuple(v for array in self.parameters for v in array.elements()),
             inputs=tuple(v for array in self.inputs for v in array.elements()),
             outputs=tuple(v for array in self.outputs for v in array.elements()),
-            states=tuple(State(*pair) for s in self.states for pair in names((s.name, s.derivative))),
-            active=tuple(
-                ActiveInput(*triple) for a in self.active for triple in names((a.value, a.rate, a.acceleration))
-            ),
+            states=tuple(State(*pair) for state in self.states for pair in names(state)),
+            active=tuple(ActiveInput(*triple) for item in self.active for triple in names(item)),
             ports=tuple(single for p in self.ports for single in terminal(p)),
         )
 

@@ -19,7 +19,6 @@ from liaisons.language.declarations import (
     ActiveCoordinate,
     Coordinate,
     Declaration,
-    InternalState,
     Orientation,
     Size,
     calculated,
@@ -49,7 +48,6 @@ class MechanicalComponent(Component, abstract=True):
     coordinates = DeclarationsOf(Coordinate)
     actives = _Actives(ActiveCoordinate)
     orientations = DeclarationsOf(Orientation)
-    internal_states = DeclarationsOf(InternalState)
     rheonomic_constraints = DeclarationsOf(rheonomic_constraint)
     constraints = DeclarationsOf(constraint)
     non_holonomic = DeclarationsOf(non_holonomic)

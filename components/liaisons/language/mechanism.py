@@ -39,7 +39,9 @@ class FreeColumns:
     """
 
     q: ca.SX  # (n, 1)
+    sizes: ca.DM  # nominal values (n, 1)
     q_dot: ca.SX  # (f, 1)
+    rate_sizes: ca.DM  # at the nominal value a second (f, 1)
     q_ddot: ca.SX  # (f, 1)
     p: ca.SX  # (f, 1)
     kinematics: ca.SX  # K with dq/dt = K q̇, (n, f)
@@ -54,6 +56,7 @@ class ActiveColumns:
     s_dot: ca.SX
     s_ddot: ca.SX
     force: ca.SX
+    adapted: int  # so many are coordinates, the others values of rheonomic constraints
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +82,6 @@ class Mechanism(MechanicalComponent, abstract=True):
     assertions = DeclarationsOf(assertion)
     free: FreeColumns
     active: ActiveColumns
-    internal: ca.SX
     multipliers: ca.SX
     contact_forces: ca.SX  # of unilateral liaisons, then of dry friction
     placeholders: PlaceholderColumns
@@ -97,9 +99,12 @@ class Mechanism(MechanicalComponent, abstract=True):
         for orientation in orientations:
             rates, momenta = [*rates, *orientation.rates], [*momenta, *orientation.momenta]
             accelerations += [f"{rate}_dot" for rate in orientation.rates]
+        nominals, turning = [q.nominal for q in self.coordinates], len(orientations)
         self.free = FreeColumns(
             q=self._symbols([*free, *(name for item in orientations for name in item.quaternion)]),
+            sizes=ca.DM([*nominals, *[1.0] * 4 * turning]),
             q_dot=self._symbols(rates),
+            rate_sizes=ca.DM([*nominals, *[1.0] * 3 * turning]),
             p=self._symbols(momenta),
             q_ddot=self._symbols(accelerations),
             kinematics=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).kinematics for o in orientations)),
@@ -111,8 +116,8 @@ class Mechanism(MechanicalComponent, abstract=True):
             s_dot=self._symbols(f"{s}_dot" for s in active),
             s_ddot=self._symbols(f"{s}_ddot" for s in active),
             force=self._symbols(f"{s}_force" for s in active),
+            adapted=len(active) - len(self.rheonomic_constraints),
         )
-        self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
         contacts = (*self.unilaterals, *self.dry_frictions)
         self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in contacts)
@@ -123,10 +128,6 @@ class Mechanism(MechanicalComponent, abstract=True):
     def lagrangian(self) -> ca.SX:
         """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24)."""
         return self.kinetic_energy() - self.potential_energy()
-
-    def internal_rates(self) -> Mapping[str, ca.SX]:
-        """Rates of the internal states, by name."""
-        return {}
 
     @classmethod
     def of_size(cls, n: object) -> type[Mechanism]:

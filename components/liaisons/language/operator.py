@@ -19,7 +19,7 @@ from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import is_smooth
 from liaisons.language.checks import Formulas, call
 from liaisons.language.component import Component, DeclarationsOf
-from liaisons.language.declarations import Input, InternalState, ParameterArray
+from liaisons.language.declarations import Input, ParameterArray
 from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
 from liaisons.language.variables import State, Terminal, TerminalMember
 
@@ -54,17 +54,14 @@ class Operator(Component, abstract=True):
     """
 
     inputs = DeclarationsOf(Input)
-    internal_states = DeclarationsOf(InternalState)
     lookups: list[Lookup] | None
     clock: ca.SX
-    internal: ca.SX
     input_column: ca.SX
 
     def __init__(self) -> None:
         super().__init__()
         self.lookups = None  # a list: rows are symbols, kept in it
         self.clock = ca.SX.sym("t")
-        self.internal = self._symbols(state.name for state in self.internal_states)
         self.input_column = self._symbols(item.name for item in self.inputs)
 
     @abstractmethod
@@ -123,10 +120,6 @@ class Operator(Component, abstract=True):
         """Leading parameter arrays of one dimension: the columns of :meth:`interval`."""
         arrays: list[Any] = list(takewhile(lambda p: isinstance(p, ParameterArray), self.parameters))
         return [p for p in arrays if p.dimension == arrays[0].dimension]
-
-    def internal_rates(self) -> Mapping[str, ca.SX]:
-        """Rates of the internal states, by name."""
-        return {}
 
     def samples(self) -> Mapping[str, ca.SX]:
         """Return, by name, the values that internal states or inputs jump to when inputs are set; default: none."""
@@ -187,11 +180,10 @@ class Operator(Component, abstract=True):
 
     def triple(self) -> list[ca.SX]:
         """y and its derivatives along the motion of the internal states."""
-        rates = stack(ca.SX(rate) for rate in self.rates())
         triple = [ca.SX(self.signal(self.clock))]
         for _ in range(2):
             y = triple[-1]
-            triple.append(ca.jacobian(y, self.clock) + ca.jtimes(y, self.internal, rates))
+            triple.append(ca.jacobian(y, self.clock) + ca.jtimes(y, self.internal, self.internal_rate_column()))
         return triple
 
     def next_event_time(self) -> ca.SX | None:
@@ -208,8 +200,3 @@ class Operator(Component, abstract=True):
         """First of some instants after ``clock`` [s]; the greatest double if there is none."""
         after = [ca.if_else(instant > self.clock, instant, sys.float_info.max) for instant in instants]
         return reduce(ca.fmin, after, ca.SX(sys.float_info.max))
-
-    def rates(self) -> list[ca.SX]:
-        """Rates of the internal states, in their order."""
-        rates = self.internal_rates()
-        return [rates[state.name] for state in self.internal_states]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from liaisons.errors import ComponentError
 
@@ -91,16 +91,14 @@ class Variable:
         return not (below or above)
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """Continuous states: the output that shows them and the variable that is their derivative; a number or an array."""
 
     name: str
     derivative: str
 
 
-@dataclass(frozen=True, slots=True)
-class ActiveInput:
+class ActiveInput(NamedTuple):
     """Names of the three inputs through which an operator prescribes one coordinate: σ, σ̇, σ̈."""
 
     value: str

@@ -18,8 +18,8 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Terminal, TerminalMember, Variable
 from liaisons.mechanics.functions import model_functions, results_of
-from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Contact, Equation, Model, State
-from liaisons.mechanics.unilateral import with_modes
+from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Contact, Equation, Model, State, domain_conditions
+from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes
 
 
 def compose(
@@ -39,7 +39,7 @@ def compose(
     :param starts: start values of parameters and inputs where they differ from the models', ``{"swing.theta_0": 0.1}``.
     :raises ComponentError: for an unknown variable, or inputs that depend on each other in a way that is not linear.
     """
-    parts = [_named(part, (model.relaxed or model).flat()) for part, model in models.items()]
+    parts = [_named(part, model.flat()) for part, model in models.items()]
     longest = max((part.experiment for part in parts), key=lambda e: e.stop_time)
     values = {variable: float(value) for variable, value in (starts or {}).items()}
     _check(name, parts, connections, values)
@@ -50,27 +50,26 @@ def compose(
         return tuple(replace(v, start=values.get(v.name, v.start)) for v in left)
 
     inner = (replace(v, causality="output", start=None) for v in _all(parts, "inputs") if v.name in connections)
-    conditions = joined.conditions()
-    contacts = _all(parts, "contacts")
-    whole = Model(
+    outputs, states = (*_all(parts, "outputs"), *inner), _all(parts, "states")
+    conditions, functions = joined.functions(outputs=[v.name for v in outputs], states=[s.name for s in states])
+    return Model(
         name=name,
         description="composition of " + ", ".join(f"{part} ({model.name})" for part, model in models.items()),
         documentation=_documentation(models, connections),
         parameters=started(_all(parts, "parameters")),
         inputs=started(_all(parts, "inputs")),
-        outputs=(*_all(parts, "outputs"), *inner),
-        states=_all(parts, "states"),
-        memory=_all(parts, "memory"),
-        **joined.functions(row for _, row in conditions),
-        condition_texts=tuple(text for text, _ in conditions),
+        outputs=outputs,
+        states=states,
+        memory=joined.memory,
+        **functions,
+        condition_texts=conditions,
         start_only=sum(part.start_only for part in parts),
         active=tuple(a for a in _all(parts, "active") if a.value not in connections),
         ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_equations(models, connections)),
-        contacts=contacts,
+        contacts=joined.contacts,
     )
-    return with_modes(whole) if contacts else whole
 
 
 def _equations(models: Mapping[str, Model], connections: Mapping[str, str]) -> Iterator[Equation]:
@@ -100,11 +99,11 @@ def _named(part: str, model: Model) -> Model:
             )
             for group in ("parameters", "inputs", "outputs")
         },
-        states=tuple(State(full(s.name), full(s.derivative)) for s in model.states),
+        states=tuple(State(*map(full, state)) for state in model.states),
         memory=tuple(map(full, model.memory)),
         contacts=tuple(Contact(full(c.name), c.friction, c.normal and full(c.normal)) for c in model.contacts),
         condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),
-        active=tuple(ActiveInput(full(a.value), full(a.rate), full(a.acceleration)) for a in model.active),
+        active=tuple(ActiveInput(*map(full, item)) for item in model.active),
         ports=tuple(
             Terminal(full(p.name), p.kind, tuple(TerminalMember(m.role, full(m.variable)) for m in p.members))
             for p in model.ports
@@ -122,16 +121,14 @@ class _Part:
     """A model with its symbols; some of its inputs are connected."""
 
     model: Model
-    t: Any
-    y: Any
-    u: Any
-    k: Any
-    m: Any
+    vectors: Mapping[str, Any]  # by letter
 
-    def at(self, group: str, y: Any = None, m: Any = None) -> list[Any]:
-        """Results of one of the model's functions, at other states or memory if need be."""
-        vectors = {"t": self.t, "y": self.y if y is None else y, "u": self.u, "k": self.k}
-        return results_of(group, getattr(self.model, group), vectors | {"m": self.m if m is None else m})
+    def at(self, group: str, **others: Any) -> list[Any]:
+        """Results of one of the model's functions under given contact forces, at other states or memory if need be."""
+        vectors, forced = {**self.vectors, **others}, self.model.forced_motion
+        if forced is not None and group in forced.name_out():
+            return [results_of("forced_motion", forced, vectors)[forced.index_out(group)]]
+        return results_of(group, getattr(self.model, group), vectors)
 
 
 class _Joined:
@@ -140,33 +137,51 @@ class _Joined:
     def __init__(self, name: str, models: Sequence[Model], connections: Mapping[str, str]) -> None:
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
         kind: Any = ca.SX if scalar else ca.MX
-        self.name, self.kind, self.t = name, kind, kind.sym("t")
+        self.name, self.kind = name, kind
+        self.contacts = tuple(sorted(_all(models, "contacts"), key=lambda contact: contact.friction))
+        if self.contacts and not scalar:
+            raise ComponentError(f"{name}: unilateral liaisons beside a chain are not supported")
         inputs = [v.name for v in _all(models, "inputs")]
         self.inner = [variable for variable in inputs if variable in connections]
         self.v = kind.sym("v", len(self.inner))
-        self.u = kind.sym("u", len(inputs) - len(self.inner))
-        inner, outer = iter(range(self.v.shape[0])), iter(range(self.u.shape[0]))
-        symbol_of = {v: self.v[next(inner)] if v in connections else self.u[next(outer)] for v in inputs}
-        counts = [[len(getattr(m, group)) for m in models] for group in ("states", "parameters", "memory")]
-        self.y, self.k, self.m = (kind.sym(letter, sum(count)) for letter, count in zip("ykm", counts, strict=True))
-        split = [
-            ca.vertsplit(vector, np.cumsum([0, *count]).tolist())
-            for vector, count in zip((self.y, self.k, self.m), counts, strict=True)
-        ]
+        outer = [variable for variable in inputs if variable not in connections]
+        self.memory, symbol = _all(models, "memory"), kind.sym
+        u, x = symbol("u", len(outer)), symbol("x", len(self.contacts))
+        symbol_of = dict(zip((*self.inner, *outer), ca.vertsplit(ca.vertcat(self.v, u)), strict=True))
+        force_of = dict(zip(self.contacts, ca.vertsplit(x), strict=True))
+        counts = {
+            letter: [len(getattr(model, group)) for model in models]
+            for letter, group in (("y", "states"), ("k", "parameters"), ("m", "memory"))
+        }
+        own = {letter: symbol(letter, sum(count)) for letter, count in counts.items()}
+        self.vectors = {"t": symbol("t"), "u": u, "x": x, **own}
+        split = [ca.vertsplit(own[letter], np.cumsum([0, *count]).tolist()) for letter, count in counts.items()]
         self.parts = [
-            _Part(model, self.t, y, self._stack(symbol_of[v.name] for v in model.inputs), k, m)
-            for model, y, k, m in zip(models, *split, strict=True)
+            _Part(
+                model,
+                {
+                    "t": self.vectors["t"],
+                    "u": self._stack(symbol_of[v.name] for v in model.inputs),
+                    "x": self._stack(force_of[contact] for contact in model.contacts),
+                    **dict(zip(counts, columns, strict=True)),
+                },
+            )
+            for model, *columns in zip(models, *split, strict=True)
         ]
         outputs = [v.name for v in _all(models, "outputs")]
         self.sources = [outputs.index(connections[variable]) for variable in self.inner]
 
-    def functions(self, conditions: Iterable[Any]) -> dict[str, Any]:
-        """Functions of the model, by name."""
+    def functions(self, **names: Sequence[str]) -> tuple[tuple[str, ...], dict[str, Any]]:
+        """Texts of the conditions, and functions of the model, by name.
+
+        :param names: of outputs and states.
+        """
         z = self._stacked("outputs_function")
         v = self._solved(z)
         start = [part.at("start") for part in self.parts]
         y_0, m_0 = (self._stack(column) for column in zip(*start, strict=True))
-        z_0 = self._stack(part.at("outputs_function", *at)[0] for part, at in zip(self.parts, start, strict=True))
+        at_start = zip(self.parts, start, strict=True)
+        z_0 = self._stack(part.at("outputs_function", y=y, m=m)[0] for part, (y, m) in at_start)
         v_0 = self._solved(z_0)
 
         def connected(expression: Any, values: Any = v) -> Any:
@@ -175,36 +190,44 @@ class _Joined:
         results = {
             "start": (connected(y_0, v_0), connected(m_0, v_0)),
             "outputs_function": connected(self._stack([z, self.v])),
-            "conditions": connected(self._stack(conditions)),
             "events": self._stacked("events"),
         }
         results |= {name: connected(self._stacked(name)) for name in ("derivatives", "nominals", "jump", "remember")}
         if any(part.model.project is not None for part in self.parts):
-            rows = (part.y if part.model.project is None else part.at("project")[0] for part in self.parts)
+            rows = (part.vectors["y"] if part.model.project is None else part.at("project")[0] for part in self.parts)
             results["project"] = connected(self._stack(rows))
         announcing = [part.at("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
         results["draw"] = connected(reduce(ca.fmin, announcing)) if announcing else None
-        vectors = {"t": self.t, "y": self.y, "u": self.u, "k": self.k, "m": self.m}
-        return {**model_functions(vectors, results), "drawn": (NEXT_EVENT,) if announcing else ()}
+        conditions = {text: connected(row) for text, row in self._conditions().items()}
+        drawn = {"drawn": (NEXT_EVENT,) if announcing else ()}
+        if not self.contacts:
+            results["conditions"] = self._stack(conditions.values())
+            return tuple(conditions), model_functions(self.vectors, results) | drawn
+        numbers = {name: connected(self._numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
+        modes = ContactModes(self.contacts, self.vectors, results, numbers, memory=self.memory, **names)
+        conditions = modes.painleve_conditions() | conditions
+        return tuple(conditions), modes.functions(self._stack(conditions.values())) | drawn
 
-    def conditions(self) -> list[tuple[str, Any]]:
-        """Conditions with their messages: domains of connected inputs, lasting ones, then those of the start."""
-        lasting, at_start = [*self._domains()], []
+    def _numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
+        """Numbers of all contacts of some kinds."""
+        row_of: dict[Contact, ca.SX] = {}
         for part in self.parts:
-            texts = part.model.condition_texts
-            conditions_of_part = list(zip(texts, ca.vertsplit(part.at("conditions")[0]) if texts else [], strict=True))
-            count = len(conditions_of_part) - part.model.start_only
-            lasting, at_start = lasting + conditions_of_part[:count], at_start + conditions_of_part[count:]
-        return lasting + at_start
+            contacts = [contact for contact in part.model.contacts if contact.friction in kinds]
+            row_of |= dict(zip(contacts, ca.vertsplit(part.at(name)[0]), strict=True)) if contacts else {}
+        return self._stack(row_of[contact] for contact in self.contacts if contact in row_of)
 
-    def _domains(self) -> Iterator[tuple[str, Any]]:
-        variables = {v.name: v for part in self.parts for v in part.model.inputs}
-        for i, name in enumerate(self.inner):
-            low, high, unit = variables[name].minimum, variables[name].maximum, variables[name].unit
-            if low is not None:
-                yield f"{name} must stay > {low:g} {unit}", self.v[i] - low
-            if high is not None:
-                yield f"{name} must stay < {high:g} {unit}", high - self.v[i]
+    def _conditions(self) -> dict[str, Any]:
+        """Conditions by their messages: domains of connected inputs, lasting ones, then those of the start."""
+        lasting, at_start = dict[str, Any](), list[tuple[str, Any]]()
+        for variable in _all([part.model for part in self.parts], "inputs"):
+            if variable.name in self.inner:
+                lasting |= domain_conditions(variable, self.v[self.inner.index(variable.name)])
+        for part in self.parts:
+            conditions = list(zip(part.model.condition_texts, ca.vertsplit(part.at("conditions")[0]), strict=True))
+            first = sum(bool(contact.normal) for contact in part.model.contacts)  # Painlevé's
+            count = len(conditions) - part.model.start_only
+            lasting, at_start = lasting | dict(conditions[first:count]), at_start + conditions[count:]
+        return lasting | dict(at_start)
 
     def _stacked(self, group: str) -> Any:
         return self._stack(part.at(group)[0] for part in self.parts)
@@ -217,10 +240,11 @@ class _Joined:
         """v from v = h(v), h the outputs that the inputs are connected to: set by set, in the order of dependence."""
         if not self.inner:
             return self.v
-        booked = self.m.shape[0] and ca.jacobian_sparsity(z[self.sources], self.m).nnz()
+        memory = self.vectors["m"]
+        booked = memory.shape[0] and ca.jacobian_sparsity(z[self.sources], memory).nnz()
         if booked:
             raise ComponentError(f"{self.name}: work and energy_balance cannot be connected; integrate the power")
-        h = ca.substitute(z[self.sources], self.m, self.kind.zeros(*self.m.shape))
+        h = ca.substitute(z[self.sources], memory, self.kind.zeros(*memory.shape))
         needs = _needs(ca.jacobian_sparsity(h, self.v))
         solved = [self.kind(0)] * len(self.inner)
         left = set(range(len(solved)))

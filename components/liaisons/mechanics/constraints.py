@@ -33,12 +33,12 @@ class Constraints:
     holonomic: tuple[int, ...]  # rows, passive or rheonomic
 
 
-def differentiated_constraints(m: Mechanism) -> Constraints:
+def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Constraints:
     """Differentiate the constraints of a mechanism until accelerations appear (K eq. 8, 9; KC2 of the errata).
 
-    A residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, α = STABILISATION, where it would grow linearly.
+    :param alpha: a residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, where it would grow linearly [1/s].
     """
-    alpha, zero = STABILISATION, ca.SX.zeros(m.free.q_ddot.shape)
+    zero = ca.SX.zeros(m.free.q_ddot.shape)
     accelerated: list[ca.SX] = []
     residuals: list[ca.SX] = []
     rate_residuals: list[ca.SX] = []
@@ -74,9 +74,8 @@ def differentiated_constraints(m: Mechanism) -> Constraints:
 
 def _squares(m: Mechanism, C: ca.SX) -> ca.SX:
     """C², and the squares of its changes over the nominal size of each coordinate."""
-    sizes = ca.DM([q.nominal for q in m.coordinates] + [1.0] * 4 * len(m.orientations))
     entries = stack(C[i, j] for i, j in zip(*C.sparsity().get_triplet(), strict=True))
-    changes = ca.jacobian(entries, m.free.q) @ ca.diag(sizes)
+    changes = ca.jacobian(entries, m.free.q) @ ca.diag(m.free.sizes)
     return ca.SX(C.sparsity(), entries**2 + ca.sum2(changes**2))
 
 

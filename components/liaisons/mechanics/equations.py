@@ -86,8 +86,7 @@ class Equations:
     operator_forces: ca.SX  # λ (a,)
     effective_mass: ca.SX  # Θ (a, a)
     forces: ca.SX  # f: A ẍ = f + Cᵀ λ (f,)
-    applied_forces: ca.SX  # Q (f,)
-    applied_active_forces: ca.SX  # Q_s on the adapted coordinates, without forces of constraints
+    applied_forces: ca.SX  # Q, then Q_s on adapted coordinates, with forces of constraints whose λ are symbols
     constraints: Constraints  # C ẍ = c
     multipliers: ca.SX  # λ of the passive and non-holonomic constraints
     power: ca.SX  # through all ports
@@ -165,7 +164,7 @@ def derive(component: type[Mechanism]) -> Equations:
     """
     m = component()
     q, q_dot, q_ddot, K = m.free.q, m.free.q_dot, m.free.q_ddot, m.free.kinematics
-    adapted = len(component.actives) - len(component.rheonomic_constraints)
+    adapted = m.active.adapted
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Common subexpressions first, so that derivatives cost as much as the energies.
     kinetic, potential, L = ca.cse([ca.SX(e) for e in (m.kinetic_energy(), m.potential_energy(), m.lagrangian())])
@@ -210,7 +209,10 @@ def derive(component: type[Mechanism]) -> Equations:
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
     passive = len(component.constraints) + len(component.non_holonomic)
     rigid = list(constraints.holonomic)
-    constrained = Q_s + ca.jacobian(constraints.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
+    across = ca.jacobian(constraints.residuals[rigid, 0], s).T
+    constrained = Q_s + across @ lambdas[rigid, 0]
+    symbols = ca.vertcat(m.multipliers, m.active.force[adapted:, 0])
+    applied_forces = ca.vertcat(Q + C.T @ symbols, Q_s + across @ symbols[rigid, 0])
     p_s = gradient(L, s_dot)
     resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))
     lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - constrained
@@ -228,7 +230,6 @@ def derive(component: type[Mechanism]) -> Equations:
     dissipation = rubbing.power(ca.vertcat(q_dot, s_dot))
     if slips.shape[0]:
         dissipation -= ca.dot(m.contact_forces[len(component.unilaterals) :, 0], slips)
-    internal = m.internal_rates()
     return Equations(
         mechanism=m,
         drives=drives,
@@ -248,14 +249,13 @@ def derive(component: type[Mechanism]) -> Equations:
         operator_forces=operator_forces,
         effective_mass=Theta,
         forces=f,
-        applied_forces=Q,
-        applied_active_forces=Q_s,
+        applied_forces=applied_forces,
         constraints=constraints,
         multipliers=lambdas[:passive, 0],
         power=power,
         friction=rubbing,
         dissipation=dissipation - constraint_power,
-        internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
+        internal_rates=m.internal_rate_column(),
         projection=projection(m, metric, loose, constraints),
     )
 

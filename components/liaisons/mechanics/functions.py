@@ -7,7 +7,8 @@ Vectors are named by letters, see :mod:`liaisons.mechanics.model`; of functions 
 ``e``  instants at which the model is not smooth, unsorted; where they recur the next one among them
 ``d``  what only the picture needs, or the next event: calculated when it is read
 ``i``  event indicators, below 0 where the mode of a contact ends
-``n``  numbers that modes of contacts are chosen by, by name; without contact forces
+``n``  numbers that modes of contacts are chosen by, by name
+``x``  contact forces
 ``Λ``  impulses of the contacts
 ``ν``  distances to move along the gaps
 ``I``  impulses of the operators
@@ -55,10 +56,12 @@ SIGNATURES: Mapping[str, Signature] = {
     "nominals": Signature("tyuk", "y", "nominals"),
     # state put back onto constraints after a step of the solver
     "project": Signature("tyuk", "y", "project"),
-    # of contacts: numbers, the state after impulses and shifts, event indicators
+    # of contacts: numbers without contact forces, the state after impulses and shifts, event indicators
     "contact": Signature("tyuk", "n", "contact"),
     "push": Signature("tyukmΛν", "yI", "push"),
     "indicate": Signature("tyukm", "i", "indicate"),
+    # motion under given contact forces, for compositions
+    "forced_motion": Signature("tyukmx", "yzn"),
 }
 """Functions of :class:`liaisons.mechanics.model.Model`, by its members, in the order of their C.
 

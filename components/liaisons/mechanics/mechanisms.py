@@ -14,11 +14,11 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.energy_accounting import definitions, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.functions import model_functions
-from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.model import Model, described, domain_conditions
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_mechanism
-from liaisons.mechanics.unilateral import contact_expressions, contacts_of, relaxed_layout, with_modes
+from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contact_outputs, contacts_of
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
@@ -33,32 +33,31 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     equations = derive(component)
     m = equations.mechanism
     contacts, layout = contacts_of(m), m.layout()
-    if contacts:
-        layout = relaxed_layout(m, layout)
     flat = layout.flat()
     symbols = {v.name: ca.SX.sym(v.name) for v in flat.parameters} | equations.symbols
-    symbols |= {c.variable("multiplier"): m.contact_force(c.name) for c in contacts}
 
     # The vectors of Model.
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
     y = ca.vertcat(m.free.q, m.free.p, m.internal, work, dissipated)
     u, k = (stack(symbols[v.name] for v in group) for group in (flat.inputs, flat.parameters))
     memory = memory_of(flat)
-    vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory))}
+    vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory)), "x": m.contact_forces}
 
     rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
     # A jump of σ̇ through a rheonomic constraint changes the state.
     projection = equations.projection
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(m), _start_conditions(equations)
-    read = _outputs(equations, flat, rates)
+    numbers = contact_numbers(m)
+    read = _outputs(equations, flat, rates) | contact_outputs(m, numbers)
     z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
-    distances, initial = stack((lasting | at_start).values()), ca.vertcat(*_initial(equations, symbols), 0, 0)
+    initial = ca.vertcat(*_initial(equations, symbols), 0, 0)
     # All in one: what the expressions share stays shared.
-    columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed]
+    distances = stack((lasting | at_start).values())
+    columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed, *numbers.values()]
     together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
     ends = [0, *accumulate(column.shape[0] for column in columns)]
-    initial, rates, energy, z, sizes, distances, landed = ca.vertsplit(together, ends)
+    initial, rates, energy, z, sizes, distances, landed, *columns = ca.vertsplit(together, ends)
     shown = mechanism_picture(m, read | symbols)
     results = definitions(
         vectors,
@@ -72,18 +71,26 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     )
     results |= {"conditions": distances, "events": ca.SX(0, 1)}
     results["draw"] = stack(shown.expressions) if shown.expressions else None
-    model = Model(
-        **(described(m) | vars(layout)),
+    conditions = dict(zip((*lasting, *at_start), ca.vertsplit(distances), strict=True))
+    if contacts:
+        numbers = dict(zip(numbers, columns, strict=True))
+        names = {"outputs": [v.name for v in flat.outputs], "states": [s.name for s in flat.states], "memory": memory}
+        modes = ContactModes(contacts, vectors, results, numbers, **names)
+        conditions = modes.painleve_conditions() | conditions
+        functions = modes.functions(stack(conditions.values()))
+    else:
+        functions = model_functions(vectors, results)
+    return Model(
+        **described(m),
         memory=memory,
-        **model_functions(vectors, results),
-        condition_texts=(*lasting, *at_start),
+        **functions,
+        condition_texts=tuple(conditions),
         start_only=len(at_start),
         equations=of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
         contacts=contacts,
     )
-    return with_modes(model) if contacts else model
 
 
 def _outputs(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca.SX]:
@@ -96,50 +103,36 @@ def _outputs(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca
     names = [*passive, *(item.name for item in m.rheonomic_constraints)]
     outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
     outputs |= {f"{name}_residual": residuals[i] for i, name in enumerate(names)}
-    outputs |= contact_expressions(m)
     return outputs | {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
 
 
 def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
     """Configuration, momenta p = ∂L/∂q̇ (or as set) and internal states at the start."""
-    m = equations.mechanism
-    count = len(m.coordinates)
-    names = [q.name for q in m.coordinates]
-    rates = [suffixed(name, "_dot") for name in names]
+    m, count = equations.mechanism, len(equations.mechanism.coordinates)
+
+    def start(column: ca.SX) -> ca.SX:
+        return stack(symbols.get(suffixed(str(x), "_0"), x) for x in ca.vertsplit(column))
+
     p = m.free.frame @ equations.momenta
-    unknown: list[ca.SX] = []  # rates of an orientation that starts from its momentum
-    for orientation in m.orientations:
-        names += orientation.quaternion
-        if orientation.start == "rate":
-            rates += orientation.rates
-        else:
-            unknown = ca.vertsplit(m.free.q_dot[count:])
-            p = ca.vertcat(p[:count, 0], *(symbols[f"{name}_0"] for name in orientation.momenta))
-    q_0 = stack(symbols[suffixed(name, "_0")] for name in names)
-    v_0 = stack([*(symbols[suffixed(name, "_0")] for name in rates), *unknown])
-    p_0 = ca.substitute(p, ca.vertcat(m.free.q, m.free.q_dot), ca.vertcat(q_0, v_0))
-    return [q_0, p_0, stack(symbols[f"{state.name}_0"] for state in m.internal_states)]
+    if any(orientation.start == "momentum" for orientation in m.orientations):
+        p = ca.vertcat(p[:count, 0], start(m.free.p[count:]))
+    motion = ca.vertcat(m.free.q, m.free.q_dot)
+    return [start(m.free.q), ca.substitute(p, motion, start(motion)), start(m.internal)]
 
 
 def _nominals(equations: Equations) -> ca.SX:
     """Nominal values of the states: of q as declared, of p and of the energies at that rate a second."""
-    m = equations.mechanism
-    count, orientations, internal = len(m.coordinates), len(m.orientations), len(m.internal_states)
-    sizes = ca.SX([*(q.nominal for q in m.coordinates), *([1.0] * 3 * orientations)])
-    inertia = ca.diag(equations.mass_matrix)
+    free, internal = equations.mechanism.free, equations.mechanism.internal
+    sizes, inertia = free.rate_sizes, ca.diag(equations.mass_matrix)
     energy = ca.dot(inertia, sizes**2) / 2 if inertia.shape[0] else ca.SX(1)  # all coordinates may be prescribed
-    positions = ca.vertcat(sizes[:count, 0], ca.SX.ones(4 * orientations, 1))
-    return ca.vertcat(positions, inertia * sizes, ca.SX.ones(internal, 1), energy, energy)
+    return ca.vertcat(free.sizes, inertia * sizes, ca.SX.ones(internal.shape), energy, energy)
 
 
 def _conditions(m: Mechanism) -> dict[str, ca.SX]:
     """Expressions that must stay positive, by the message for a violation."""
     conditions = {item.description: ca.SX(getattr(m, item.name)) for item in m.assertions}
     for q in m.coordinates:
-        if q.minimum is not None:
-            conditions[f"{q.name} must stay > {q.minimum:g} {q.unit}"] = m.symbols[q.name] - q.minimum
-        if q.maximum is not None:
-            conditions[f"{q.name} must stay < {q.maximum:g} {q.unit}"] = q.maximum - m.symbols[q.name]
+        conditions |= domain_conditions(q, m.symbols[q.name])
     return conditions
 
 

@@ -26,6 +26,7 @@ from liaisons.base.array_names import split, suffixed
 from liaisons.errors import ComponentError, LiaisonsError
 from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component
+from liaisons.language.declarations import Coordinate
 from liaisons.language.layout import Layout
 from liaisons.language.variables import (
     NEXT_EVENT_TIME,
@@ -148,7 +149,7 @@ class Model:
     contact: ca.Function | None = None
     push: ca.Function | None = None
     indicate: ca.Function | None = None
-    relaxed: Model | None = None  # with the contact forces as inputs
+    forced_motion: ca.Function | None = None
 
     @property
     def indicators(self) -> tuple[str, ...]:
@@ -176,6 +177,16 @@ class Model:
             return self
         layout = Layout(**{item.name: getattr(self, item.name) for item in fields(Layout)}).flat()
         return replace(self, **vars(layout), drawn=tuple(element for v in self.drawn for element in v.elements()))
+
+
+def domain_conditions(item: Coordinate | Variable, value: Any) -> dict[str, Any]:
+    """What has to stay > 0 in the domain of a variable, by its message."""
+    conditions = {}
+    if item.minimum is not None:
+        conditions[f"{item.name} must stay > {item.minimum:g} {item.unit}"] = value - item.minimum
+    if item.maximum is not None:
+        conditions[f"{item.name} must stay < {item.maximum:g} {item.unit}"] = item.maximum - value
+    return conditions
 
 
 def contact_names(subject: Model | type[Component]) -> tuple[str, ...]:

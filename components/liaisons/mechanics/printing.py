@@ -17,7 +17,7 @@ from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.operator import Operator
-from liaisons.mechanics.constraints import STABILISATION
+from liaisons.mechanics.constraints import differentiated_constraints
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
 
@@ -28,15 +28,8 @@ _TOGETHER = 3
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs."""
     m = equations.mechanism
-    names = [q.name for q in m.coordinates]
-    rates, momenta = [suffixed(name, "_dot") for name in names], [f"p_{name}" for name in names]
-    momentum_rates = [suffixed(name, "_dot") for name in momenta]
-    for orientation in m.orientations:
-        names, rates = [*names, *orientation.quaternion], [*rates, *orientation.rates]
-        momenta = [*momenta, *orientation.momenta]
-        momentum_rates += [f"{name}_dot" for name in orientation.momenta]
-    actives = [s.name for s in m.actives]
-    adapted = actives[: len(actives) - len(m.rheonomic_constraints)]
+    count, actives = len(m.coordinates), [s.name for s in m.actives]
+    names, rates, momenta = (list(map(str, ca.vertsplit(x))) for x in (m.free.q, m.free.q_dot, m.free.p))
     turning = m.free.kinematics @ m.free.q_dot
     balances = _balances(equations)
     return (
@@ -45,12 +38,12 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *_friction("friction", equations.friction.function),
         *_rows("momenta", momenta, m.free.frame @ equations.momenta),
         *_rows("rates", rates, equations.unconstrained_velocities),  # the same on the constraints
-        *_rows("rates", [f"{name}_dot" for name in names[len(m.coordinates) :]], turning[len(m.coordinates) :, 0]),
-        *_rows("motion", momentum_rates, m.free.frame @ balances[: len(rates), 0]),
+        *_rows("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
+        *_rows("motion", [suffixed(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
         *_rows("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
         *_constraints(equations),
         *_contacts(equations),
-        *_rows("forces", [f"{name}_force" for name in adapted], balances[len(rates) :, 0]),
+        *_rows("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
         *_effective_mass(_theta(equations, balances[len(rates) :, 0]), actives),
         *_rows("points", equations.points, stack(equations.points.values())),
         *(Equation("outputs", item.name, ca.SX(getattr(m, item.name))) for item in m.outputs),
@@ -59,8 +52,8 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
 
 def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
     """Signal and rates of the internal states."""
-    rates = operator.internal_rates()
-    internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in operator.internal_states)
+    names = (f"{x.name}_dot" for x in operator.internal_states)
+    internal = _rows("internal", names, operator.internal_rate_column())
     arrays = any(isinstance(p, ParameterArray) for p in operator.parameters)  # a choice among many is no formula
     return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
 
@@ -97,23 +90,18 @@ def of_operators(equations: Equations) -> tuple[Equation, ...]:
 
 def _multipliers(equations: Equations) -> ca.SX | None:
     """λ of all constraints, without what keeps solvers on them and lets them lose rank; None for too many."""
-    constraints, A = equations.constraints, equations.mass_matrix
-    C = constraints.matrix
+    A, C = equations.mass_matrix, equations.constraints.matrix
     if not 0 < C.shape[0] <= _TOGETHER:
         return None
-    first, second = STABILISATION * constraints.residuals, STABILISATION * constraints.rate_residuals
-    targets = [
-        target + (2 * second[i] + STABILISATION * first[i] if i in constraints.holonomic else first[i])
-        for i, target in enumerate(ca.vertsplit(constraints.targets))
-    ]
-    return solve_symmetric(C @ solve_symmetric(A, C.T), stack(targets) - C @ solve_symmetric(A, equations.forces))
+    targets = differentiated_constraints(equations.mechanism, alpha=0).targets
+    return solve_symmetric(C @ solve_symmetric(A, C.T), targets - C @ solve_symmetric(A, equations.forces))
 
 
 def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
     """Accelerations solved for, then A and h of A ẍ + h = 0; λ are symbols, drives and loads vanish."""
     m, A = equations.mechanism, equations.mass_matrix
     alone = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
-    C, lambdas = equations.constraints.matrix, ca.vertcat(m.multipliers, m.active.force[_adapted(equations) :, 0])
+    C, lambdas = equations.constraints.matrix, ca.vertcat(m.multipliers, m.active.force[m.active.adapted :, 0])
     forces = ca.substitute(equations.forces + C.T @ lambdas, alone, ca.SX.zeros(alone.shape))
     names = [q.name for q in m.coordinates]
     turns = [rate for orientation in m.orientations for rate in orientation.rates]
@@ -165,7 +153,7 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     moving = p - still[:-1]
     solved = solve_symmetric(metric, moving)
     pulled = ca.substitute(gradient(L, x), rates, solved)  # -∂H/∂x by Legendre's transformation
-    applied = ca.vertcat(*_applied(equations)) + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
+    applied = equations.applied_forces + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
     return (
         Equation("hamiltonian", "H", ca.dot(solved, moving) / 2 - still[-1]),
         *_rows("canonical", [suffixed(name, "_dot") for name in names], solved),
@@ -186,29 +174,11 @@ def _rank(matrix: ca.SX) -> int:
 def _balances(equations: Equations) -> ca.SX:
     """∂L/∂x + Q, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
     m, L = equations.mechanism, equations.lagrangian
-    adapted = _adapted(equations)
-    s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
-    on_free, on_active = _applied(equations)
+    s, s_dot = m.active.s[: m.active.adapted, 0], m.active.s_dot[: m.active.adapted, 0]
+    count = m.free.q_dot.shape[0]
+    on_free, on_active = equations.applied_forces[:count, 0], equations.applied_forces[count:, 0]
     force = m.free.kinematics.T @ gradient(L, m.free.q) + on_free
     return ca.vertcat(force, m.dot(gradient(L, s_dot)) - gradient(L, s) - on_active)
-
-
-def _adapted(equations: Equations) -> int:
-    """Number of active coordinates that no rheonomic constraint prescribes."""
-    return len(equations.mechanism.actives) - len(equations.mechanism.rheonomic_constraints)
-
-
-def _applied(equations: Equations) -> tuple[ca.SX, ca.SX]:
-    """Q and Q_s with the forces of constraints, whose λ are symbols."""
-    m, constraints = equations.mechanism, equations.constraints
-    adapted, rigid = equations.applied_active_forces.shape[0], list(constraints.holonomic)
-    multipliers = ca.vertcat(m.multipliers, m.active.force[adapted:, 0])
-    across = ca.jacobian(constraints.residuals[rigid, 0], m.active.s[:adapted, 0])
-    on_active = across.T @ multipliers[rigid, 0]
-    return (
-        equations.applied_forces + constraints.matrix.T @ multipliers,
-        equations.applied_active_forces + on_active,
-    )
 
 
 def _theta(equations: Equations, forces: ca.SX) -> ca.SX:

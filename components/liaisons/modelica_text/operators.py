@@ -54,7 +54,7 @@ def operator_classes(component: type[Operator]) -> list[str]:
     operator, layout = component(), component().layout()
     operator.lookups = []
     vars(operator)["signal"] = partial(_with_choices, operator.signal)
-    columns = [stack(map(ca.SX, column)) for column in (operator.triple(), operator.rates())]
+    columns = [stack(operator.triple()), operator.internal_rate_column()]
     # Rows of a table change without an event.
     section = Section(Notation.from_model(assemble(component)), {"t": "time"}, events=not operator.lookups)
     symbols, entries = [], []

@@ -81,13 +81,18 @@ typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1
     size_t loss;
 } DryFriction;
 
-typedef struct { /* where numbers of contacts are, gaps first, then dry friction; without contact forces */
-    size_t v, a, G;                        /* rates, accelerations, their change by forces */
-    size_t rate_scale, acceleration_scale; /* what they are made of */
-    size_t gap, scale, restitution;
-    size_t stick, slide; /* thresholds of dry friction */
+/* Numbers of contacts, gaps first, then dry friction, without contact forces: rates, accelerations, their change by
+ * forces, sizes of their terms; of gaps; thresholds of dry friction. */
+#define CONTACT_NUMBERS(NUMBER) \
+    NUMBER(v) NUMBER(a) NUMBER(G) NUMBER(rate_scale) NUMBER(acceleration_scale) \
+    NUMBER(gap) NUMBER(scale) NUMBER(restitution) NUMBER(stick) NUMBER(slide)
+
+#define OFFSET(name) size_t name;
+typedef struct { /* where they are */
+    CONTACT_NUMBERS(OFFSET)
     size_t count;
 } ContactRows;
+#undef OFFSET
 
 typedef struct {
     const char *name, *guid;

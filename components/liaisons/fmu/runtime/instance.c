@@ -37,16 +37,9 @@ static void lay_out_contacts(Contacts *c, double **rest, const Model *model) {
     c->numbers = cut(rest, rows->count);
     c->operators = cut(rest, model->operators);
     c->indicators = cut(rest, model->indicators);
-    c->v = c->numbers + rows->v;
-    c->a = c->numbers + rows->a;
-    c->G = c->numbers + rows->G;
-    c->rate_scale = c->numbers + rows->rate_scale;
-    c->acceleration_scale = c->numbers + rows->acceleration_scale;
-    c->gap = c->numbers + rows->gap;
-    c->scale = c->numbers + rows->scale;
-    c->restitution = c->numbers + rows->restitution;
-    c->stick = c->numbers + rows->stick;
-    c->slide = c->numbers + rows->slide;
+#define COLUMN(name) c->name = c->numbers + rows->name;
+    CONTACT_NUMBERS(COLUMN)
+#undef COLUMN
 }
 
 /* Distribute the two blocks of memory, in an order in which parts can be copied or cleared at once. */

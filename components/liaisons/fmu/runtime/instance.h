@@ -135,11 +135,13 @@ typedef struct {
     char *name;      /* of a number that is named in a message */
 } Words;
 
-typedef struct { /* see ContactRows */
+#define COLUMN(name) const double *name;
+typedef struct {
     double *numbers, *operators, *indicators;
-    const double *v, *a, *G, *rate_scale, *acceleration_scale, *gap, *scale, *restitution, *stick, *slide;
+    CONTACT_NUMBERS(COLUMN)
     double lowest; /* part of its scale below which bounces of a gap are summed */
 } Contacts;
+#undef COLUMN
 
 struct Instance {
     const Model *model;
