@@ -19,7 +19,7 @@ from scipy.special import ellipj, ellipk
 
 from liaisons.language import Experiment
 from liaisons.language.variables import Causality, Dimension, Variable
-from liaisons.mechanics.model import ActiveInput, Model, State
+from liaisons.mechanics import ActiveInput, Model, State
 
 GRAVITY = 9.81
 NOTHING = ca.SX(0, 1)

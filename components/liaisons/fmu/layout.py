@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from liaisons.base import units
 from liaisons.base.compiler import Fmi
 from liaisons.language import Variable
-from liaisons.mechanics.model import ActiveInput, Model
+from liaisons.mechanics import ActiveInput, Model
 
 TIME = Variable("time", "s", "time since the start of the simulation", "local", "continuous")
 

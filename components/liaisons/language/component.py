@@ -66,7 +66,6 @@ class Component(ABC):
         self.symbols = {}
         self.formulas = {}
         self.parameter_column = self._symbols(name for p in self.parameters for name in p.names)
-        self.internal = self._symbols(state.name for state in self.internal_states)
 
     def internal_rates(self) -> Mapping[str, ca.SX]:
         """Rates of the internal states, by name."""

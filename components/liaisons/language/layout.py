@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 from liaisons.base import units
 from liaisons.base.array_names import split, suffixed
@@ -26,7 +27,7 @@ _TRANSLATION = ("s", "v", "a", "f")
 _ROTATION = ("phi", "w", "a", "tau")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Layout:
     """Variables of a component in the order of their value references, with states, ports and dimensions."""
 
@@ -43,7 +44,7 @@ class Layout:
         """All variables: parameters, inputs, outputs."""
         return self.parameters + self.inputs + self.outputs
 
-    def flat(self) -> Layout:
+    def flat(self) -> Self:
         """Layout with a variable for each element of an array."""
         sized = {v.name: v.count for v in self.variables if v.dimension is not None}
 
@@ -81,7 +82,7 @@ class Layout:
                 groups.setdefault(split(variable.name)[0], []).append(variable)
             return tuple(_joined(name, group, dimensions) for name, group in groups.items())
 
-        states = dict.fromkeys(State(split(state.name)[0], split(state.derivative)[0]) for state in self.states)
+        states = dict.fromkeys(State(*(split(name)[0] for name in state)) for state in self.states)
         ports = dict.fromkeys(
             Terminal(split(p.name)[0], p.kind, tuple(TerminalMember(m.role, split(m.variable)[0]) for m in p.members))
             for p in self.ports

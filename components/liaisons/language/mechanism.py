@@ -118,6 +118,7 @@ class Mechanism(MechanicalComponent, abstract=True):
             force=self._symbols(f"{s}_force" for s in active),
             adapted=len(active) - len(self.rheonomic_constraints),
         )
+        self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
         contacts = (*self.unilaterals, *self.dry_frictions)
         self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in contacts)

@@ -62,6 +62,7 @@ class Operator(Component, abstract=True):
         super().__init__()
         self.lookups = None  # a list: rows are symbols, kept in it
         self.clock = ca.SX.sym("t")
+        self.internal = self._symbols(state.name for state in self.internal_states)
         self.input_column = self._symbols(item.name for item in self.inputs)
 
     @abstractmethod
@@ -180,10 +181,10 @@ class Operator(Component, abstract=True):
 
     def triple(self) -> list[ca.SX]:
         """y and its derivatives along the motion of the internal states."""
-        triple = [ca.SX(self.signal(self.clock))]
+        rates, triple = self.internal_rate_column(), [ca.SX(self.signal(self.clock))]
         for _ in range(2):
             y = triple[-1]
-            triple.append(ca.jacobian(y, self.clock) + ca.jtimes(y, self.internal, self.internal_rate_column()))
+            triple.append(ca.jacobian(y, self.clock) + ca.jtimes(y, self.internal, rates))
         return triple
 
     def next_event_time(self) -> ca.SX | None:

@@ -21,6 +21,9 @@ Named = Callable[[Number], float | str]
 """Number, or name of the variable with this value."""
 
 
+_shape = dataclass(frozen=True, slots=True, eq=False)
+
+
 class Drawn:
     """A shape; abstract."""
 
@@ -39,7 +42,7 @@ class Drawn:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Rod(Drawn):
     """A straight rod between two points; its radius [m] is a fraction of the picture's extent unless given."""
 
@@ -49,7 +52,7 @@ class Rod(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Ball(Drawn):
     """A ball about a point."""
 
@@ -58,7 +61,7 @@ class Ball(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Box(Drawn):
     """A box about a point.
 
@@ -78,7 +81,7 @@ class Box(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Wire(Drawn):
     """A curve through points; closed: back to the first."""
 
@@ -87,7 +90,7 @@ class Wire(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Spring(Drawn):
     """A coil spring between two points."""
 
@@ -96,7 +99,7 @@ class Spring(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Trail(Drawn):
     """Path of a point."""
 
@@ -104,7 +107,7 @@ class Trail(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Rope(Drawn):
     """A rope between two points; slack, it hangs in a curve of its length [m]."""
 
@@ -114,7 +117,7 @@ class Rope(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Floor(Drawn):
     """A square plane about a point, hatched behind; a wall is one with another normal.
 
@@ -128,7 +131,7 @@ class Floor(Drawn):
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@_shape
 class Flash(Drawn):
     """A flash at a point, after each impact at a unilateral liaison.
 

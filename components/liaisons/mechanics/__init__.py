@@ -1,8 +1,9 @@
 """Derivation of equations of motion from declarations, and their layout for an FMU."""
 
+from liaisons.language.variables import ActiveInput, State
 from liaisons.mechanics.assembly import assemble
 from liaisons.mechanics.constraints import gauss
 from liaisons.mechanics.equations import Equations, derive
-from liaisons.mechanics.model import ActiveInput, Equation, Model, State
+from liaisons.mechanics.model import Equation, Model
 
 __all__ = ["ActiveInput", "Equation", "Equations", "Model", "State", "assemble", "derive", "gauss"]

@@ -44,8 +44,8 @@ def _operator_model(component: type[Operator], n: object) -> Model:
         raise ComponentError(f"{component.__name__}: n = {n!r}: an operator has no size")
     operator = component()
     operator.lookups = []
-    x, triple, next_event = operator.internal, operator.triple(), operator.next_event_time()
-    rates = operator.internal_rate_column()
+    x, rates = operator.internal, operator.internal_rate_column()
+    triple, next_event = operator.triple(), operator.next_event_time()
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
     k, none = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1)
     vectors = {"t": operator.clock, "y": x, "u": operator.input_column, "k": k, "m": none}

@@ -10,15 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.variables import Terminal, TerminalMember, Variable
+from liaisons.language.layout import Layout
+from liaisons.language.variables import ActiveInput, State, Terminal, TerminalMember, Variable
 from liaisons.mechanics.functions import model_functions, results_of
-from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Contact, Equation, Model, State, domain_conditions
+from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, domain_conditions
 from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes
 
 
@@ -50,22 +52,24 @@ def compose(
         return tuple(replace(v, start=values.get(v.name, v.start)) for v in left)
 
     inner = (replace(v, causality="output", start=None) for v in _all(parts, "inputs") if v.name in connections)
-    outputs, states = (*_all(parts, "outputs"), *inner), _all(parts, "states")
-    conditions, functions = joined.functions(outputs=[v.name for v in outputs], states=[s.name for s in states])
+    layout = Layout(
+        parameters=started(_all(parts, "parameters")),
+        inputs=started(_all(parts, "inputs")),
+        outputs=(*_all(parts, "outputs"), *inner),
+        states=_all(parts, "states"),
+        active=tuple(a for a in _all(parts, "active") if a.value not in connections),
+        ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
+    )
+    conditions, functions = joined.functions(layout)
     return Model(
+        **vars(layout),
         name=name,
         description="composition of " + ", ".join(f"{part} ({model.name})" for part, model in models.items()),
         documentation=_documentation(models, connections),
-        parameters=started(_all(parts, "parameters")),
-        inputs=started(_all(parts, "inputs")),
-        outputs=outputs,
-        states=states,
         memory=joined.memory,
         **functions,
         condition_texts=conditions,
         start_only=sum(part.start_only for part in parts),
-        active=tuple(a for a in _all(parts, "active") if a.value not in connections),
-        ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
         equations=tuple(_equations(models, connections)),
         contacts=joined.contacts,
@@ -171,11 +175,8 @@ class _Joined:
         outputs = [v.name for v in _all(models, "outputs")]
         self.sources = [outputs.index(connections[variable]) for variable in self.inner]
 
-    def functions(self, **names: Sequence[str]) -> tuple[tuple[str, ...], dict[str, Any]]:
-        """Texts of the conditions, and functions of the model, by name.
-
-        :param names: of outputs and states.
-        """
+    def functions(self, layout: Layout) -> tuple[tuple[str, ...], dict[str, Any]]:
+        """Texts of the conditions, and functions of the model, by name."""
         z = self._stacked("outputs_function")
         v = self._solved(z)
         start = [part.at("start") for part in self.parts]
@@ -204,7 +205,7 @@ class _Joined:
             results["conditions"] = self._stack(conditions.values())
             return tuple(conditions), model_functions(self.vectors, results) | drawn
         numbers = {name: connected(self._numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
-        modes = ContactModes(self.contacts, self.vectors, results, numbers, memory=self.memory, **names)
+        modes = ContactModes(self.contacts, self.vectors, results, numbers, layout, memory=self.memory)
         conditions = modes.painleve_conditions() | conditions
         return tuple(conditions), modes.functions(self._stack(conditions.values())) | drawn
 
@@ -245,18 +246,16 @@ class _Joined:
         if booked:
             raise ComponentError(f"{self.name}: work and energy_balance cannot be connected; integrate the power")
         h = ca.substitute(z[self.sources], memory, self.kind.zeros(*memory.shape))
-        needs = _needs(ca.jacobian_sparsity(h, self.v))
+        pattern = ca.jacobian_sparsity(h, self.v)
         solved = [self.kind(0)] * len(self.inner)
-        left = set(range(len(solved)))
-        while left:
-            # The input with the fewest open dependences has none, or is in a loop with all of them.
-            first = min(left, key=lambda i: (len(needs[i] & left), i))
-            members = sorted(needs[first] & left)
-            explicit = ca.substitute(h, self.v, ca.vertcat(*solved))  # members are 0 in it
-            values = self._loop(h, members, solved, explicit[members]) if members else explicit[first]
-            for i, value in zip(members or [first], ca.vertsplit(values), strict=True):
+        _, order, starts = pattern.T.scc()  # those that others depend on first
+        for first, end in pairwise(starts):
+            members = sorted(order[first:end])
+            explicit = ca.substitute(h, self.v, ca.vertcat(*solved))[members]  # members are 0 in it
+            is_loop = len(members) > 1 or pattern.has_nz(members[0], members[0])
+            values = self._loop(h, members, solved, explicit) if is_loop else explicit
+            for i, value in zip(members, ca.vertsplit(values), strict=True):
                 solved[i] = value
-            left -= {first, *members}
         return ca.vertcat(*solved)
 
     def _loop(self, h: Any, members: list[int], solved: list[Any], explicit: Any) -> Any:
@@ -267,15 +266,6 @@ class _Joined:
             names = ", ".join(self.inner[i] for i in members)
             raise ComponentError(f"{self.name}: {names} depend on each other, and not linearly; open the loop")
         return ca.solve(ca.densify(self.kind.eye(len(members)) - H), explicit)
-
-
-def _needs(pattern: ca.Sparsity) -> list[set[int]]:
-    """Transitive dependences of each input."""
-    reach = np.zeros(pattern.shape, dtype=bool)
-    reach[tuple(np.array(pattern.get_triplet(), dtype=int))] = True
-    for k in range(len(reach)):  # Warshall
-        reach |= np.outer(reach[:, k], reach[k])
-    return [set(np.flatnonzero(row).tolist()) for row in reach]
 
 
 def _documentation(models: Mapping[str, Model], connections: Mapping[str, str]) -> str:

@@ -160,8 +160,5 @@ def _positions(m: Mechanism, metric: Inertia, constraints: Constraints) -> ca.SX
 
 
 def _with_unit_quaternions(m: Mechanism, q: ca.SX) -> ca.SX:
-    for k in range(len(m.orientations)):
-        first = len(m.coordinates) + 4 * k
-        before, quaternion, after = ca.vertsplit(q, [0, first, first + 4, q.shape[0]])
-        q = ca.vertcat(before, quaternion / ca.norm_2(quaternion), after)
-    return q
+    before, quaternion = ca.vertsplit(q, [0, len(m.coordinates), q.shape[0]])
+    return ca.vertcat(before, quaternion / ca.norm_2(quaternion)) if m.orientations else q

@@ -171,17 +171,14 @@ def derive(component: type[Mechanism]) -> Equations:
     rubbing = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
-    drives, loads = (
-        stack(ca.SX.sym(suffixed(q.name, end)) for q in component.coordinates) for end in ("_force", "_load")
-    )
-    driven = len(component.coordinates)
+    drives, loads = (stack(ca.SX.sym(suffixed(q.name, end)) for q in m.coordinates) for end in ("_force", "_load"))
     points = m.point_components()
     position = ca.cse(stack(points.values()))
     point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)
-    applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - driven, 1))
+    applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - drives.shape[0], 1))
     # Forces of contacts act along the gradients of their rates, on free and active coordinates.
     rates = m.contact_rates()
-    slips = rates[len(component.unilaterals) :, 0]
+    slips = rates[len(m.unilaterals) :, 0]
     lifting = ca.dot(position, point_loads)  # its gradient at given loads is their virtual work
     Q = applied - K.T @ gradient(lifting, q) - rubbing.against(q_dot)
     Q_s = -gradient(lifting, s) - rubbing.against(s_dot)
@@ -198,7 +195,7 @@ def derive(component: type[Mechanism]) -> Equations:
 
     # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     force = K.T @ gradient(L, q) + Q
-    f = force + _gyroscopic(component, m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
+    f = force + _gyroscopic(m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
     constraints = differentiated_constraints(m)
     C = constraints.matrix
     velocities, mu = constrained_velocities(m, metric, loose, constraints)
@@ -207,7 +204,7 @@ def derive(component: type[Mechanism]) -> Equations:
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
-    passive = len(component.constraints) + len(component.non_holonomic)
+    passive = len(m.constraints) + len(m.non_holonomic)
     rigid = list(constraints.holonomic)
     across = ca.jacobian(constraints.residuals[rigid, 0], s).T
     constrained = Q_s + across @ lambdas[rigid, 0]
@@ -220,16 +217,16 @@ def derive(component: type[Mechanism]) -> Equations:
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
     # Power of non-holonomic constraints, which is neither drive nor load but leaves the energy.
-    inner = list(range(len(component.constraints), passive))
+    inner = list(range(len(m.constraints), passive))
     constraint_power = ca.dot(lambdas[inner, 0], C[inner, :] @ q_dot)
     power = (
         ca.dot(operator_forces, m.active.s_dot)
-        + ca.dot(drives - loads, q_dot[:driven, 0])
+        + ca.dot(drives - loads, q_dot[: drives.shape[0], 0])
         - ca.dot(point_loads, m.dot(position))
     )
     dissipation = rubbing.power(ca.vertcat(q_dot, s_dot))
     if slips.shape[0]:
-        dissipation -= ca.dot(m.contact_forces[len(component.unilaterals) :, 0], slips)
+        dissipation -= ca.dot(m.contact_forces[len(m.unilaterals) :, 0], slips)
     return Equations(
         mechanism=m,
         drives=drives,
@@ -260,8 +257,8 @@ def derive(component: type[Mechanism]) -> Equations:
     )
 
 
-def _gyroscopic(component: type[Mechanism], m: Mechanism, p: ca.SX) -> ca.SX:
+def _gyroscopic(m: Mechanism, p: ca.SX) -> ca.SX:
     """∂L/∂ω × ω for an orientation: the body frame turns under the momentum."""
-    count = len(component.coordinates)
-    turning = [ca.cross(p[count:], getattr(m, orientation.name).rate) for orientation in component.orientations]
+    count = len(m.coordinates)
+    turning = [ca.cross(p[count:], getattr(m, orientation.name).rate) for orientation in m.orientations]
     return ca.vertcat(ca.SX.zeros(count, 1), *turning)

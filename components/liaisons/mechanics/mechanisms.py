@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from itertools import accumulate
 
@@ -18,7 +19,7 @@ from liaisons.mechanics.model import Model, described, domain_conditions
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_mechanism
-from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contact_outputs, contacts_of
+from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contacts_of
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
@@ -49,7 +50,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(m), _start_conditions(equations)
     numbers = contact_numbers(m)
-    read = _outputs(equations, flat, rates) | contact_outputs(m, numbers)
+    read = _outputs(equations, flat, rates, numbers)
     z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
     initial = ca.vertcat(*_initial(equations, symbols), 0, 0)
     # All in one: what the expressions share stays shared.
@@ -74,8 +75,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     conditions = dict(zip((*lasting, *at_start), ca.vertsplit(distances), strict=True))
     if contacts:
         numbers = dict(zip(numbers, columns, strict=True))
-        names = {"outputs": [v.name for v in flat.outputs], "states": [s.name for s in flat.states], "memory": memory}
-        modes = ContactModes(contacts, vectors, results, numbers, **names)
+        modes = ContactModes(contacts, vectors, results, numbers, flat, memory=memory)
         conditions = modes.painleve_conditions() | conditions
         functions = modes.functions(stack(conditions.values()))
     else:
@@ -93,7 +93,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     )
 
 
-def _outputs(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca.SX]:
+def _outputs(equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
     """Expressions by the names of variables, without those of the energy balance."""
     m, residuals = equations.mechanism, equations.constraints.residuals
     forces = ((equations.operator_forces[i], m.active.s_dot[i]) for i in range(len(m.actives)))
@@ -101,7 +101,10 @@ def _outputs(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca
     energies = equations.kinetic_energy, equations.potential_energy
     passive = [item.name for item in (*m.constraints, *m.non_holonomic)]
     names = [*passive, *(item.name for item in m.rheonomic_constraints)]
+    gaps = [item.name for item in m.unilaterals]
+    touching = [*gaps, *(suffixed(name, "_dot") for name in gaps), *(item.name for item in m.dry_frictions)]
     outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
+    outputs |= dict(zip(touching, ca.vertsplit(ca.vertcat(numbers["gap"], numbers["v"])), strict=True))
     outputs |= {f"{name}_residual": residuals[i] for i, name in enumerate(names)}
     return outputs | {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
 

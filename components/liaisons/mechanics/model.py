@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -30,10 +30,7 @@ from liaisons.language.declarations import Coordinate
 from liaisons.language.layout import Layout
 from liaisons.language.variables import (
     NEXT_EVENT_TIME,
-    ActiveInput,
-    Dimension,
     Experiment,
-    State,
     Terminal,
     Variable,
 )
@@ -107,8 +104,8 @@ class Contact:
         return suffixed(self.name, f"_{ending}")
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
+@dataclass(frozen=True, kw_only=True)
+class Model(Layout):
     """A component, ready to become an FMU.
 
     What its functions take and return: ``liaisons.mechanics.functions.SIGNATURES``.
@@ -117,10 +114,6 @@ class Model:
     name: str
     description: str
     documentation: str  # the component's docstring
-    parameters: tuple[Variable, ...]
-    inputs: tuple[Variable, ...]
-    outputs: tuple[Variable, ...]
-    states: tuple[State, ...]
     memory: tuple[str, ...]
     start: ca.Function
     derivatives: ca.Function
@@ -133,13 +126,11 @@ class Model:
     events: ca.Function
     project: ca.Function | None = None
     start_only: int = 0  # count of the last conditions, which hold at the start alone
-    active: tuple[ActiveInput, ...] = ()
     module: str = ""  # where the component is declared
     ports: tuple[Terminal, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)
     equations: tuple[Equation, ...] = ()  # for the documentation
     closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
-    dimensions: tuple[Dimension, ...] = ()
     programs: tuple[RowProgram, ...] = ()  # of the functions that run along links
     picture: Mapping[str, Any] | None = field(default=None, hash=False)  # content of resources/picture.json
     drawn: tuple[Variable, ...] = ()  # calculated only when read
@@ -161,7 +152,7 @@ class Model:
     @property
     def variables(self) -> tuple[Variable, ...]:
         """Parameters, inputs, outputs, drawn; the index is the value reference."""
-        return self.parameters + self.inputs + self.outputs + self.drawn
+        return (*super().variables, *self.drawn)
 
     def next_event(self, k: Any, t: float) -> float:
         """First instant after t at which the model is not smooth [s]; inf if there is none.
@@ -175,8 +166,7 @@ class Model:
         """Model with a variable for each element of an array, as in FMI 2.0."""
         if not any(v.dimension for v in self.variables):
             return self
-        layout = Layout(**{item.name: getattr(self, item.name) for item in fields(Layout)}).flat()
-        return replace(self, **vars(layout), drawn=tuple(element for v in self.drawn for element in v.elements()))
+        return replace(super().flat(), drawn=tuple(element for v in self.drawn for element in v.elements()))
 
 
 def domain_conditions(item: Coordinate | Variable, value: Any) -> dict[str, Any]:

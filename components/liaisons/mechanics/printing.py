@@ -20,6 +20,7 @@ from liaisons.language.operator import Operator
 from liaisons.mechanics.constraints import differentiated_constraints
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
+from liaisons.mechanics.unilateral import contact_numbers
 
 _TOGETHER = 3
 """Constraints whose multipliers are solved for in symbols."""
@@ -211,15 +212,14 @@ def _constraints(equations: Equations) -> Iterator[Equation]:
 def _contacts(equations: Equations) -> Iterator[Equation]:
     """Unilateral liaisons with rate v, restitution e and compliance G = C A⁻¹ Cᵀ, and thresholds of dry friction."""
     m = equations.mechanism
-    gaps = [item.name for item in m.unilaterals]
-    yield from (Equation("unilateral", name, ca.SX(getattr(m, name))) for name in gaps)
-    rates = m.contact_rates()[: len(gaps), 0]
-    C = ca.jacobian(rates, m.free.q_dot)
+    numbers, gaps = contact_numbers(m), [item.name for item in m.unilaterals]
+    yield from _rows("unilateral", gaps, numbers["gap"])
+    C = ca.jacobian(numbers["v"], m.free.q_dot)[: len(gaps), :]
     G = C @ solve_symmetric(equations.mass_matrix, C.T) if gaps else ca.SX(0, 0)
-    for i, item in enumerate(m.unilaterals):
-        yield Equation("impacts", f"v_{item.name}", rates[i])
-        yield Equation("impacts", f"e_{item.name}", m.threshold(item.restitution or ""))
-        yield from (Equation("impacts", f"G[{item.name},{gaps[k]}]", G[i, k]) for k in range(i, len(gaps)))
+    for i, name in enumerate(gaps):
+        yield Equation("impacts", f"v_{name}", numbers["v"][i])
+        yield Equation("impacts", f"e_{name}", numbers["restitution"][i])
+        yield from _rows("impacts", [f"G[{name},{other}]" for other in gaps[i:]], G[i, i:].T)
     for item in m.dry_frictions:
         yield Equation("dry_friction", item.name, ca.SX(getattr(m, item.name)))
         normal = m.contact_force(item.normal) if item.normal else ca.SX(1)

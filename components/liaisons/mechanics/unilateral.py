@@ -16,14 +16,14 @@ Source: docs/explanation/unilateral.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 
-from liaisons.base.array_names import suffixed
 from liaisons.expressions.algebra import stack
 from liaisons.language.declarations import Orientation
+from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.functions import model_functions
@@ -40,7 +40,7 @@ CONTACT_NUMBERS: Mapping[str, tuple[bool, ...]] = {
     **dict.fromkeys(("gap", "scale", "restitution"), (False,)),
     **dict.fromkeys(("stick", "slide"), (True,)),
 }
-"""Numbers by which modes are chosen, named as in CONTACT_NUMBERS of core.h: of contacts whose `friction` is in these."""
+"""Numbers by which modes are chosen, as in core.h, and the values of ``friction`` of the contacts that they are of."""
 
 
 def contacts_of(m: Mechanism) -> tuple[Contact, ...]:
@@ -79,13 +79,6 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
     }
 
 
-def contact_outputs(m: Mechanism, numbers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
-    """Gaps with their rates, and relative velocities of dry friction, by the names of outputs."""
-    gaps = [item.name for item in m.unilaterals]
-    names = [*gaps, *(suffixed(name, "_dot") for name in gaps), *(item.name for item in m.dry_frictions)]
-    return dict(zip(names, ca.vertsplit(ca.vertcat(numbers["gap"], numbers["v"])), strict=True))
-
-
 def operators_of(model: Model | ContactModes) -> list[str]:
     """Names of the active coordinates whose impulses are summed in the memory."""
     gaps = {c.variable("impulse") for c in model.contacts}
@@ -99,7 +92,7 @@ class ContactModes:
     :param vectors: t, y, u, k, m and the contact forces x, by letter.
     :param results: of the functions under given contact forces, see :func:`model_functions`.
     :param numbers: see :func:`contact_numbers`.
-    :param outputs: their names; likewise of states and memory.
+    :param layout: without arrays.
     """
 
     def __init__(
@@ -108,21 +101,21 @@ class ContactModes:
         vectors: Mapping[str, ca.SX],
         results: Mapping[str, Any],
         numbers: Mapping[str, ca.SX],
+        layout: Layout,
         *,
-        outputs: Iterable[str],
-        states: Sequence[str],
         memory: Sequence[str],
     ) -> None:
         self.contacts, self._vectors, self._forced, self._numbers = contacts, vectors, results, numbers
         self._gaps, self._frictions = ([c for c in contacts if c.friction is friction] for friction in (False, True))
-        self._states, self.memory = states, memory
+        self._states, self.memory = [state.name for state in layout.states], memory
+        outputs = (v.name for v in layout.outputs)
         self._outputs = dict(zip(outputs, ca.vertsplit(results["outputs_function"]), strict=True))
         self._G = ca.jacobian(numbers["a"], vectors["x"])
         rows = {"v": numbers["v"], "a": numbers["a"], "G": ca.vec(self._G)} | dict(numbers)
         self._rows = {name: self._unloaded(column) for name, column in rows.items()}
         self._forces, self._indicators = self._solve()
 
-    def functions(self, conditions: ca.SX) -> dict[str, ca.Function]:
+    def functions(self, conditions: ca.SX) -> dict[str, Any]:
         """All functions of the model."""
         forced, outputs = self._forced, self._outputs | self._outputs_by_modes()
         loaded = {name: self._loaded(value) for name, value in forced.items() if name != "start" and value is not None}
