@@ -12,33 +12,19 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import Formulas, call, declared
 from liaisons.language.declarations import (
+    ActiveCoordinate,
+    Coordinate,
     Declaration,
-    InternalState,
     Joint,
-    Orientation,
+    Parameter,
     Size,
-    assertion,
-    constraint,
-    dry_friction,
-    non_holonomic,
-    output,
-    rheonomic_constraint,
-    unilateral,
+    calculated,
+    point,
 )
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.variables import Dimension
 
-_MECHANISM_ONLY = (
-    Orientation,
-    InternalState,
-    constraint,
-    non_holonomic,
-    rheonomic_constraint,
-    unilateral,
-    dry_friction,
-    output,
-    assertion,
-)
+_OF_CHAINS = (Parameter, Coordinate, ActiveCoordinate, Size, Joint, point, calculated)
 
 
 class Chain(MechanicalComponent, abstract=True):
@@ -112,9 +98,9 @@ class Chain(MechanicalComponent, abstract=True):
             if item.size:
                 text = f"{type(self).__name__}.{item.name}: size = {item.size!r}: a Chain describes one link"
                 raise ComponentError(f"{text}; what each has is an array of length n already")
-        for item in declared(type(self), _MECHANISM_ONLY):
-            what = type(item).__name__
-            raise ComponentError(f"{type(self).__name__}.{item.name}: a Chain has no {what}; write a Mechanism")
+            if not isinstance(item, _OF_CHAINS):
+                text = f"{type(self).__name__}.{item.name}: a Chain has no {type(item).__name__}; write a Mechanism"
+                raise ComponentError(text)
         parameters, axes = self._named(self.parameter_column), type(self).joint.unit_of
         link = parameters | self._named(self.q, self.w)
         motion = link | self._named(self.q_dot, self.w_dot)

@@ -121,8 +121,9 @@ class Formulas:
         for key, value in returned.items():
             self.take(f"{name}[{key!r}]", value, symbols, unit[key])
 
-    def internal_rates(self, states: Iterable[InternalState], symbols: Mapping[str, ca.SX]) -> None:
+    def internal_rates(self, symbols: Mapping[str, ca.SX]) -> None:
         """Check the rates of internal states."""
+        states = declared(self._owner, InternalState)
         unit = {state.name: units.rate(units.ANY if state.unchecked else state.unit) for state in states}
         self.each("internal_rates", symbols, unit)
 

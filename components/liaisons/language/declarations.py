@@ -37,11 +37,11 @@ class Declaration(ABC, Generic[T]):
     name: str = "?"
     size: str = ""  # of an array in a mechanism: name of a Size, or that less a number
 
-    def __new__(cls, *given: Any, **named: Any) -> Self:
+    def __new__(cls, *arguments: Any, **options: Any) -> Self:
         try:
-            inspect.signature(cls.__init__).bind(None, *given, **named)
+            inspect.signature(cls.__init__).bind(None, *arguments, **options)
         except TypeError as error:
-            texts = [value for value in (*given, *named.values()) if isinstance(value, str)]
+            texts = [value for value in (*arguments, *options.values()) if isinstance(value, str)]
             lone = len(texts) == 1 and "description" in str(error)  # the only text stands in the place of the unit
             reason = f"the unit is missing beside {texts[0]!r}" if lone and not _is_unit(texts[0]) else str(error)
             raise ComponentError(f"{cls.__name__}: {reason}; write for example {cls.example}") from None
@@ -412,6 +412,7 @@ class Orientation(Declaration[Attitude]):
     example = 'Orientation("attitude of the body")'
     quaternion = ("q_w", "q_x", "q_y", "q_z")
     rates = ("omega_x", "omega_y", "omega_z")
+    accelerations = ("omega_x_dot", "omega_y_dot", "omega_z_dot")
     momenta = ("H_x", "H_y", "H_z")
 
     def __init__(self, description: str, *, start: Literal["rate", "momentum"] = "rate") -> None:

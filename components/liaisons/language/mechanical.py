@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import casadi as ca
 
@@ -33,6 +34,8 @@ from liaisons.language.declarations import (
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
 from liaisons.language.variables import ActiveInput, Dimension, State, Variable
+
+_AFFIXES = {"quaternion": ("", ""), "rates": ("", "_dot"), "accelerations": ("", "_ddot"), "momenta": ("p_", "")}
 
 
 class _Actives(DeclarationsOf[ActiveCoordinate]):
@@ -95,18 +98,29 @@ class MechanicalComponent(Component, abstract=True):
         components = ((item.name, components_of(self, item.name)) for item in self.points)
         return {f"{name}_{axis}": ca.SX(value) for name, axes in components for axis, value in axes.items()}
 
+    @property
+    def passive_constraints(self) -> tuple[constraint | non_holonomic, ...]:
+        """Constraints that no operator moves."""
+        return (*self.constraints, *self.non_holonomic)
+
+    @property
+    def all_constraints(self) -> tuple[constraint | non_holonomic | rheonomic_constraint, ...]:
+        """All constraints, in the order of their rows."""
+        return (*self.passive_constraints, *self.rheonomic_constraints)
+
+    def motion_names(self, kind: Literal["quaternion", "rates", "accelerations", "momenta"]) -> list[str]:
+        """Names of coordinates, their rates, accelerations or momenta, then those of an orientation."""
+        start, end = _AFFIXES[kind]
+        return [
+            *(start + suffixed(q.name, end) for q in self.coordinates),
+            *(name for item in self.orientations for name in getattr(item, kind)),
+        ]
+
     def layout(self) -> Layout:
         unit_of = {item.name: item.unit for item in self.points}
         units_at = {name: unit_of[name.rpartition("_")[0]] for name in self.point_components()}
-        positions = [
-            *(q.name for q in self.coordinates),
-            *(name for orientation in self.orientations for name in orientation.quaternion),
-        ]
-        momenta = [
-            *(f"p_{q.name}" for q in self.coordinates),
-            *(name for orientation in self.orientations for name in orientation.momenta),
-        ]
-        moving = (*positions, *momenta, *(state.name for state in self.internal_states))
+        internal = (state.name for state in self.internal_states)
+        moving = (*self.motion_names("quaternion"), *self.motion_names("momenta"), *internal)
         extents = [extent for item in declared(type(self), Declaration) if (extent := item.extent(type(self)))]
         variables = Layout(
             parameters=(*self._declared_parameters(), *self._start_parameters()),
@@ -192,9 +206,9 @@ class MechanicalComponent(Component, abstract=True):
     def _dynamics_outputs(self) -> Iterator[Variable]:
         """Constraints, operators, points, energies, and what is declared beside them."""
         readable, size = layout.readable, self.dimension
-        for item in (*self.constraints, *self.non_holonomic, *self.rheonomic_constraints):
+        for item in self.all_constraints:
             yield readable(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}")
-        for item in (*self.constraints, *self.non_holonomic):
+        for item in self.passive_constraints:
             unit = units.force(item.unit) if isinstance(item, constraint) else units.multiplier(item.unit)
             yield readable(f"lambda_{item.name}", unit, f"multiplier of: {item.description} (K eq. 7)")
         for s in self.actives:

@@ -94,19 +94,14 @@ class Mechanism(MechanicalComponent, abstract=True):
             raise ComponentError(
                 f"{type(self).__name__}: declare one Orientation at most; the names of its variables are fixed"
             )
-        rates, momenta = [suffixed(q, "_dot") for q in free], [f"p_{q}" for q in free]
-        accelerations = [suffixed(q, "_ddot") for q in free]
-        for orientation in orientations:
-            rates, momenta = [*rates, *orientation.rates], [*momenta, *orientation.momenta]
-            accelerations += [f"{rate}_dot" for rate in orientation.rates]
         nominals, turning = [q.nominal for q in self.coordinates], len(orientations)
         self.free = FreeColumns(
-            q=self._symbols([*free, *(name for item in orientations for name in item.quaternion)]),
+            q=self._symbols(self.motion_names("quaternion")),
             sizes=ca.DM([*nominals, *[1.0] * 4 * turning]),
-            q_dot=self._symbols(rates),
+            q_dot=self._symbols(self.motion_names("rates")),
             rate_sizes=ca.DM([*nominals, *[1.0] * 3 * turning]),
-            p=self._symbols(momenta),
-            q_ddot=self._symbols(accelerations),
+            p=self._symbols(self.motion_names("momenta")),
+            q_ddot=self._symbols(self.motion_names("accelerations")),
             kinematics=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).kinematics for o in orientations)),
             frame=ca.diagcat(ca.SX.eye(len(free)), *(getattr(self, o.name).matrix for o in orientations)),
         )
@@ -119,7 +114,7 @@ class Mechanism(MechanicalComponent, abstract=True):
             adapted=len(active) - len(self.rheonomic_constraints),
         )
         self.internal = self._symbols(state.name for state in self.internal_states)
-        self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
+        self.multipliers = self._symbols(f"lambda_{c.name}" for c in self.passive_constraints)
         contacts = (*self.unilaterals, *self.dry_frictions)
         self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in contacts)
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
@@ -158,7 +153,7 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def constraint_force(self, name: str) -> ca.SX:
         """λ of a constraint of this name: its force is λ times the constraint's gradient; for outputs."""
-        return self._symbol(f"lambda_{name}", "constraint_force()", (*self.constraints, *self.non_holonomic))
+        return self._symbol(f"lambda_{name}", "constraint_force()", self.passive_constraints)
 
     def contact_force(self, name: str) -> ca.SX:
         """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
@@ -242,7 +237,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         for items, symbols in allowed.items():
             for item in items:
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
-        formulas.internal_rates(self.internal_states, motion | internal)
+        formulas.internal_rates(motion | internal)
         formulas.check_units(self.layout().variables, self.symbols)
         _check_mass_matrix(self, lagrangian, kinetic, motion)
 
@@ -289,12 +284,12 @@ class Mechanism(MechanicalComponent, abstract=True):
         return value
 
     def _check_restitution(self, item: Declaration, name: str) -> None:
-        parameter = next((p for p in self.parameters if p.name == name), None)
-        low, high = (None, None) if parameter is None else (parameter.minimum, parameter.maximum)
+        declared = {p.name: (p.minimum, p.maximum, p.unit) for p in self.parameters}
+        low, high, unit = declared.get(name, (None, None, "1"))
         if low is None or high is None or not 0 <= low <= high <= 1:
             self._refuse(item, f"has the restitution {name!r}: let it be a Parameter in [0, 1]: minimum=0, maximum=1")
-        if parameter is not None and parameter.unit != "1":
-            self._refuse(item, f"has the restitution {name!r} in {parameter.unit}: let its unit be '1'")
+        if unit != "1":
+            self._refuse(item, f"has the restitution {name!r} in {unit}: let its unit be '1'")
 
     def _refuse(self, item: Declaration, why: str) -> NoReturn:
         raise ComponentError(f"{type(self).__name__}.{item.name} {why}")

@@ -170,7 +170,7 @@ class Operator(Component, abstract=True):
                 "in events(), or who follows it may step over them",
                 type(self).__name__,
             )
-        formulas.internal_rates(self.internal_states, self.symbols)
+        formulas.internal_rates(self.symbols)
         formulas.check_units(self.layout().variables, symbols, t="s")
         for name, expression in zip(TRIPLE, self.triple(), strict=True):
             if self.inputs and ca.depends_on(expression, self.input_column):

@@ -30,14 +30,6 @@ def assemble(component: type[Component], n: object = None) -> Model:
     return next(model(component, n) for kind, model in _MODELS.items() if issubclass(component, kind))
 
 
-def _chain_model(component: type[Chain], n: object) -> Model:
-    return chain_model(component, component(n).sizes["n"])
-
-
-def _mechanism_model(component: type[Mechanism], n: object) -> Model:
-    return mechanism_model(component if n is None else component.of_size(n))
-
-
 def _operator_model(component: type[Operator], n: object) -> Model:
     """Model of an operator: variables and functions."""
     if n is not None:
@@ -81,8 +73,8 @@ def _operator_model(component: type[Operator], n: object) -> Model:
 
 
 _MODELS: dict[type[Component], Callable[[Any, object], Model]] = {
-    Chain: _chain_model,
-    Mechanism: _mechanism_model,
+    Chain: lambda component, n: chain_model(component, component(n).sizes["n"]),
+    Mechanism: lambda component, n: mechanism_model(component if n is None else component.of_size(n)),
     Operator: _operator_model,
 }
 """Model of a component of each kind, of some size where it is not None."""

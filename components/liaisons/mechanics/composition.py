@@ -47,14 +47,14 @@ def compose(
     _check(name, parts, connections, values)
     joined = _Joined(name, parts, connections)
 
-    def started(variables: Iterable[Variable]) -> tuple[Variable, ...]:
-        left = (v for v in variables if v.name not in connections)
+    def started(group: str) -> tuple[Variable, ...]:
+        left = (v for v in _all(parts, group) if v.name not in connections)
         return tuple(replace(v, start=values.get(v.name, v.start)) for v in left)
 
     inner = (replace(v, causality="output", start=None) for v in _all(parts, "inputs") if v.name in connections)
     layout = Layout(
-        parameters=started(_all(parts, "parameters")),
-        inputs=started(_all(parts, "inputs")),
+        parameters=started("parameters"),
+        inputs=started("inputs"),
         outputs=(*_all(parts, "outputs"), *inner),
         states=_all(parts, "states"),
         active=tuple(a for a in _all(parts, "active") if a.value not in connections),

@@ -60,7 +60,7 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
         keep(getattr(m, item.name), *(m.symbols[f"{item.name}{end}"] for end in ("", "_dot", "_ddot")))
 
     rows = stack(accelerated)
-    first, last = len(m.constraints), len(m.constraints) + len(m.non_holonomic)
+    first, last = len(m.constraints), len(m.passive_constraints)
     matrix = ca.jacobian(rows, m.free.q_ddot)
     return Constraints(
         matrix=matrix,

@@ -54,8 +54,8 @@ def definitions(
     balance = energy - energy_start - (work + impulse) + dissipated
     if "impact_loss" in remembered:
         balance += memory[remembered.index("impact_loss")]
-    booked = {"work": work + impulse, "dissipated": dissipated, "energy_balance": balance}
-    booked |= {name: mismatches[i] for i, name in enumerate(remembered[len(MEMORY) :])}
+    booked = dict(zip(remembered[len(MEMORY) :], ca.vertsplit(mismatches), strict=True))
+    booked |= {"work": work + impulse, "dissipated": dissipated, "energy_balance": balance}
     z = [booked.get(variable.name, value) for variable, value in zip(layout.outputs, outputs, strict=True)]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)
     return {

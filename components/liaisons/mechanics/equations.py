@@ -204,7 +204,7 @@ def derive(component: type[Mechanism]) -> Equations:
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
-    passive = len(m.constraints) + len(m.non_holonomic)
+    passive = len(m.passive_constraints)
     rigid = list(constraints.holonomic)
     across = ca.jacobian(constraints.residuals[rigid, 0], s).T
     constrained = Q_s + across @ lambdas[rigid, 0]

@@ -91,8 +91,7 @@ def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
     if lifted is not None:
         systems.append(lifted)
     # Products of the elimination, and a few for each entry.
-    costs = [elimination_order(system.sparsity(), after)[1] + 4 * system.nnz() for system, after in systems]
-    return Inertia(A, *systems[costs.index(min(costs))])
+    return Inertia(A, *min(systems, key=lambda x: elimination_order(x[0].sparsity(), x[1])[1] + 4 * x[0].nnz()))
 
 
 def _lifted(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:

@@ -96,17 +96,15 @@ def mechanism_model(component: type[Mechanism]) -> Model:
 def _outputs(equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
     """Expressions by the names of variables, without those of the energy balance."""
     m, residuals = equations.mechanism, equations.constraints.residuals
-    forces = ((equations.operator_forces[i], m.active.s_dot[i]) for i in range(len(m.actives)))
+    forces = equations.operator_forces, m.active.s_dot
     points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.points.items()}
     energies = equations.kinetic_energy, equations.potential_energy
-    passive = [item.name for item in (*m.constraints, *m.non_holonomic)]
-    names = [*passive, *(item.name for item in m.rheonomic_constraints)]
     gaps = [item.name for item in m.unilaterals]
     touching = [*gaps, *(suffixed(name, "_dot") for name in gaps), *(item.name for item in m.dry_frictions)]
     outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
     outputs |= dict(zip(touching, ca.vertsplit(ca.vertcat(numbers["gap"], numbers["v"])), strict=True))
-    outputs |= {f"{name}_residual": residuals[i] for i, name in enumerate(names)}
-    return outputs | {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
+    outputs |= {f"{item.name}_residual": residuals[i] for i, item in enumerate(m.all_constraints)}
+    return outputs | {f"lambda_{c.name}": equations.multipliers[i] for i, c in enumerate(m.passive_constraints)}
 
 
 def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
@@ -144,7 +142,7 @@ def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
     conditions: dict[str, ca.SX] = {}
     m, constraints = equations.mechanism, equations.constraints
     rates = ca.substitute(constraints.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)
-    for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
+    for i, item in enumerate(m.all_constraints):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         conditions[text] = CONSISTENT - ca.fabs(constraints.residuals[i])
         if i in constraints.holonomic:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
@@ -15,19 +15,19 @@ def mechanical_outputs(
     layout: Layout,
     rates: ca.SX,
     *,
-    forces: Iterable[tuple[ca.SX, ca.SX]],
+    forces: tuple[ca.SX, ca.SX],
     points: Mapping[str, Sequence[ca.SX]],
     energies: tuple[ca.SX, ca.SX],
 ) -> dict[str, ca.SX]:
     """Expressions by the names of variables, without those of the energy balance.
 
     :param rates: of the states, in the order of the layout.
-    :param forces: for each active coordinate λ (M eq. 27) and the rate σ̇.
+    :param forces: of the active coordinates λ (M eq. 27) and the rates σ̇, columns.
     :param points: position, velocity and acceleration of each component of a point.
     :param energies: T and V.
     """
     outputs = dict(zip((state.derivative for state in layout.states), ca.vertsplit(rates), strict=True)) | m.symbols
-    for s, (force, rate) in zip(m.actives, forces, strict=True):
+    for s, force, rate in zip(m.actives, *map(ca.vertsplit, forces), strict=True):
         outputs |= {f"{s.name}_force": force, f"{s.name}_power": force * rate}
     for name, motion in points.items():
         outputs |= {f"{name}{end}": x for end, x in zip(("", "_dot", "_ddot"), motion, strict=True)}

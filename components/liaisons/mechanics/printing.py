@@ -84,9 +84,9 @@ def of_operators(equations: Equations) -> tuple[Equation, ...]:
     """Power of each operator, and multipliers of the constraints solved for."""
     m, lambdas = equations.mechanism, _multipliers(equations)
     powers = _rows("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
-    kept = [f"lambda_{item.name}" for item in (*m.constraints, *m.non_holonomic)]
-    kept += [f"{item.name}_force" for item in m.rheonomic_constraints]
-    return (*powers, *(() if lambdas is None else _rows("multipliers", kept, lambdas)))
+    names = [f"lambda_{item.name}" for item in m.passive_constraints]
+    names += [f"{item.name}_force" for item in m.rheonomic_constraints]
+    return (*powers, *(() if lambdas is None else _rows("multipliers", names, lambdas)))
 
 
 def _multipliers(equations: Equations) -> ca.SX | None:
@@ -135,9 +135,8 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     :raises ComponentError: where Legendre's transformation does not exist.
     """
     m, L = equations.mechanism, equations.lagrangian
-    if m.orientations or m.rheonomic_constraints:
-        kept = [item.name for item in (*m.orientations, *m.rheonomic_constraints)]
-        raise ComponentError(f"{equations.name}: {kept[0]} is no coordinate, of which the canonical equations are")
+    for item in (*m.orientations, *m.rheonomic_constraints):
+        raise ComponentError(f"{equations.name}: {item.name} is no coordinate, of which the canonical equations are")
     names = [item.name for item in (*m.coordinates, *m.actives)]
     x, rates = ca.vertcat(m.free.q, m.active.s), ca.vertcat(m.free.q_dot, m.active.s_dot)
     momenta = gradient(L, rates)
@@ -164,12 +163,9 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
 
 def _rank(matrix: ca.SX) -> int:
     """Rank of a matrix at almost all values of its symbols."""
-    symbols, rng = ca.symvar(matrix), np.random.default_rng(0)
-    function = ca.Function("matrix", symbols, [ca.densify(matrix)])
-    return max(
-        int(np.linalg.matrix_rank(np.array(function.call(rng.uniform(0.5, 1.5, len(symbols)).tolist())[0])))
-        for _ in range(3)
-    )
+    symbols = ca.symvar(matrix)
+    values = np.random.default_rng(0).uniform(0.5, 1.5, len(symbols))
+    return int(np.linalg.matrix_rank(np.array(ca.Function("matrix", symbols, [matrix]).call(list(values))[0])))
 
 
 def _balances(equations: Equations) -> ca.SX:
@@ -203,7 +199,7 @@ def _effective_mass(theta: ca.SX, actives: list[str]) -> Iterator[Equation]:
 
 def _constraints(equations: Equations) -> Iterator[Equation]:
     m = equations.mechanism
-    for item in (*m.constraints, *m.non_holonomic):
+    for item in m.passive_constraints:
         yield Equation("constraints", "0", ca.SX(getattr(m, item.name)))
     for item in m.rheonomic_constraints:
         yield Equation("constraints", item.name, ca.SX(getattr(m, item.name)))

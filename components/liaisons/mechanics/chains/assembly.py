@@ -96,7 +96,7 @@ def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates
         m,
         m.layout(),
         rates,
-        forces=((forces[i], m.s_dot[i]) for i in range(len(m.actives))),
+        forces=(forces, m.s_dot),
         points={name: [column[i] for column in columns] for i, name in enumerate(m.point_components())},
         energies=(moving.kinetic_energy, moving.potential_energy),
     )
@@ -140,12 +140,13 @@ def _start(
 ) -> tuple[list[Step], ca.SX, ca.SX]:
     """Steps, q and p, and energy at the start."""
     q_0, v_0 = (stack(symbols[f"{q}{end}"] for q in ca.vertsplit(link.q)) for end in ("_0", "_dot_0"))
-    before, p_0 = renamed(*momenta(link, base))
-    at_start = [(link.q, q_0), (link.v, v_0)]
-    before, p_0 = [step.rewritten(lambda x: substituted(x, at_start)) for step in before], substituted(p_0, at_start)
-    after, energy_0 = renamed(steps, energy)
-    at_start = [(link.q, q_0), (link.p, p_0)]
-    after = [step.rewritten(lambda x: substituted(x, at_start)) for step in after]
+
+    def at(pairs: list[tuple[ca.SX, ca.SX]], steps: Sequence[Step], result: ca.SX) -> tuple[list[Step], ca.SX]:
+        steps, result = renamed(steps, result)
+        return [step.rewritten(lambda x: substituted(x, pairs)) for step in steps], substituted(result, pairs)
+
+    before, p_0 = at([(link.q, q_0), (link.v, v_0)], *momenta(link, base))
+    after, energy_0 = at([(link.q, q_0), (link.p, p_0)], steps, energy)
     return [*before, *after], ca.vertcat(q_0, p_0), energy_0
 
 
