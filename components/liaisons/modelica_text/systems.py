@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import Any, final
 
 from liaisons.errors import ComponentError
@@ -68,9 +68,9 @@ def default_experiment(component: type[Component], prefix: str = "") -> list[str
     starts = {v.name: v.starts[0] for v in layout.inputs} | dict(e.reference)
     values = {name: number(value) for name, value in e.reference.items()}
     for triple in layout.active:
-        for name in astuple(triple):
+        for name in triple:
             values.pop(name, None)
-        s, v, a = (f"({number(starts[name])})" for name in astuple(triple))
+        s, v, a = (f"({number(starts[name])})" for name in triple)
         values[f"u_{triple.value}"] = f"{{{s} + {v}*time + {a}/2*time^2, {v} + {a}*time, {a}}}"
     name = component.__name__
     part = f"{prefix}{name}.Signals signals({modification(values)});"
