@@ -24,13 +24,15 @@ from liaisons.analysis.quantity import (
     require_coordinates,
     require_free,
     require_independent,
+    require_quadratic,
     require_smooth,
     sample_states,
     turning_part,
 )
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, solve_symmetric, stack
+from liaisons.expressions.algebra import gradient, is_quadratic, solve_symmetric, stack
 from liaisons.mechanics.equations import Equations
+from liaisons.mechanics.legendre import rates_from_momenta
 
 Loop = Callable[[ca.SX], Mapping[str, Any]]
 """Shapes of a loop: takes the symbol a, which runs from 0 to 2π, and returns expressions by active coordinate."""
@@ -82,8 +84,12 @@ def multiplier_equations(source: Source, **values: float) -> Quantity:
             "free and active coordinates; use reduced_multiplier_equations()"
         )
     rates, p_s = _rates(equations), ca.SX.sym("p_s", m.active.s_dot.shape)
-    linear = ca.substitute(gradient(L, rates), rates, ca.SX.zeros(rates.shape))
-    inverse = solve_symmetric(ca.hessian(L, rates)[0], ca.vertcat(m.free.frame.T @ m.free.p, p_s) - linear)
+    p = ca.vertcat(m.free.frame.T @ m.free.p, p_s)
+    if is_quadratic(L, rates):
+        linear = ca.substitute(gradient(L, rates), rates, ca.SX.zeros(rates.shape))
+        inverse = solve_symmetric(ca.hessian(L, rates)[0], p - linear)
+    else:
+        inverse = rates_from_momenta(L, rates, p)
     H = ca.substitute(ca.dot(gradient(L, rates), rates) - L, rates, inverse)
     return _with_multipliers(equations, H, p_s)
 
@@ -123,6 +129,7 @@ def effective_mass(source: Source) -> Quantity:
 def active_energy(source: Source) -> Quantity:
     """Kinetic energy of the active constraints, K_Y = ½ Θ(Y, Y) at Y = ṡ (M eq. 51) [J]."""
     equations = _adapted(source)
+    require_quadratic(equations, "K_Y = ½ Θ(Y, Y)")
     Y = equations.mechanism.active.s_dot
     return Quantity(equations, ca.bilin(equations.effective_mass, Y, Y) / 2)
 
@@ -134,6 +141,7 @@ def kinetic_connection(source: Source) -> Quantity:
     """
     equations = _adapted(source)
     require_free(equations, "a connection")
+    require_quadratic(equations, "a connection")
     m = equations.mechanism
     mixed = ca.jacobian(gradient(equations.kinetic_energy, m.free.q_dot), m.active.s_dot)
     return Quantity(equations, -solve_symmetric(equations.mass_matrix, mixed))

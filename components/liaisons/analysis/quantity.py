@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
+from liaisons.expressions.algebra import is_quadratic
 from liaisons.language.chain import Chain
 from liaisons.language.checks import scalar
 from liaisons.language.component import Component
@@ -108,7 +109,7 @@ def equations_of(source: Source) -> Equations:
     """Equations of a mechanism; at each call the same ones, so that their symbols agree."""
     if isinstance(source, Equations):
         return source
-    abstract = getattr(source, "__abstractmethods__", None)
+    abstract = getattr(source, "is_abstract", False)
     if isinstance(source, type) and issubclass(source, Component) and (abstract or not issubclass(source, Mechanism)):
         chain = "a chain; write its links as arrays of a Mechanism"
         kind = "abstract" if abstract else chain if issubclass(source, Chain) else "an operator"
@@ -157,6 +158,13 @@ def require_independent(equations: Equations, purpose: str) -> None:
             f"{equations.name}: {purpose} needs independent coordinates; describe the mechanism without "
             f"the constraint {', '.join(constraints)}"
         )
+
+
+def require_quadratic(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError where L is not quadratic in all rates, free and active."""
+    m = equations.mechanism
+    if not is_quadratic(equations.lagrangian, ca.vertcat(m.free.q_dot, m.active.s_dot)):
+        raise ComponentError(f"{equations.name}: {purpose} needs a Lagrangian that is quadratic in the rates")
 
 
 def require_smooth(equations: Equations, purpose: str) -> None:

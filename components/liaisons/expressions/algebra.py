@@ -34,6 +34,11 @@ def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:
     return ca.jacobian(expression, column).T
 
 
+def is_quadratic(expression: ca.SX, column: ca.SX) -> bool:
+    """Whether the second derivatives of an expression by a column do not depend on it."""
+    return not ca.depends_on(ca.hessian(expression, column)[0], column)
+
+
 @dataclass(frozen=True, eq=False)
 class Factors:
     """L D Lᵀ of a symmetric matrix with its rows and columns in another order."""

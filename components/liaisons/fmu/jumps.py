@@ -115,7 +115,8 @@ class _Sample:
                 moved = u.copy()
                 np.add.at(moved, list(chosen), self.steps[list(chosen)])
                 terms.append((-1) ** count * self.rates(moved)[: self.sizes.size])
-        return np.abs(sum(terms)) > _NOTHING * (np.max(np.abs(terms), axis=0) + self.sizes)
+        with np.errstate(invalid="ignore"):  # rates may leave the domain of L: no number is a change
+            return ~(np.abs(sum(terms)) <= _NOTHING * (np.max(np.abs(terms), axis=0) + self.sizes))
 
 
 def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:

@@ -14,7 +14,7 @@ import numpy as np
 from liaisons.base import units
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, stack
+from liaisons.expressions.algebra import gradient, is_quadratic, stack
 from liaisons.language.checks import Formulas, call, declared, scalar
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import (
@@ -73,10 +73,12 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     A subclass declares parameters and coordinates and defines :meth:`kinetic_energy` and, as needed,
     :meth:`potential_energy`, :meth:`friction_coefficient`, :meth:`dissipation_function`, :meth:`lagrangian`, points,
-    outputs and conditions.
+    outputs and conditions.  One that defines :meth:`lagrangian` alone may have any that is hyper-regular in its free
+    rates (M 3); then E = Σ q̇ ∂L/∂q̇ + Σ σ̇ ∂L/∂σ̇ − L, V is E at rest, and T is E − V.
 
     :raises ComponentError: when the subclass is defined, if a symbol is unknown, a size or unit is wrong, two names
-        clash, or the mass matrix at the start is not positive definite.
+        clash, or the mass matrix at the start is not positive definite; if L is not quadratic in the free rates, for
+        constraints, contacts, an orientation and a friction coefficient.
     """
 
     assertions = DeclarationsOf(assertion)
@@ -121,8 +123,23 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     # ---- defined by components -----------------------------------------------------------------------------
 
+    def kinetic_energy(self) -> ca.SX:
+        """T, quadratic in the rates (K eq. 12), usually by :meth:`speed_squared`; by default from the Lagrangian."""
+        rates, L = self._rates, self.lagrangian()
+        return ca.jtimes(L, rates, rates) - L - self.potential_energy()
+
+    def potential_energy(self) -> ca.SX:
+        """V of the configuration; zero by default, of a mechanism that defines its Lagrangian alone −L at rest."""
+        rates = self._rates
+        return ca.SX(0) if self.has_energies() else -ca.substitute(self.lagrangian(), rates, ca.SX.zeros(rates.shape))
+
     def lagrangian(self) -> ca.SX:
-        """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24)."""
+        """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24), or energies follow from it.
+
+        :raises ComponentError: if neither it nor :meth:`kinetic_energy` is defined.
+        """
+        if not self.has_energies():
+            raise ComponentError(f"{type(self).__name__} defines no kinetic_energy(), which every Mechanism has to")
         return self.kinetic_energy() - self.potential_energy()
 
     @classmethod
@@ -200,6 +217,15 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     # ---- derived -------------------------------------------------------------------------
 
+    @property
+    def _rates(self) -> ca.SX:
+        return ca.vertcat(self.free.q_dot, self.active.s_dot)
+
+    @classmethod
+    def has_energies(cls) -> bool:
+        """Whether it defines its kinetic energy; else the Lagrangian has to be defined."""
+        return cls.kinetic_energy is not Mechanism.kinetic_energy
+
     def start_values(self) -> dict[str, float]:
         """Start values of all symbols by name: as declared, else 0."""
         declared = (*self.parameters, *self.coordinates, *self.actives, *self.internal_states)
@@ -220,9 +246,10 @@ class Mechanism(MechanicalComponent, abstract=True):
         motion = configuration | self._named(self.free.q_dot, self.active.s_dot)
         formulas = Formulas(self)
         self._check_points(formulas, configuration)
-        kinetic = formulas("kinetic_energy", motion, "J")
-        formulas("potential_energy", configuration, "J")
         lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
+        if self.has_energies():
+            formulas("kinetic_energy", motion, "J")
+            formulas("potential_energy", configuration, "J")
         if type(self).lagrangian is not Mechanism.lagrangian:  # T - V is checked already
             formulas.take("lagrangian", lagrangian, motion, "J")
         formulas("friction_coefficient", parameters | internal, "1/s")
@@ -239,7 +266,20 @@ class Mechanism(MechanicalComponent, abstract=True):
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
         formulas.internal_rates(motion | internal)
         formulas.check_units(self.layout().variables, self.symbols)
-        _check_mass_matrix(self, lagrangian, kinetic, motion)
+        _check_mass_matrix(self, lagrangian, motion)
+        if not is_quadratic(lagrangian, self.free.q_dot):
+            self._check_beside_newton()
+
+    def _check_beside_newton(self) -> None:
+        """Refuse what needs momenta that are linear in the rates."""
+        contacts, factor = (*self.unilaterals, *self.dry_frictions), ca.SX(self.friction_coefficient())
+        others = [item.name for item in (*self.all_constraints, *contacts, *self.orientations)]
+        if others or not factor.is_zero():
+            name = (others or ["friction_coefficient"])[0]
+            raise ComponentError(
+                f"{type(self).__name__}: {name} needs a Lagrangian that is quadratic in the rates; take independent "
+                "coordinates, and dissipation_function() for friction"
+            )
 
     def _check_contacts(self, formulas: Formulas, configuration: dict[str, ca.SX], motion: dict[str, ca.SX]) -> None:
         free = ", ".join(map(str, ca.vertsplit(self.free.q)))
@@ -301,11 +341,14 @@ def _resized(component: type[Mechanism], n: int, description: str) -> type[Mecha
     return type(component.__name__, (component,), own)
 
 
-def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
-    name = type(m).__name__
+def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
+    name, kinetic = type(m).__name__, ca.SX(m.kinetic_energy())
     metric, rates = ca.hessian(lagrangian, m.free.q_dot)[0], ca.vertcat(m.free.q_dot, m.active.s_dot)
-    if ca.depends_on(metric, rates):
-        raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them")
+    if m.has_energies() and ca.depends_on(metric, rates):
+        raise ComponentError(
+            f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them: define "
+            "lagrangian() alone, from which the energies follow"
+        )
     start = m.start_values()
     at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
     function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
@@ -320,7 +363,7 @@ def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: 
         raise ComponentError(
             f"{name}: the kinetic energy is not finite at the start ({at_start}); move the start value"
         )
-    if np.any(left != 0):
+    if m.has_energies() and np.any(left != 0):
         raise ComponentError(
             f"{name}.kinetic_energy must be quadratic in the rates; at rest it or its momenta are "
             f"{left.ravel().tolist()} instead of 0: what is linear in the rates belongs to lagrangian()"

@@ -4,7 +4,7 @@ K = Kneller, M = Marle.  Free coordinates x (here ``q``), active coordinates s =
 by a rheonomic constraint π(x) = σ(t) (M eq. 20).  State (x, p):
 
 ======================  ============================================================  ==================
-p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇)                                      K eq. 78, M eq. 10
+p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇), unless L is not quadratic           K eq. 78, M eq. 10
 ẋ = A⁻¹ (p − b)         Legendre transform, inverted in the free rates only           M eq. 36
 ṗ = ∂L/∂x + Q           only σ and σ̇ enter: p is continuous when σ̇ jumps             M eq. 26, 36
 λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s   force of the operator; needs σ̈                         M eq. 27
@@ -31,7 +31,7 @@ import numpy as np
 
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, stack
+from liaisons.expressions.algebra import gradient, is_quadratic, stack
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.constraints import (
     STABILISATION,
@@ -42,7 +42,8 @@ from liaisons.mechanics.constraints import (
     projection,
 )
 from liaisons.mechanics.friction import Dissipation
-from liaisons.mechanics.inertia import inertia_of
+from liaisons.mechanics.inertia import Inertia, inertia_of
+from liaisons.mechanics.legendre import distances, rates_from_momenta
 
 QUANTITIES = (
     "mass_matrix",
@@ -94,6 +95,7 @@ class Equations:
     dissipation: ca.SX  # power lost by friction and non-holonomic constraints
     internal_rates: ca.SX
     projection: ca.SX | None  # of (x, p) onto constraints and unit quaternions
+    convergence: ca.SX  # must stay > 0 if velocities belong to momenta (f,); (0,) where L is quadratic in ẋ
 
     @property
     def name(self) -> str:
@@ -186,16 +188,14 @@ def derive(component: type[Mechanism]) -> Equations:
         Q += ca.jacobian(rates, q_dot).T @ m.contact_forces
         Q_s += ca.jacobian(rates, s_dot).T @ m.contact_forces
 
-    # Momentum and its inverse: p = A ẋ + b.
-    p = gradient(L, q_dot)
-    metric = inertia_of(m, L)
+    # Momentum and its inverse.
+    p, metric = gradient(L, q_dot), inertia_of(m, L)
     A = metric.matrix
-    b = ca.substitute(p, q_dot, ca.SX.zeros(q_dot.shape))
-    loose = metric.solve(m.free.frame.T @ m.free.p - b)
+    loose, convergence = _unconstrained_velocities(m, L, metric)
 
     # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     force = K.T @ gradient(L, q) + Q
-    f = force + _gyroscopic(m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
+    f = force + _gyroscopic(m, p) - _at_rest(m.dot(p), q_ddot)
     constraints = differentiated_constraints(m)
     C = constraints.matrix
     velocities, mu = constrained_velocities(m, metric, loose, constraints)
@@ -211,8 +211,12 @@ def derive(component: type[Mechanism]) -> Equations:
     symbols = ca.vertcat(m.multipliers, m.active.force[adapted:, 0])
     applied_forces = ca.vertcat(Q + C.T @ symbols, Q_s + across @ symbols[rigid, 0])
     p_s = gradient(L, s_dot)
-    resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))
-    lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - constrained
+    lambda_s = (
+        ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))
+        + ca.jtimes(p_s, q_dot, accelerations)
+        - gradient(L, s)
+        - constrained
+    )
     operator_forces = ca.densify(ca.vertcat(lambda_s, lambdas[passive:, 0]))  # no force where nothing is moved
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
@@ -254,7 +258,20 @@ def derive(component: type[Mechanism]) -> Equations:
         dissipation=dissipation - constraint_power,
         internal_rates=m.internal_rate_column(),
         projection=projection(m, metric, loose, constraints),
+        convergence=convergence,
     )
+
+
+def _unconstrained_velocities(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
+    """Velocities from momenta, p = A ẋ + b where L is quadratic; and what must stay > 0 if they are right."""
+    p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
+    if is_quadratic(L, q_dot):
+        return metric.solve(p - _at_rest(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
+    return rates_from_momenta(L, q_dot, p), distances(L, q_dot, p, m.free.rate_sizes)
+
+
+def _at_rest(expression: ca.SX, rates: ca.SX) -> ca.SX:
+    return ca.substitute(expression, rates, ca.SX.zeros(rates.shape))
 
 
 def _gyroscopic(m: Mechanism, p: ca.SX) -> ca.SX:

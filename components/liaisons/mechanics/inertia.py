@@ -84,7 +84,7 @@ class Inertia:
 def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
     """Mass matrix A = ∂²L/∂q̇∂q̇ (the metric g_ij of M eq. 42), with the cheapest system to solve by it."""
     A = ca.hessian(lagrangian, m.free.q_dot)[0]
-    if A.shape[0] < MANY:
+    if A.shape[0] < MANY or ca.depends_on(A, m.free.q_dot):
         return Inertia(A, A)
     systems: list[tuple[ca.SX, dict[int, set[int]]]] = [(A, {})]
     lifted = _lifted(m)

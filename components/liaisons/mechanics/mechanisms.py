@@ -15,6 +15,7 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.energy_accounting import definitions, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.functions import model_functions
+from liaisons.mechanics.legendre import CHOSEN, FULL
 from liaisons.mechanics.model import Model, described, domain_conditions
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
@@ -48,7 +49,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     # A jump of σ̇ through a rheonomic constraint changes the state.
     projection = equations.projection
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
-    lasting, at_start = _conditions(m), _start_conditions(equations)
+    lasting, at_start = _conditions(equations), _start_conditions(equations)
     numbers = contact_numbers(m)
     read = _outputs(equations, flat, rates, numbers)
     z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
@@ -129,11 +130,14 @@ def _nominals(equations: Equations) -> ca.SX:
     return ca.vertcat(free.sizes, inertia * sizes, ca.SX.ones(internal.shape), energy, energy)
 
 
-def _conditions(m: Mechanism) -> dict[str, ca.SX]:
+def _conditions(equations: Equations) -> dict[str, ca.SX]:
     """Expressions that must stay positive, by the message for a violation."""
+    m = equations.mechanism
     conditions = {item.description: ca.SX(getattr(m, item.name)) for item in m.assertions}
     for q in m.coordinates:
         conditions |= domain_conditions(q, m.symbols[q.name])
+    for rate, p, distance in zip(*map(ca.vertsplit, (m.free.q_dot, m.free.p, equations.convergence)), strict=False):
+        conditions[f"{rate} must follow from {p} by Newton's method, in its {CHOSEN + FULL} steps"] = distance
     return conditions
 
 

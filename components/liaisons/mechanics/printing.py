@@ -38,7 +38,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         Equation("energy", "energy", equations.energy),
         *_friction("friction", equations.friction.function),
         *_rows("momenta", momenta, m.free.frame @ equations.momenta),
-        *_rows("rates", rates, equations.unconstrained_velocities),  # the same on the constraints
+        *(() if equations.convergence.shape[0] else _rows("rates", rates, equations.unconstrained_velocities)),
         *_rows("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
         *_rows("motion", [suffixed(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
         *_rows("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),

@@ -39,6 +39,9 @@ def motion(component: type[Mechanism]) -> list[str]:
     if component().layout().dimensions:
         raise ComponentError(f"{component.__name__}: Modelica text takes no arrays of a mechanism; import its FMU")
     e = derive(component)
+    if e.convergence.shape[0]:
+        text = "Modelica text takes no Lagrangian that is not quadratic in the rates; import its FMU"
+        raise ComponentError(f"{component.__name__}: {text}")
     m, section = e.mechanism, Section(Notation.from_model(assemble(component)))
     conditions = bound_assertions((*m.parameters, *m.actives, *m.coordinates))
     for item in m.assertions:
