@@ -35,6 +35,7 @@ from liaisons.analysis.active import (
     multiplier_equations,
     reduced_multiplier_equations,
 )
+from liaisons.analysis.dynamic_transport import dynamic_holonomy
 from liaisons.analysis.phase_space import (
     Flow,
     divergence,
@@ -73,6 +74,7 @@ __all__ = [
     "cyclic_coordinates",
     "divergence",
     "dynamic_field",
+    "dynamic_holonomy",
     "effective_mass",
     "equilibrium",
     "flow",
