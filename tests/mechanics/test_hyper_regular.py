@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,6 +24,7 @@ from liaisons import (
     modelica,
     operator,
     simulate,
+    unchecked,
     unilateral,
 )
 from liaisons.analysis import (
@@ -74,7 +76,7 @@ class FastCharge(Mechanism):
 
 
 m, c, k, QB = 2.0, 3.0, 5.0, 5.0
-SETTINGS = {"step_size": 0.05, "tolerance": 1e-12}
+SETTINGS: Any = {"step_size": 0.05, "tolerance": 1e-12}
 FMUS = [RelativisticOscillator, FastCharge]
 
 
@@ -213,7 +215,7 @@ def test_all_momenta_of_a_charge() -> None:
 def test_period(folder: Path, amplitude: float) -> None:
     """A quarter of the period is a complete integral; energies give up to γ = 9.9."""
     quarter = oscillation(amplitude, np.pi / 2)
-    settings = SETTINGS | {"step_size": quarter / 10}
+    settings: Any = SETTINGS | {"step_size": quarter / 10}
     run = simulate(fmu(folder, RelativisticOscillator), x_0=amplitude, stop_time=5 * quarter, **settings)
     speed = c * np.sqrt(1 - (1 + k * amplitude**2 / (2 * m * c**2)) ** -2)
     x = run["x"]
@@ -247,7 +249,7 @@ def test_charge_turns_slower_as_its_plane_moves(folder: Path) -> None:
     amplitude, frequency = 0.8, 3.0  # of the plane: up to 0.8 c
     wave = operator("Sinusoid", amplitude=amplitude, angular_frequency=frequency)
     fastest, speed = amplitude * frequency / c, 1.2
-    settings = SETTINGS | {"step_size": 0.01, "stop_time": 4.0}
+    settings: Any = SETTINGS | {"step_size": 0.01, "stop_time": 4.0}
     run = simulate(fmu(folder, FastCharge), height=wave, x_dot_0=speed, **settings)
     start = 1 / np.sqrt(1 - (speed / c) ** 2 - fastest**2)
     across = np.sqrt(1 + (start * speed / c) ** 2)  # √(1 + p²/m²c²)
@@ -265,7 +267,7 @@ def test_charge_turns_slower_as_its_plane_moves(folder: Path) -> None:
 
 @pytest.mark.parametrize("component", FMUS)
 def test_fmi_2_and_3_agree_with_the_equations(folder: Path, component: type[Mechanism]) -> None:
-    settings = SETTINGS | {"stop_time": 2.0}
+    settings: Any = SETTINGS | {"stop_time": 2.0}
     two, three = (simulate(fmu(folder, component, fmi), **settings) for fmi in ("2", "3"))
     equations = derive(component)
     q = [item.name for item in component.coordinates]
@@ -284,7 +286,7 @@ def test_order(folder: Path) -> None:
     """Error of x at the end of five quarters against the step of the symplectic solver: slope 6."""
     quarter, counts, errors = oscillation(2.0, np.pi / 2), np.array([4, 6, 9]), []
     for count in counts:
-        settings = {"stop_time": 5 * quarter, "step_size": quarter / 2, "symplectic_steps": int(count)}
+        settings: Any = {"stop_time": 5 * quarter, "step_size": quarter / 2, "symplectic_steps": int(count)}
         errors.append(abs(simulate(fmu(folder, RelativisticOscillator), x_0=2.0, **settings)["x"][-1]))
     slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert -6.5 < slope < -5.5
@@ -306,18 +308,18 @@ class Bounded(Mechanism):
 
 def test_momenta_without_velocities_are_refused_by_name(tmp_path: Path) -> None:
     path = build(Bounded, tmp_path)
-    settings = {"step_size": 0.1, "x_force": 0.5}
+    settings: Any = {"step_size": 0.1, "x_force": 0.5}
     run = simulate(path, stop_time=1.0, **settings)
     assert run["x_dot"][-1] == pytest.approx(0.5 / np.sqrt(1 - 0.25), rel=1e-9)
     with pytest.raises(LiaisonsError, match=r"x_dot must follow from p_x by Newton's method"):
         simulate(path, stop_time=3.0, **settings)
 
 
-def quartic(**more: object) -> type[Mechanism]:
-    def lagrangian(self: Mechanism) -> ca.SX:
+def quartic(**more: Any) -> type[Mechanism]:
+    def lagrangian(self: Any) -> ca.SX:
         return self.mass / 2 * self.dot(self.x) ** 2 * (1 + self.dot(self.x) ** 2 / self.unit**2)
 
-    parts = {
+    parts: dict[str, Any] = {
         "x": Coordinate("m", "position"),
         "unit": Parameter(1.0, "m/s", "unit of velocity", above=0),
         "mass": Parameter(1.0, "kg", "mass", above=0),
@@ -335,7 +337,7 @@ def quartic(**more: object) -> type[Mechanism]:
         ({"kinetic_energy": lambda m: m.mass / 2 * m.dot(m.x) ** 2}, r"define lagrangian\(\) alone"),
     ],
 )
-def test_what_needs_linear_momenta_is_refused(more: dict[str, object], text: str) -> None:
+def test_what_needs_linear_momenta_is_refused(more: dict[str, Any], text: str) -> None:
     with pytest.raises(ComponentError, match=text):
         quartic(**more)
 
@@ -356,10 +358,9 @@ def test_energies_of_a_lagrangian_that_is_quadratic() -> None:
         mass = Parameter(2.0, "kg", "mass", above=0)
         z = Coordinate("m", "height")
 
+        @unchecked("9.81 has a unit")
         def lagrangian(self) -> ca.SX:
             return self.mass / 2 * self.dot(self.z) ** 2 - self.mass * 9.81 * self.z
-
-        lagrangian.unchecked_because = "9.81 has a unit"
 
     equations = derive(Ball)
     assert equations.convergence.shape == (0, 1)
