@@ -36,6 +36,7 @@ from liaisons.analysis.active import (
     reduced_multiplier_equations,
 )
 from liaisons.analysis.dynamic_transport import dynamic_holonomy
+from liaisons.analysis.momentum_maps import MomentumMap, momentum_map
 from liaisons.analysis.phase_space import (
     Flow,
     divergence,
@@ -61,6 +62,7 @@ __all__ = [
     "Action",
     "DynamicField",
     "Flow",
+    "MomentumMap",
     "NormalModes",
     "Quantity",
     "Similarity",
@@ -84,6 +86,7 @@ __all__ = [
     "holonomy",
     "kinetic_connection",
     "legendre_rank",
+    "momentum_map",
     "multiplier_equations",
     "noether",
     "normal_modes",
