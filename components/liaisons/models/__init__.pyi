@@ -15,6 +15,8 @@ from .flywheel import Flywheel as Flywheel
 from .fourier_hoop import FourierHoop as FourierHoop
 from .fourier_series import FourierSeries as FourierSeries
 from .free_particle import FreeParticle as FreeParticle
+from .general_cat import GeneralCat as GeneralCat
+from .general_cat import marle_cat as marle_cat
 from .general_swing import GeneralSwing as GeneralSwing
 from .hoop import Hoop as Hoop
 from .isokinetic_oscillator import IsokineticOscillator as IsokineticOscillator
@@ -39,6 +41,8 @@ from .quintic import quintic as quintic
 from .ramp import Ramp as Ramp
 from .regulator import Regulator as Regulator
 from .satellite import Satellite as Satellite
+from .shape_functions import ShapedMechanism as ShapedMechanism
+from .shape_functions import component_of_shape as component_of_shape
 from .shaped_swing import marle_swing as marle_swing
 from .sinusoid import Sinusoid as Sinusoid
 from .smooth_step import SmoothStep as SmoothStep

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
-
 import casadi as ca
 
-from liaisons.errors import ComponentError
-from liaisons.language import Coordinate, Mechanism, assertion, output, unchecked
+from liaisons.language import Coordinate, assertion, output, unchecked
 from liaisons.language.shapes import Ball, Rod, Shapes
+from liaisons.models.shape_functions import ShapedMechanism
+from liaisons.models.solutions import swing
 
-Function = Callable[..., Any]
 _NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
 
 
-class GeneralSwing(Mechanism, abstract=True):
+class GeneralSwing(ShapedMechanism, abstract=True):
     """Swing of any shape s, which the operator prescribes; θ is the direction of its centre of mass.
 
     With the moment of inertia I about the axis, the couplings J_α, the metric g_αβ of the shapes, and the moment of the
@@ -30,21 +27,7 @@ class GeneralSwing(Mechanism, abstract=True):
     Source: M 8.1, eq. 54-56.
     """
 
-    functions: ClassVar[Mapping[str, Function]] = {}
     theta = Coordinate("rad", "angle of the centre of mass from the downward vertical", start=0.5)
-
-    def _value_of(self, name: str, rows: int = 1, columns: int = 1) -> ca.SX:
-        """Value of one of the four functions at the present shape, checked by its size."""
-        value = self.functions[name](*ca.vertsplit(self.active.s))
-        if isinstance(value, (list, tuple)):
-            value = ca.vertcat(*(ca.horzcat(*row) if isinstance(row, (list, tuple)) else row for row in value))
-        matrix = ca.SX(value)
-        if matrix.shape != (rows, columns):
-            raise ComponentError(
-                f"{type(self).__name__}: {name} returns shape {matrix.shape}; for the shape coordinates "
-                f"{', '.join(s.name for s in self.actives)} it must be {(rows, columns)}"
-            )
-        return matrix
 
     @property
     def _metric(self) -> ca.SX:

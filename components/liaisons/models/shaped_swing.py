@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
-from types import new_class
 
-from liaisons.errors import ComponentError
 from liaisons.language import ActiveCoordinate
-from liaisons.models.general_swing import Function, GeneralSwing
+from liaisons.models.general_swing import GeneralSwing
+from liaisons.models.shape_functions import Function, component_of_shape
 
 
 def marle_swing(
@@ -41,25 +39,4 @@ def marle_swing(
     :returns: a class as if it were written where ``I`` was defined; see :class:`GeneralSwing`.
     :raises ComponentError: if a function returns the wrong size, a name is taken, or I is not > 0 at the start.
     """
-    coordinates = _shape_coordinates(I) if shape is None else dict(shape)
-    for coordinate in coordinates:
-        if hasattr(GeneralSwing, coordinate):
-            raise ComponentError(f"{name}: a shape coordinate cannot be called {coordinate!r}; choose another name")
-    if not coordinates:
-        raise ComponentError(f"{name}: I takes no argument; give it one for each shape coordinate")
-    functions = {"I": I, "J": J, "g": g, "D": D}
-    for symbol, function in functions.items():
-        try:
-            inspect.signature(function).bind(*coordinates)
-        except TypeError as error:
-            names = ", ".join(coordinates)
-            raise ComponentError(f"{name}: {symbol} must take the shape coordinates {names}: {error}") from None
-    namespace = {"__module__": I.__module__, "functions": functions, **coordinates}
-    return new_class(name, (GeneralSwing,), exec_body=lambda body: body.update(namespace))
-
-
-def _shape_coordinates(function: Function) -> dict[str, ActiveCoordinate]:
-    """Shape coordinates that the arguments of a function stand for."""
-    arguments = inspect.signature(function).parameters.values()
-    starts = {a.name: 0.0 if a.default is a.empty else a.default for a in arguments}
-    return {name: ActiveCoordinate("1", f"shape coordinate {name}", start=start) for name, start in starts.items()}
+    return component_of_shape(GeneralSwing, {"I": I, "J": J, "g": g, "D": D}, shape, name)
