@@ -77,7 +77,7 @@ def main(claim: Claims) -> None:
     text = "from a state on its way it goes on as it did: D_Y does not depend on time"
     claim(text, later["phi"], run["phi"][k:], curve)
 
-    r = np.sqrt(GROWTH)
+    r = GROWTH**0.5
     around = fall((r, 0.0), 0.0, PlanarCat.turn_rate(r, 0.0, 0.0, r * TURNING), 3)
     turn = analysis.holonomy(PlanarCat, lambda a: {"psi_1": r * ca.cos(a), "psi_2": r * ca.sin(a)})["phi"]
     turned = within(1e-9, "rad", because="tolerance 1e-11, not amplified; interpolated σ, 1e-12")
@@ -87,5 +87,5 @@ def main(claim: Claims) -> None:
     for start, motion in (((0.1, 0.0), run), ((0.0, 1.1), fall((0.0, 1.1), 0.0, SPIN, 16))):
         fields.plot(motion["psi_1"][:1600], motion["psi_2"][:1600])
         turns.plot(motion.time / ROUND, motion["phi"], label=f"from ψ = {start}")
-    fields.plot(spiral.real[:1600:40], spiral.imag[:1600:40], "k.", label="closed form")
+    fields.plot(np.real(spiral)[:1600:40], np.imag(spiral)[:1600:40], "k.", label="closed form")
     fields.set(aspect="equal")

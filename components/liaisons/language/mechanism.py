@@ -125,12 +125,12 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def kinetic_energy(self) -> ca.SX:
         """T, quadratic in the rates (K eq. 12), usually by :meth:`speed_squared`; by default from the Lagrangian."""
-        rates, L = self._rates, self.lagrangian()
+        rates, L = _rates(self), self.lagrangian()
         return ca.jtimes(L, rates, rates) - L - self.potential_energy()
 
     def potential_energy(self) -> ca.SX:
         """V of the configuration; zero by default, of a mechanism that defines its Lagrangian alone −L at rest."""
-        rates = self._rates
+        rates = _rates(self)
         return ca.SX(0) if self.has_energies() else -ca.substitute(self.lagrangian(), rates, ca.SX.zeros(rates.shape))
 
     def lagrangian(self) -> ca.SX:
@@ -217,10 +217,6 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     # ---- derived -------------------------------------------------------------------------
 
-    @property
-    def _rates(self) -> ca.SX:
-        return ca.vertcat(self.free.q_dot, self.active.s_dot)
-
     @classmethod
     def has_energies(cls) -> bool:
         """Whether it defines its kinetic energy; else the Lagrangian has to be defined."""
@@ -289,7 +285,7 @@ class Mechanism(MechanicalComponent, abstract=True):
                 self._refuse(item, f"depends on no free coordinate ({free}), so that nothing upholds it")
             if item.restitution is not None:
                 self._check_restitution(item, item.restitution)
-        rates = ca.vertcat(self.free.q_dot, self.active.s_dot)
+        rates = _rates(self)
         for item in self.dry_frictions:
             slip = formulas(item.name, motion, item.unit)
             if not ca.depends_on(slip, self.free.q_dot):
@@ -335,6 +331,11 @@ class Mechanism(MechanicalComponent, abstract=True):
         raise ComponentError(f"{type(self).__name__}.{item.name} {why}")
 
 
+def _rates(m: Mechanism) -> ca.SX:
+    """Rates of free and active coordinates, a column."""
+    return ca.vertcat(m.free.q_dot, m.active.s_dot)
+
+
 @cache
 def _resized(component: type[Mechanism], n: int, description: str) -> type[Mechanism]:
     own = {"n": Size(n, description), "__doc__": component.__doc__, "__module__": component.__module__}
@@ -343,7 +344,7 @@ def _resized(component: type[Mechanism], n: int, description: str) -> type[Mecha
 
 def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
     name, kinetic = type(m).__name__, ca.SX(m.kinetic_energy())
-    metric, rates = ca.hessian(lagrangian, m.free.q_dot)[0], ca.vertcat(m.free.q_dot, m.active.s_dot)
+    metric, rates = ca.hessian(lagrangian, m.free.q_dot)[0], _rates(m)
     if m.has_energies() and ca.depends_on(metric, rates):
         raise ComponentError(
             f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them: define "

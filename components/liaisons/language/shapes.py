@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import cos, pi, sin
-from typing import Any, Literal, TypeAlias, final
+from typing import Any, Literal, TypeAlias, TypeVar, dataclass_transform, final
 
 import casadi as ca
 
@@ -21,7 +21,13 @@ Named = Callable[[Number], float | str]
 """Number, or name of the variable with this value."""
 
 
-_shape = dataclass(frozen=True, slots=True, eq=False)
+T = TypeVar("T")
+
+
+@dataclass_transform(eq_default=False, frozen_default=True)
+def _shape(cls: type[T]) -> type[T]:
+    """Decorator of the class of a shape."""
+    return dataclass(frozen=True, slots=True, eq=False)(cls)
 
 
 class Drawn:
