@@ -78,7 +78,7 @@ def main(claim: Claims) -> None:
     claim(text, later["phi"], run["phi"][k:], curve)
 
     r = GROWTH**0.5
-    around = fall((r, 0.0), 0.0, PlanarCat.turn_rate(r, 0.0, 0.0, r * TURNING), 3)
+    around = fall((r, 0.0), 0.0, float(PlanarCat.turn_rate(r, 0.0, 0.0, r * TURNING)), 3)
     turn = analysis.holonomy(PlanarCat, lambda a: {"psi_1": r * ca.cos(a), "psi_2": r * ca.sin(a)})["phi"]
     turned = within(1e-9, "rad", because="tolerance 1e-11, not amplified; interpolated σ, 1e-12")
     text = "on the circle, without angular momentum, a round turns by the holonomy"
