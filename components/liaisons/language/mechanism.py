@@ -242,10 +242,10 @@ class Mechanism(MechanicalComponent, abstract=True):
         motion = configuration | self._named(self.free.q_dot, self.active.s_dot)
         formulas = Formulas(self)
         self._check_points(formulas, configuration)
-        lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
         if self.has_energies():
             formulas("kinetic_energy", motion, "J")
             formulas("potential_energy", configuration, "J")
+        lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
         if type(self).lagrangian is not Mechanism.lagrangian:  # T - V is checked already
             formulas.take("lagrangian", lagrangian, motion, "J")
         formulas("friction_coefficient", parameters | internal, "1/s")
