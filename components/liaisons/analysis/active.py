@@ -200,6 +200,7 @@ def dynamic_field(source: Source) -> DynamicField:
     :raises ComponentError: unless there are active coordinates; for non-holonomic constraints and contacts.
     """
     equations = submersion_of(source)
+    require_free(equations, "a connection")
     m = equations.mechanism
     Y, K_Y = m.active.s_dot, active_energy(equations).expression
     shape_rate = Y[: m.active.adapted, 0]
