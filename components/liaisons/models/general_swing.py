@@ -7,7 +7,6 @@ import casadi as ca
 from liaisons.language import Coordinate, assertion, output, unchecked
 from liaisons.language.shapes import Ball, Rod, Shapes
 from liaisons.models.shape_functions import ShapedMechanism
-from liaisons.models.solutions import swing
 
 _NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
 
