@@ -60,4 +60,4 @@ def momentum_map(
                     f"{equations.name}: the bracket of {names[b]} and {names[a]} is no combination of "
                     f"{', '.join(names)}; give the generators that are missing"
                 )
-    return MomentumMap(components, np.where(np.abs(structure) < _ROUNDING, 0.0, structure))
+    return MomentumMap(components, structure)
