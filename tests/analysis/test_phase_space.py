@@ -49,7 +49,7 @@ def test_hamiltons_and_marles_equations_are_the_equations_of_motion(component: t
     for turn in m.orientations:
         attitude = rng.normal(size=4)
         state |= dict(zip(turn.quaternion, attitude / np.linalg.norm(attitude), strict=True))
-    state |= {p.name: 0.0 for p in m.parameters if isinstance(p, Friction) or p.name == "damping"}
+    state |= {p.name: 0.0 for p in m.parameters if isinstance(p, Friction) or p.name.endswith("damping")}
     motion, count = analysis.phase_velocity(equations).evaluate(**state), m.free.q.shape[0]
     size = 1e-11 * (1 + np.abs(motion).max())  # a metric of condition 100 is inverted
     hamilton = analysis.hamilton_equations(equations).evaluate(**state)

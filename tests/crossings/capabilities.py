@@ -317,6 +317,10 @@ def try_jax(workshop: Workshop, kind: str) -> None:
     assert float(found) == pytest.approx(slopes(subject, name)[-1], abs=differences(subject))
 
 
+# Of the pendulum hanging down: -m g l M_11/det M, with the moments about its axes.
+ARM, ACROSS, BOTH = 2e-3 + 0.3 * 0.1**2 + 0.075 * 0.25**2 + 1e-6, 1e-4 + 0.075 * 0.15**2, 0.075 * 0.25 * 0.15
+FURUTA = -0.075 * 9.81 * 0.15 * ARM / (ARM * ACROSS - BOTH**2)
+
 LINEAR: dict[str, tuple[str, str, float, dict[str, float]]] = {
     # derivative of an output (or rate of a state) by a state or input, by hand, at a point
     "plain": ("theta_ddot", "theta", -9.81 * np.cos(0.7), {"theta_0": 0.7}),
@@ -324,6 +328,7 @@ LINEAR: dict[str, tuple[str, str, float, dict[str, float]]] = {
     "constraints": ("rod_force", "rod_ddot", 1.0, {}),
     "non_holonomic": ("x_ddot", "x", -2 / 3, {}),
     "orientation": ("omega_x", "H_x", 0.1, {}),
+    "linkage": ("swing_ddot", "swing", FURUTA, {"swing_0": 0.0, "turn_dot_0": 0.0}),
     "arrays": ("x_ddot[2]", "x[2]", -2.0, {}),
     "chain": ("u_ddot[2]", "u[2]", -2.0, {}),
     "friction": ("x_ddot", "p_x", -0.4, {"damping": 0.4}),
@@ -369,6 +374,7 @@ EQUATIONS = {  # a line of each, by hand
     "constraints": "rod = √(x² + y² + (z − h)²)",
     "non_holonomic": "0 = ½ m (ẋ² + ẏ² + ż²) − (3/2) · E_thermal",
     "orientation": "J_w φ̇₁ ωₓ",
+    "linkage": "ṗ_turn = Q_turn − F_turn",
     "arrays": "ẋ₂ = p_x,2/m₂",
     "chain": "V = ½ κ (u − jointₓ)²",
     "friction": "D = ½ m γ ẋ²",
@@ -434,6 +440,11 @@ PATHS: dict[str, Callable[[Signals], Any]] = {  # of a point, or of an axis, in 
     "constraints": lambda s: (s["x"], 0, s["z"]),
     "non_holonomic": lambda s: (s["x"], s["y"], s["z"]),
     "orientation": lambda s: Rotation.from_quat(np.transpose([s[f"q_{i}"] for i in "xyzw"])).as_matrix()[:, :, 2].T,
+    "linkage": lambda s: (
+        0.25 * np.cos(s["turn"]) - 0.15 * np.sin(s["swing"]) * np.sin(s["turn"]),
+        0.25 * np.sin(s["turn"]) + 0.15 * np.sin(s["swing"]) * np.cos(s["turn"]),
+        -0.15 * np.cos(s["swing"]),
+    ),
     "arrays": lambda s: (s["x[1]"], 0, 0),
     "chain": lambda s: (s["u[5]"] + 4.5, 0, 0),
     "friction": lambda s: (s["x"], 0, 0),

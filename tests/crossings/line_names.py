@@ -15,17 +15,21 @@ from scipy.linalg import expm
 
 from liaisons import (
     ActiveCoordinate,
+    Body,
     Controller,
     Coordinate,
     Gravity,
     InternalState,
+    Linkage,
     Mechanism,
     Parameter,
     Plan,
+    Prismatic,
     Size,
     System,  # noqa: F401 - in lines, as are the functions
     analysis,  # noqa: F401
     constraint,
+    ground,
     hold,  # noqa: F401
     non_holonomic,
     plan,  # noqa: F401
@@ -60,6 +64,22 @@ class Cart(Mechanism):
 
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.x
+
+
+class Slides(Linkage):
+    """A mass on two slides at right angles, each with a spring: a PlanarOscillator by joints."""
+
+    slide, bob = Body(), Body(mass=1.0)
+    x = Prismatic(ground, slide, axis="x", stiffness=1.0, start=1.0)
+    y = Prismatic(slide, bob, axis="y", stiffness=1.0, start_rate=0.5)
+
+
+class Trolley(Linkage):
+    """A load that a spring binds to a trolley, which an operator moves: u'' = -4 u - s''."""
+
+    trolley, load = Body(mass=3.0), Body(mass=2.0)
+    s = Prismatic(ground, trolley, axis="x", prescribed=True)
+    u = Prismatic(trolley, load, axis="x", stiffness=8.0)
 
 
 class EdgedSkate(Mechanism):

@@ -35,6 +35,7 @@ from liaisons.models import (
     BouncingBall,
     CartesianPendulum,
     DryOscillator,
+    FurutaPendulum,
     IsokineticOscillator,
     NoseHooverOscillator,
     Oscillator,
@@ -276,6 +277,7 @@ SUBJECTS: dict[str, Subject] = {
     ),
     "non_holonomic": Subject(IsokineticOscillator, IsokineticOscillator.exact, ("x_0", 1.1)),
     "orientation": Subject(Satellite, Satellite.exact, ("omega_x_0", 0.2), starts=TOP),
+    "linkage": Subject(FurutaPendulum, FurutaPendulum.exact, ("swing_0", 1.1)),
     "arrays": Subject(
         Row, lambda t, **k: {"x[1]": k["x_0[1]"] * np.cos(2 * t), "x[3]": 0.1 * np.cos(2 * t / np.sqrt(3))},
         ("x_0[1]", 0.4),

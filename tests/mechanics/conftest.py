@@ -1,6 +1,6 @@
-"""Where the mechanisms are that tests of FMUs share with these."""
+"""Where the mechanisms are that tests of FMUs share with these, and random linkages."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "fmu"))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "fmu")]

@@ -438,8 +438,9 @@ def states(component: type[Mechanism], count: int = 20, /, **fixed: float) -> It
             n["mu_static"] += n.mu_sliding
         if "r" in n:
             n["r"] = abs(n.r) + 0.1
-        if component.orientations:
-            n.update(zip(QUATERNION, rotation(n).as_quat(scalar_first=True), strict=True))
+        for orientation in component.orientations:
+            q = np.array([n[name] for name in orientation.quaternion])
+            n.update(zip(orientation.quaternion, q / np.linalg.norm(q), strict=True))
         yield n
 
 

@@ -213,7 +213,8 @@ def generators(equations: Equations) -> ca.SX:
 def turning_part(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
     """Products u × v of the components along the axes of orientations, 0 for those along coordinates; (f,)."""
     count = len(equations.mechanism.coordinates)
-    crossed = [ca.cross(u[count:], v[count:]) for _ in equations.mechanism.orientations]
+    axes = (slice(count + 3 * i, count + 3 * i + 3) for i in range(len(equations.mechanism.orientations)))
+    crossed = [ca.cross(u[part], v[part]) for part in axes]
     return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
 
 

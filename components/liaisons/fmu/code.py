@@ -35,6 +35,7 @@ _FMI_HEADERS = {
 _MOST = 11  # arguments: those of calculate_forward
 _MOST_WITH_TABLE = 12
 _MOTION = ("derivatives", "motion")
+_LARGE = 1500  # operations of the rates, of which those of loads are few: one function for all activities
 _LOADS, _MOVES = 1, 2  # effects of inputs that are not 0: forces, or the motion of prescribed coordinates
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
 _HEADERS = (
@@ -204,7 +205,11 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     t, y, u, k, *m = map(ca.SX, whole.sx_in())
     effects = _effects_of_inputs(model)
     effect_of_number = [effects[variable.name] for variable in model.inputs for _ in range(variable.count)]
-    zeros = {activity: tuple(bool(effect & ~activity) for effect in effect_of_number) for activity in _ACTIVITIES}
+    large = whole.n_instructions() > _LARGE
+    zeros = {
+        activity: tuple(bool(effect & ~activity) and not large for effect in effect_of_number)
+        for activity in _ACTIVITIES
+    }
     count = coupled_count(model)
     pairs: dict[tuple[bool, ...], tuple[ca.Function, ca.Function]] = {}
     for activity, suffix in reversed(_ACTIVITIES.items()):
@@ -215,7 +220,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
             motion = (
                 ca.Function(f"motion{suffix}", [t, y, u, k, *m], [rates[:count]]) if count < rates.numel() else every
             )
-            pairs[is_zero] = every, motion
+            pairs[is_zero] = every, every if 1.2 * motion.n_instructions() > every.n_instructions() > _LARGE else motion
     return [pairs[zeros[activity]] for activity in _ACTIVITIES]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import groupby
 
 import casadi as ca
 
@@ -17,6 +18,8 @@ _LONGEST = 1000
 
 _ZEROS = 100
 """Zeros of a result that are written one by one; more are cleared at once."""
+
+_DECLARATION = "const double "
 
 _STATES = 1
 """Index among the arguments.  States are the results of the stage before, the other arguments are older."""
@@ -70,6 +73,7 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
         most=_LONGEST,
         late=_STATES,
     )
+    parts = [_joined(part) for part in parts]
     if len(parts) == 1:
         return function_definition(function.name(), [*clear, *parts[0]]), 0
     names = [f"{function.name()}_{i}" for i in range(len(parts))]
@@ -81,6 +85,17 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
     calls = f"for (int i = 0; i < {len(parts)}; i++)"
     call = f"    {function.name()}_parts[i](arguments, results, integers, reals, memory);"
     return lines + function_definition(function.name(), [*clear, calls, call]), space
+
+
+def _joined(lines: Iterable[str]) -> list[str]:
+    """Statements with the declarations that follow each other in one, which takes half of the text."""
+    joined: list[str] = []
+    for declares, group in groupby(lines, lambda line: line.startswith(_DECLARATION)):
+        if declares:
+            joined.append(_DECLARATION + ",\n".join(line.removeprefix(_DECLARATION)[:-1] for line in group) + ";")
+        else:
+            joined += group
+    return joined
 
 
 def _nonzero_ranges(is_zero: list[bool]) -> list[tuple[int, int]]:

@@ -53,6 +53,18 @@ LAWS = {
         "Σ q̇ ∂D/∂q̇ + Σ ṡ ∂D/∂ṡ; where D = η T, with the coefficient η of K eq. 64, this is 2 η T (K eq. 67).",
         "Q_k = − ∂D/∂q˙_k",
     ),
+    "spatial_v": Law(
+        "Velocities of the frames",
+        "Angular velocity ω and velocity v of the origin of each frame, along its axes, from that of the frame before.",
+    ),
+    "spatial_h": Law(
+        "Momenta of the frames",
+        "Angular momentum L about the origin of each frame and momentum P, with those of all that it carries.",
+    ),
+    "spatial_W": Law(
+        "Weights of the frames",
+        "Moment M and force G of gravity on each frame and all that it carries; loads at points add to them.",
+    ),
     "momenta": Law(
         "Momenta",
         "Conjugate to the free coordinates q (K eq. 78, M eq. 10); they stay continuous when an operator makes a rate "

@@ -345,7 +345,11 @@ def _reference_trajectory(
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
         reference, steps = _steps_to_end(motion, sampled, times, planned, H)
-    return ReferenceTrajectory(times, planned, reference, after), steps, not open_states - {*Orientation.quaternion}
+    return (
+        ReferenceTrajectory(times, planned, reference, after),
+        steps,
+        all(x.endswith(Orientation.quaternion) for x in open_states),
+    )
 
 
 def _steps_to_end(
@@ -421,7 +425,7 @@ def _perturbations(
         columns = np.vstack([sizes * directions, rates]).T.tolist()
         keys = [parameters.get(name, name) for name in names]
         return tuple({k: x for k, x in zip(keys, column, strict=True) if k in starts} for column in columns)
-    axes = {*Orientation.quaternion}
+    axes = {name for name in sampled.states if name.endswith(Orientation.quaternion)}
     columns = [{sampled.states[i]: float(x[i]) for i in np.flatnonzero(x)} for x in (sizes * directions).T]
     rotations = ({parameters[name]: x for name, x in column.items()} for column in columns if axes & column.keys())
     names = {parameter: name for name, parameter in parameters.items()}

@@ -81,7 +81,7 @@ class SampledMechanism:
         self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
         internal = {state.name for state in getattr(symbols.component, "internal_states", ())}
         self.internal = [name for name in self.names if name in internal]
-        free = (n for n in self.names if n in starts and n not in {*Orientation.momenta, *internal})
+        free = (n for n in self.names if n in starts and not n.endswith(Orientation.momenta) and n not in internal)
         self.free = (*free, *self.held_moves)
         _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
         self.states = (*self.names, *self.held_moves, *chain.from_iterable(derivatives))
@@ -182,7 +182,7 @@ class SampledMechanism:
         momenta = {
             name: float(size) if size > 0 else inertia_size / self.time
             for name, size in zip(states, changes.max(axis=0), strict=True)
-            if name not in coordinates and name not in Orientation.quaternion
+            if name not in coordinates and not name.endswith(Orientation.quaternion)
         }
         return coordinates, momenta, float(inertia_size / self.time**2)
 

@@ -92,7 +92,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         super().__init__()
         self.sizes = {size.name: size.default for size in declared(type(self), Size)}
         free, orientations = [c.name for c in self.coordinates], self.orientations
-        if len(orientations) > 1:
+        if len({orientation.quaternion for orientation in orientations}) < len(orientations):
             raise ComponentError(
                 f"{type(self).__name__}: declare one Orientation at most; the names of its variables are fixed"
             )
@@ -262,9 +262,12 @@ class Mechanism(MechanicalComponent, abstract=True):
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
         formulas.internal_rates(motion | internal)
         formulas.check_units(self.layout().variables, self.symbols)
-        _check_mass_matrix(self, lagrangian, motion)
+        self._check_inertia(lagrangian, motion)
         if not is_quadratic(lagrangian, self.free.q_dot):
             self._check_beside_newton()
+
+    def _check_inertia(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
+        _check_mass_matrix(self, lagrangian, motion)
 
     def _check_beside_newton(self) -> None:
         """Refuse what needs momenta that are linear in the rates."""
@@ -369,12 +372,12 @@ def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, motion: dict[str, ca.SX]
             f"{name}.kinetic_energy must be quadratic in the rates; at rest it or its momenta are "
             f"{left.ravel().tolist()} instead of 0: what is linear in the rates belongs to lagrangian()"
         )
-    if _is_inertia(matrix):
+    if is_inertia(matrix):
         return
     still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(m.free.q_dot), strict=True) if not row.any()]
     what = f"no mass moves with {still[0]}" if still else f"mass matrix {matrix.tolist()} is not positive definite"
     for item, other in _other_values(m):
-        if not _is_inertia(at(start | {item.name: other})[0]):
+        if not is_inertia(at(start | {item.name: other})[0]):
             continue
         value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
         if isinstance(item, Parameter):
@@ -405,7 +408,7 @@ def _singular(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
     )
 
 
-def _is_inertia(matrix: np.ndarray) -> bool:
+def is_inertia(matrix: np.ndarray) -> bool:
     """Whether a mass matrix is finite and positive definite."""
     finite = bool(np.all(np.isfinite(matrix)))
     least = np.min(np.linalg.eigvalsh(matrix), initial=np.inf)  # all coordinates may be prescribed

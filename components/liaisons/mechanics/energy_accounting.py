@@ -49,7 +49,8 @@ def definitions(
         energy_at_start = ca.substitute(energy, y, initial)
 
     # When an operator makes σ̇ jump, p is continuous; the jump of the energy is the work of an impulse.
-    impulse = energy - energy_booked
+    jumps = bool(layout.active) or landed is not None or "impact_loss" in remembered
+    booked_next, impulse = (energy, energy - energy_booked) if jumps else (energy_booked, 0 * energy_booked)
     landing = impulse if landed is None else ca.substitute(energy, y, landed) - energy_booked
     balance = energy - energy_start - (work + impulse) + dissipated
     if "impact_loss" in remembered:
@@ -63,7 +64,7 @@ def definitions(
         "derivatives": rates,
         "outputs_function": ca.vertcat(*z),
         "jump": after,
-        "remember": ca.vertcat(energy_start, energy, mismatches),
+        "remember": ca.vertcat(energy_start, booked_next, mismatches),
         "project": landed,
         "nominals": nominals,
     }

@@ -31,7 +31,7 @@ import numpy as np
 
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, is_quadratic, stack
+from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.constraints import (
     STABILISATION,
@@ -41,9 +41,8 @@ from liaisons.mechanics.constraints import (
     multipliers,
     projection,
 )
+from liaisons.mechanics.dynamics import dynamics_of
 from liaisons.mechanics.friction import Dissipation
-from liaisons.mechanics.inertia import Inertia, inertia_of
-from liaisons.mechanics.legendre import distances, rates_from_momenta
 
 QUANTITIES = (
     "mass_matrix",
@@ -165,7 +164,7 @@ def derive(component: type[Mechanism]) -> Equations:
     :param component: a subclass of Mechanism.
     """
     m = component()
-    q, q_dot, q_ddot, K = m.free.q, m.free.q_dot, m.free.q_ddot, m.free.kinematics
+    q, q_dot, K = m.free.q, m.free.q_dot, m.free.kinematics
     adapted = m.active.adapted
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Common subexpressions first, so that derivatives cost as much as the energies.
@@ -188,19 +187,13 @@ def derive(component: type[Mechanism]) -> Equations:
         Q += ca.jacobian(rates, q_dot).T @ m.contact_forces
         Q_s += ca.jacobian(rates, s_dot).T @ m.contact_forces
 
-    # Momentum and its inverse.
-    p, metric = gradient(L, q_dot), inertia_of(m, L)
-    A = metric.matrix
-    loose, convergence = _unconstrained_velocities(m, L, metric)
-
-    # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
-    force = K.T @ gradient(L, q) + Q
-    f = force + _gyroscopic(m, p) - _at_rest(m.dot(p), q_ddot)
+    dynamics = dynamics_of(m, L)
+    metric, loose = dynamics.inertia, dynamics.velocities
+    force, f = dynamics.pull + Q, dynamics.bias + Q  # the latter: A ẍ = f
     constraints = differentiated_constraints(m)
     C = constraints.matrix
     velocities, mu = constrained_velocities(m, metric, loose, constraints)
     lambdas = multipliers(metric, f, constraints)
-    accelerations = metric.solve(f + C.T @ lambdas)
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
@@ -210,13 +203,7 @@ def derive(component: type[Mechanism]) -> Equations:
     constrained = Q_s + across @ lambdas[rigid, 0]
     symbols = ca.vertcat(m.multipliers, m.active.force[adapted:, 0])
     applied_forces = ca.vertcat(Q + C.T @ symbols, Q_s + across @ symbols[rigid, 0])
-    p_s = gradient(L, s_dot)
-    lambda_s = (
-        ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))
-        + ca.jtimes(p_s, q_dot, accelerations)
-        - gradient(L, s)
-        - constrained
-    )
+    accelerations, lambda_s = dynamics.forward(Q + C.T @ lambdas, constrained)
     operator_forces = ca.densify(ca.vertcat(lambda_s, lambdas[passive:, 0]))  # no force where nothing is moved
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
@@ -240,8 +227,8 @@ def derive(component: type[Mechanism]) -> Equations:
         lagrangian=L,
         kinetic_energy=kinetic,
         potential_energy=potential,
-        mass_matrix=A,
-        momenta=p,
+        mass_matrix=metric.matrix,
+        momenta=dynamics.momenta,
         velocities=velocities,
         unconstrained_velocities=loose,
         momentum_rates=p_dot,
@@ -258,24 +245,5 @@ def derive(component: type[Mechanism]) -> Equations:
         dissipation=dissipation - constraint_power,
         internal_rates=m.internal_rate_column(),
         projection=projection(m, metric, loose, constraints),
-        convergence=convergence,
+        convergence=dynamics.convergence,
     )
-
-
-def _unconstrained_velocities(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
-    """Velocities from momenta, p = A ẋ + b where L is quadratic; and what must stay > 0 if they are right."""
-    p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
-    if is_quadratic(L, q_dot):
-        return metric.solve(p - _at_rest(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
-    return rates_from_momenta(L, q_dot, p), distances(L, q_dot, p, m.free.rate_sizes)
-
-
-def _at_rest(expression: ca.SX, rates: ca.SX) -> ca.SX:
-    return ca.substitute(expression, rates, ca.SX.zeros(rates.shape))
-
-
-def _gyroscopic(m: Mechanism, p: ca.SX) -> ca.SX:
-    """∂L/∂ω × ω for an orientation: the body frame turns under the momentum."""
-    count = len(m.coordinates)
-    turning = [ca.cross(p[count:], getattr(m, orientation.name).rate) for orientation in m.orientations]
-    return ca.vertcat(ca.SX.zeros(count, 1), *turning)

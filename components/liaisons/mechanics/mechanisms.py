@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from itertools import accumulate
+from typing import TypeGuard
 
 import casadi as ca
 
 from liaisons.base.array_names import suffixed
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
+from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.energy_accounting import definitions, memory_of
 from liaisons.mechanics.equations import Equations, derive
@@ -19,11 +21,14 @@ from liaisons.mechanics.legendre import CHOSEN, FULL
 from liaisons.mechanics.model import Model, described, domain_conditions
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
-from liaisons.mechanics.printing import of_mechanism
+from liaisons.mechanics.printing import of_linkage, of_mechanism
 from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contacts_of
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""
+
+_PRINTED = 200
+"""Operations of the Lagrangian of a linkage from which on its equations are written frame by frame."""
 
 
 @cache
@@ -53,13 +58,14 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     numbers = contact_numbers(m)
     read = _outputs(equations, flat, rates, numbers)
     z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
-    initial = ca.vertcat(*_initial(equations, symbols), 0, 0)
+    first, first_energy = _initial(equations, symbols)
+    distances, initial = stack((lasting | at_start).values()), ca.vertcat(*first, 0, 0)
     # All in one: what the expressions share stays shared.
-    distances = stack((lasting | at_start).values())
-    columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed, *numbers.values()]
+    columns = [initial, first_energy, rates, equations.energy, z, _nominals(equations), distances, landed]
+    columns += numbers.values()
     together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
     ends = [0, *accumulate(column.shape[0] for column in columns)]
-    initial, rates, energy, z, sizes, distances, landed, *columns = ca.vertsplit(together, ends)
+    initial, first_energy, rates, energy, z, sizes, distances, landed, *columns = ca.vertsplit(together, ends)
     shown = mechanism_picture(m, read | symbols)
     results = definitions(
         vectors,
@@ -70,6 +76,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         outputs=ca.vertsplit(z),
         nominals=sizes,
         landed=None if projection is None else landed,
+        energy_at_start=first_energy if first_energy.shape[0] else None,
     )
     results |= {"conditions": distances, "events": ca.SX(0, 1)}
     results["draw"] = stack(shown.expressions) if shown.expressions else None
@@ -87,11 +94,15 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         **functions,
         condition_texts=tuple(conditions),
         start_only=len(at_start),
-        equations=of_mechanism(equations),
+        equations=of_linkage(equations, m) if _is_large(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
         contacts=contacts,
     )
+
+
+def _is_large(m: Mechanism, equations: Equations) -> TypeGuard[Linkage]:
+    return isinstance(m, Linkage) and m.is_of_bodies and ca.n_nodes(equations.lagrangian) > _PRINTED
 
 
 def _outputs(equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
@@ -108,18 +119,23 @@ def _outputs(equations: Equations, layout: Layout, rates: ca.SX, numbers: Mappin
     return outputs | {f"lambda_{c.name}": equations.multipliers[i] for i, c in enumerate(m.passive_constraints)}
 
 
-def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
-    """Configuration, momenta p = ∂L/∂q̇ (or as set) and internal states at the start."""
+def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[list[ca.SX], ca.SX]:
+    """Configuration, momenta p = ∂L/∂q̇ (or as set) and internal states at the start; of a free linkage the energy."""
     m, count = equations.mechanism, len(equations.mechanism.coordinates)
 
     def start(column: ca.SX) -> ca.SX:
         return stack(symbols.get(suffixed(str(x), "_0"), x) for x in ca.vertsplit(column))
 
     p = m.free.frame @ equations.momenta
-    if any(orientation.start == "momentum" for orientation in m.orientations):
-        p = ca.vertcat(p[:count, 0], start(m.free.p[count:]))
+    rows = [p[:count, 0]]
+    for orientation, i in zip(m.orientations, range(count, p.shape[0], 3), strict=True):
+        rows.append(start(m.free.p[i : i + 3, 0]) if orientation.start == "momentum" else p[i : i + 3, 0])
+    # The energy at the same rates takes no inversion of the momenta, unless constraints change the rates.
+    short = isinstance(m, Linkage) and not equations.constraints.matrix.shape[0]
+    both = ca.vertcat(*rows, equations.energy if short else ca.SX(0, 1))
     motion = ca.vertcat(m.free.q, m.free.q_dot)
-    return [start(m.free.q), ca.substitute(p, motion, start(motion)), start(m.internal)]
+    p_0, energy = ca.vertsplit(ca.substitute(both, motion, start(motion)), [0, p.shape[0], both.shape[0]])
+    return [start(m.free.q), p_0, start(m.internal)], energy
 
 
 def _nominals(equations: Equations) -> ca.SX:

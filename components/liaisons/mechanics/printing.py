@@ -16,11 +16,17 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.declarations import ParameterArray
+from liaisons.language.linkage import Linkage
 from liaisons.language.operator import Operator
 from liaisons.mechanics.constraints import differentiated_constraints
+from liaisons.mechanics.dynamics import elastic_forces
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
+from liaisons.mechanics.recursion import Recursion
 from liaisons.mechanics.unilateral import contact_numbers
+
+_SPATIAL = {"v": ("omega", "v"), "h": ("L", "P"), "W": ("M", "G")}
+"""Angular and linear parts of spatial vectors."""
 
 _TOGETHER = 3
 """Constraints whose multipliers are solved for in symbols."""
@@ -48,6 +54,30 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *_effective_mass(_theta(equations, balances[len(rates) :, 0]), actives),
         *_rows("points", equations.points, stack(equations.points.values())),
         *(Equation("outputs", item.name, ca.SX(getattr(m, item.name))) for item in m.outputs),
+    )
+
+
+def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
+    """Motion of a linkage by recursion over its frames: as many equations as it has frames, however long the chain."""
+    rows: list[Equation] = []
+
+    def share(letter: str, i: int, vector: ca.SX) -> ca.SX:
+        names = [f"{part}_{m.frames[i].name}_{axis}" for part in _SPATIAL[letter] for axis in "xyz"]
+        symbols = [ca.SX.sym(name) if vector.sparsity().has_nz(k, 0) else ca.SX(1, 1) for k, name in enumerate(names)]
+        rows.extend(Equation(f"spatial_{letter}", name, vector[k]) for k, name in enumerate(names) if symbols[k].nnz())
+        return ca.vertcat(*symbols)
+
+    recursion = Recursion(m, share)
+    momenta = [f"p_{rate}".removesuffix("_dot") for rate in ca.vertsplit(m.free.q_dot)]
+    on_free = equations.applied_forces[: m.free.q_dot.shape[0], 0]
+    unloaded = ca.substitute(on_free, equations.point_loads, ca.SX.zeros(equations.point_loads.shape))
+    pull, applied = recursion.pull, unloaded + elastic_forces(m)[0]
+    return (
+        *rows,
+        *_rows("momenta", momenta, recursion.generalised_momenta),
+        *_rows("motion", [f"{name}_dot" for name in momenta], pull + applied),
+        *_constraints(equations),
+        *_contacts(equations),
     )
 
 

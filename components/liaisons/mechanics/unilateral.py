@@ -232,7 +232,7 @@ class ContactModes:
 
 def _is_position(name: str, names: Sequence[str]) -> bool:
     part, dot, own = name.rpartition(".")
-    return f"{part}{dot}p_{own}" in names or own in Orientation.quaternion
+    return f"{part}{dot}p_{own}" in names or own.endswith(Orientation.quaternion)
 
 
 def _eliminated(K: ca.SX, right: ca.SX) -> ca.SX:

@@ -90,11 +90,12 @@ def _add_laws(e: Equations, section: Section) -> None:
                 section.add(f"der({name})", accelerated[name])
         if law.section in ("forces", "points", "outputs"):
             section.add(law.left, right, LONGEST if law.section == "outputs" else math.inf)
-    for o in m.orientations:  # H = R p; the rate of p in the body frame is p × ω + Rᵀ Ḣ
-        attitude, p = getattr(m, o.name), momenta[count:]
+    for i, o in enumerate(m.orientations):  # H = R p; the rate of p in the body frame is p × ω + Rᵀ Ḣ
+        attitude, own = getattr(m, o.name), slice(count + 3 * i, count + 3 * i + 3)
+        p = momenta[own]
         section.rows(o.momenta, attitude.matrix @ p)
-        balance = ca.cross(p, attitude.rate) + attitude.matrix.T @ ca.vertcat(*forces[count:])
-        section.rows((f"{section.write_expression(rate)}" for rate in rates[count:]), balance)
+        balance = ca.cross(p, attitude.rate) + attitude.matrix.T @ ca.vertcat(*forces[own])
+        section.rows((f"{section.write_expression(rate)}" for rate in rates[own]), balance)
 
 
 def _add_constraints(e: Equations, section: Section) -> None:

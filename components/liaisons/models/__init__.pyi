@@ -1,8 +1,11 @@
 from liaisons.language import Component
 
+from .arm import Arm as Arm
 from .ball_row import BallRow as BallRow
 from .bead_on_sphere import BeadOnSphere as BeadOnSphere
 from .bouncing_ball import BouncingBall as BouncingBall
+from .bricard import Bricard as Bricard
+from .car_axis import CarAxis as CarAxis
 from .cartesian_pendulum import CartesianPendulum as CartesianPendulum
 from .charged_particle import ChargedParticle as ChargedParticle
 from .circular_hoop import CircularHoop as CircularHoop
@@ -12,18 +15,22 @@ from .driven_chain import DrivenChain as DrivenChain
 from .dry_oscillator import DryOscillator as DryOscillator
 from .elliptic_hoop import EllipticHoop as EllipticHoop
 from .flywheel import Flywheel as Flywheel
+from .four_bar import FourBar as FourBar
 from .fourier_hoop import FourierHoop as FourierHoop
 from .fourier_series import FourierSeries as FourierSeries
 from .free_particle import FreeParticle as FreeParticle
+from .furuta_pendulum import FurutaPendulum as FurutaPendulum
 from .general_cat import GeneralCat as GeneralCat
 from .general_cat import marle_cat as marle_cat
 from .general_swing import GeneralSwing as GeneralSwing
+from .gyroscope import Gyroscope as Gyroscope
 from .hoop import Hoop as Hoop
 from .isokinetic_oscillator import IsokineticOscillator as IsokineticOscillator
 from .junction import Junction as Junction
 from .kepler_orbit import KeplerOrbit as KeplerOrbit
 from .knotted_motion import KnottedMotion as KnottedMotion
 from .linear_molecule import LinearMolecule as LinearMolecule
+from .linked_cat import LinkedCat as LinkedCat
 from .nose_hoover_oscillator import NoseHooverOscillator as NoseHooverOscillator
 from .oscillator import Oscillator as Oscillator
 from .oscillator_chain import OscillatorChain as OscillatorChain
@@ -41,10 +48,12 @@ from .quintic import quintic as quintic
 from .ramp import Ramp as Ramp
 from .regulator import Regulator as Regulator
 from .satellite import Satellite as Satellite
+from .scara import Scara as Scara
 from .shape_functions import ShapedMechanism as ShapedMechanism
 from .shape_functions import component_of_shape as component_of_shape
 from .shaped_swing import marle_swing as marle_swing
 from .sinusoid import Sinusoid as Sinusoid
+from .slewing_crane import SlewingCrane as SlewingCrane
 from .smooth_step import SmoothStep as SmoothStep
 from .spatial_cat import SpatialCat as SpatialCat
 from .string_pendulum import StringPendulum as StringPendulum

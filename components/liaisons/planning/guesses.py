@@ -99,7 +99,7 @@ def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTr
     trajectory = _trajectory_at_rest(problem, intervals, k)
     T, start, names = trajectory.durations[0], problem.initial_state, problem.states
     knots, points = trajectory.breaks / T, trajectory.instants / T
-    axes = [i for i, name in enumerate(names) if name in Orientation.quaternion]
+    axes = [i for i, name in enumerate(names) if name.endswith(Orientation.quaternion)]
     change = np.array([problem.terminal_state.get(name, x) - x for name, x in zip(names, start, strict=True)])
     moves = {name: change[names.index(name)] for name in problem.moves if name in names}
 
@@ -107,8 +107,8 @@ def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTr
         """States at fractions u of the duration."""
         rise, rate, _ = _smooth_step(u, T)
         x = start[:, None] + change[:, None] * rise
-        if len(axes) == 4:  # all of them 0 where w alone is given as 0
-            x[axes] /= np.maximum(np.linalg.norm(x[axes], axis=0), 1e-9)
+        for four in zip(*[iter(axes)] * 4, strict=True):  # all of them 0 where w alone is given as 0
+            x[[*four]] /= np.maximum(np.linalg.norm(x[[*four]], axis=0), 1e-9)
         for name, by in moves.items():
             if f"{name}_dot" in names:
                 x[names.index(f"{name}_dot")] = by * rate

@@ -376,7 +376,7 @@ def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
         return
     started = symbols.evaluate(symbols.initial_state, 0.0).ravel()
     for i, name in enumerate(symbols.state_names):
-        is_momentum = name not in starts or name in Orientation.momenta
+        is_momentum = name not in starts or name.endswith(Orientation.momenta)
         value = float(symbols.start.get(name) or started[i])
         is_moving = abs(value) > ROUNDING * symbols.state_sizes[i]
         if is_momentum and is_moving and symbols.vanishes(symbols.relative_rates[i]):

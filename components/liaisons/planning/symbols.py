@@ -151,7 +151,7 @@ class GoalSymbols:
         :param spread: radius of the neighbourhood, in units of sizes.
         """
         rng, state = np.random.default_rng(seed), self.declared_state
-        state[[i for i, name in enumerate(self.state_names) if name == Orientation.quaternion[0]]] = 1.0
+        state[[i for i, name in enumerate(self.state_names) if name.endswith(Orientation.quaternion[0])]] = 1.0
         still = np.zeros(len(self.goal.moves))
         centres = [state, self.initial_sigma, still, still]
         sizes = [self.state_sizes, self.initial_sigma_sizes, *self.motion_sizes[1:]]

@@ -1,0 +1,517 @@
+"""Bodies, the joints between them, and springs: what a linkage declares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import isfinite, pi
+from typing import Any, Literal, NoReturn, TypeAlias
+
+import casadi as ca
+import numpy as np
+
+from liaisons.errors import ComponentError
+from liaisons.language.declarations import (
+    ActiveCoordinate,
+    Coordinate,
+    Declaration,
+    Orientation,
+    Parameter,
+    dry_friction,
+    point,
+    unilateral,
+)
+
+Vector: TypeAlias = Sequence[float]
+"""Three numbers."""
+
+MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
+"""Elements of a tensor of inertia, in their order in a declaration."""
+
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_UNITS = {"stiffness": "N/m", "damping": "N.s/m", "friction": "N"}
+_TURNING = {"stiffness": "N.m/rad", "damping": "N.m.s/rad", "friction": "N.m"}
+_ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame that one coordinate, or the orientation of a spherical joint, moves against its parent."""
+
+    name: str  # of its coordinate
+    joint: Any  # a BodyJoint
+    body: Any  # a Body; None: a massless body inside a joint
+    parent: int  # its number; -1: ground
+    turn: ca.SX  # rotation matrix, frame to parent (3, 3)
+    place: ca.SX  # of its origin, in the parent (3, 1)
+    axes: ca.SX  # S, constant in the frame: v = X v_parent + S q̇ (6, k)
+    prescribed: bool
+    rows: list[int]  # of its coordinates among the free velocities, or the active coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFrame:
+    """Symbols of a body's frame in an instance."""
+
+    matrix: ca.SX  # rotation matrix, body to inertial frame (3, 3)
+    origin: ca.SX  # (3, 1)
+    spin: ca.SX  # angular velocity in the body frame (3, 1)
+    velocity: ca.SX  # of the origin, in the body frame (3, 1)
+
+    def position(self, at: Sequence[Any] | ca.SX = _ZERO) -> ca.SX:
+        """Inertial coordinates of a point of the body [m], (3, 1)."""
+        return self.origin + self.matrix @ column(at)
+
+    def velocity_of(self, at: Sequence[Any] | ca.SX = _ZERO) -> ca.SX:
+        """Velocity of a point of the body along the inertial axes [m/s], (3, 1)."""
+        return self.matrix @ (self.velocity + skew(self.spin) @ column(at))
+
+
+class Body(Declaration[BodyFrame]):
+    """A rigid body, whose frame lies at its joint; on an instance ``self.body`` has the frame's symbols.
+
+    Numbers that are not 0 are parameters of the FMU: ``B_mass``, ``B_inertia_xx``, ``B_centre_x``, ...
+
+    :param mass: [kg]; 0 of a body that only connects joints.
+    :param inertia: tensor about the centre of mass [kg.m2]: one number, the diagonal, or xx, yy, zz, xy, xz, yz.
+    :param centre: centre of mass in the body's frame [m].
+    """
+
+    example = "Body(mass=2.0, inertia=(0.1, 0.1, 0.02), centre=(0, 0, 0.5))"
+
+    def __init__(self, mass: float = 0.0, inertia: float | Vector = 0.0, centre: Vector = _ZERO) -> None:
+        super().__init__("kg", "body")
+        self.mass, self.inertia, self.centre = mass, inertia, centre
+
+    def value_in(self, instance: Any) -> BodyFrame:
+        return instance.frame_of(self)
+
+    def declarations(self, refuse: Refusal) -> Iterator[Declaration]:
+        """Parameters of the body."""
+        (mass,) = numbers(refuse, "mass", [self.mass], 1)
+        moments = self.inertia if isinstance(self.inertia, Sequence) else [self.inertia] * 3
+        inertia = numbers(refuse, "inertia", moments, 3, 6)
+        tensor = np.zeros((3, 3))
+        for name, value in zip(MOMENTS, inertia, strict=False):
+            i, j = ("xyz".index(axis) for axis in name)
+            tensor[i, j] = tensor[j, i] = value
+        principal = np.linalg.eigvalsh(tensor)
+        if mass < 0:
+            refuse(f"mass = {mass:g}: it must be >= 0")
+        if principal[0] < -1e-12 * principal[2]:
+            refuse(f"inertia = {self.inertia}: its principal moments are {principal}; they must be >= 0")
+        if principal[2] > (principal[0] + principal[1]) * (1 + 1e-9):
+            refuse(f"inertia = {self.inertia}: of its principal moments {principal} one exceeds the sum of the others")
+        if mass == 0 and any(numbers(refuse, "centre", self.centre, 3)):
+            refuse(f"centre = {self.centre}: a body without mass has none; give its mass")
+        yield from parameters_of(f"{self.name}_mass", [""], [mass], "kg", f"mass of {self.name}", above=0)
+        text, ends = f"moment of inertia of {self.name} about its centre of mass", [f"_{name}" for name in MOMENTS]
+        yield from parameters_of(f"{self.name}_inertia", ends[:3], inertia[:3], "kg.m2", text, above=0)
+        yield from parameters_of(f"{self.name}_inertia", ends[3:], inertia[3:], "kg.m2", text)
+        yield from places_of(refuse, f"{self.name}_centre", "centre", self.centre, f"centre of mass of {self.name}")
+
+
+ground = Body()
+"""The inertial frame, to which joints attach bodies."""
+ground.name = "ground"
+
+
+class JointOrientation(Orientation):
+    """Orientation of a spherical joint, whose variables carry its name."""
+
+    def __init__(self, joint: str, description: str) -> None:
+        super().__init__(description)
+        self.name = joint
+        self.quaternion, self.rates, self.momenta = (  # pyright: ignore[reportIncompatibleVariableOverride]
+            tuple(f"{joint}_{name}" for name in names)
+            for names in (Orientation.quaternion, Orientation.rates, Orientation.momenta)
+        )
+
+
+class BodyJoint(Declaration[ca.SX]):
+    """A joint between two bodies; abstract.
+
+    The frame of the joint lies at ``at`` in the first body's frame, turned by ``rotation``; the second body's frame
+    coincides with it while the coordinates are 0.  A second joint of a body closes a loop: it becomes constraints, and
+    ``at_child``, ``rotation_child`` say where it lies in that body.  Numbers that are not 0 are parameters of the FMU.
+
+    :param at: [m].
+    :param rotation: roll, pitch and yaw [rad]: about x, then the fixed y, then the fixed z.
+    :param axis: of the joint, in its frame: ``"x"``, ``"y"``, ``"z"``, ``"-x"``, ..., or a vector.
+    :param prescribed: whether an operator prescribes the coordinates; or which, by their endings, ``("angle",)``.
+    :param start: start value; of several coordinates a tuple.  ``start_rate`` likewise.
+    :param limits: lowest and highest value: unilateral liaisons, or the domain of a prescribed coordinate.
+    :param restitution: of the impacts at the limits.
+    :param stiffness: towards 0 [N/m, N.m/rad]; ``damping`` [N.s/m, N.m.s/rad]; ``friction``, dry [N, N.m].
+    """
+
+    example = "Revolute(ground, crank, axis='y', at=(0, 0, 1))"
+    motions: tuple[tuple[str, Literal["shift", "turn", "ball"], str], ...] = ()  # ending, kind, axis ("": as declared)
+
+    def __init__(
+        self,
+        parent: Body,
+        child: Body,
+        *,
+        axis: str | Vector = "z",
+        at: Vector = _ZERO,
+        rotation: Vector = _ZERO,
+        at_child: Vector = _ZERO,
+        rotation_child: Vector = _ZERO,
+        prescribed: bool | tuple[str, ...] = False,
+        start: float | tuple[float, ...] = 0.0,
+        start_rate: float | tuple[float, ...] = 0.0,
+        limits: tuple[float, float] | None = None,
+        restitution: float = 0.0,
+        stiffness: float = 0.0,
+        damping: float = 0.0,
+        friction: float = 0.0,
+    ) -> None:
+        super().__init__("1", "joint")
+        self.parent, self.child, self.axis, self.prescribed = parent, child, axis, prescribed
+        self.at, self.rotation, self.at_child, self.rotation_child = at, rotation, at_child, rotation_child
+        self.start, self.start_rate, self.limits, self.restitution = start, start_rate, limits, restitution
+        self.stiffness, self.damping, self.friction = stiffness, damping, friction
+
+    @property
+    def bodies(self) -> tuple[Any, ...]:
+        """The two bodies."""
+        return self.parent, self.child
+
+    def value_in(self, instance: Any) -> ca.SX:
+        """Column of the coordinates."""
+        return ca.vertcat(*(instance.symbols[f"{self.name}{end}"] for end, kind, _ in self.motions if kind != "ball"))
+
+    def is_prescribed(self, ending: str) -> bool:
+        """Whether an operator prescribes the coordinate with this ending."""
+        listed = () if isinstance(self.prescribed, bool) else self.prescribed
+        return self.prescribed is True or ending.removeprefix("_") in listed
+
+    def declarations(self, refuse: Refusal, closes: bool) -> Iterator[Declaration]:
+        """Parameters of where the joint lies, and, unless it closes a loop, its coordinates with limits and laws."""
+        if not np.all(np.isfinite(direction(self.axis))):
+            refuse(f"axis = {self.axis!r}: it is 'x', 'y', 'z', or a vector of three numbers that are not all 0")
+        for key in ("rotation", "rotation_child"):
+            numbers(refuse, key, getattr(self, key), 3)
+        yield from places_of(refuse, f"{self.name}_at", "at", self.at, f"place of {self.name} in {self.parent.name}")
+        text = f"place of {self.name} in {self.child.name}"
+        children = list(places_of(refuse, f"{self.name}_at_child", "at_child", self.at_child, text))
+        if not closes and (children or any(self.rotation_child)):
+            refuse(f"at_child is of a joint that closes a loop; this one lies at the origin of {self.child.name}")
+        yield from children if closes else self._moving(refuse)
+
+    def _moving(self, refuse: Refusal) -> Iterator[Declaration]:
+        endings = tuple(ending.removeprefix("_") for ending, kind, _ in self.motions if kind != "ball")
+        wrong = [] if isinstance(self.prescribed, bool) else [e for e in self.prescribed if e not in endings]
+        if wrong:
+            refuse(f"prescribed = {self.prescribed}: {wrong[0]!r} is none of its coordinates {endings}")
+        if self.prescribed and len(endings) < len(self.motions):
+            refuse("an orientation cannot be prescribed: three Revolute joints with massless bodies between can")
+        if self.friction and all(map(self.is_prescribed, endings)):
+            refuse("friction is against a free coordinate, and all of this joint are prescribed")
+        starts, rates = (
+            numbers(refuse, name, [value] * len(endings) if isinstance(value, (int, float)) else value, len(endings))
+            for name, value in (("start", self.start), ("start_rate", self.start_rate))
+        )
+        self._limits(refuse)
+        yield from self._laws(refuse)
+        for i, (_, kind, _) in enumerate(self.motions):
+            text = f"{'orientation' if kind == 'ball' else kind} of {self.child.name} against {self.parent.name}"
+            if kind == "ball":
+                yield JointOrientation(self.name, text)
+            else:
+                yield from self._coordinate(refuse, i, text, starts[i], rates[i])
+
+    def _laws(self, refuse: Refusal) -> Iterator[Parameter]:
+        """Parameters of stiffness, damping and friction."""
+        kinds = {kind for _, kind, _ in self.motions}
+        for name, unit in (_UNITS if kinds == {"shift"} else _TURNING).items():
+            if not (value := getattr(self, name)):
+                continue
+            if len(kinds) != 1 or (kinds == {"ball"} and name != "damping"):
+                refuse(f"{name} = {value}: of coordinates of different kinds; use SpringDamper, or a joint for each")
+            (number,) = numbers(refuse, name, [value], 1)
+            if number < 0:
+                refuse(f"{name} = {number:g}: it must be >= 0")
+            yield named(Parameter(number, unit, f"{name} of {self.name}", minimum=0), f"{self.name}_{name}")
+
+    def _coordinate(self, refuse: Refusal, i: int, text: str, start: float, rate: float) -> Iterator[Declaration]:
+        ending, kind, _ = self.motions[i]
+        unit, name = "m" if kind == "shift" else "rad", f"{self.name}{ending}"
+        low, high = self._limits(refuse)
+        if self.is_prescribed(ending):
+            yield named(ActiveCoordinate(unit, text, start=start, minimum=low, maximum=high), name)
+            return
+        yield named(Coordinate(unit, text, start=start, start_rate=rate), name)
+        if low is not None and high is not None:
+            yield from _stops(name, unit, low, high, self.restitution)
+        if self.friction:
+            slip = dry_friction(f"{unit}/s", f"slip of {name}", static=f"{self.name}_friction")
+            yield named(slip(lambda m: m.dot(m.symbols[name])), f"{name}_slip")
+
+    def _limits(self, refuse: Refusal) -> tuple[float | None, float | None]:
+        if self.limits is None:
+            return None, None
+        low, high = numbers(refuse, "limits", self.limits, 2)
+        if len(self.motions) != 1 or self.motions[0][1] == "ball":
+            refuse(f"limits = {self.limits}: of one coordinate alone; use a joint for each")
+        if low >= high:
+            refuse(f"limits = {self.limits}: the lower one comes first")
+        return low, high
+
+    def frames(self, m: Any, parent: int, count: int, rows: Mapping[str, list[int]]) -> Iterator[Frame]:
+        """Frames from one body to the other, one a motion; a weld has one that does not move.
+
+        :param parent: number of the first body's frame; ``count`` that of the first new one.
+        :param rows: by coordinate or orientation.
+        """
+        turn, place = rotated(self.rotation), m.vector(f"{self.name}_at")
+        for i, (ending, kind, axis) in enumerate(self.motions or [("", "weld", "")]):
+            name = f"{self.name}{ending}" if kind != "ball" else self.name
+            unit, axes = ca.SX(ca.sparsify(ca.DM(direction(axis or self.axis)))), ca.SX(6, 0)
+            if kind == "ball":
+                turn, axes = turn @ getattr(m, name).matrix, ca.vertcat(ca.SX.eye(3), ca.SX(3, 3))
+            elif kind != "weld":
+                q, advance = m.symbols[name], m.number(f"{self.name}_pitch") / (2 * pi)
+                place += turn @ unit * (q if kind == "shift" else advance * q)
+                axes = ca.vertcat(ca.SX(3, 1), unit) if kind == "shift" else ca.vertcat(unit, advance * unit)
+                turn = turn @ about(unit, q) if kind == "turn" else turn
+            last = i + 1 >= len(self.motions)
+            prescribed = kind == "weld" or self.is_prescribed(ending)
+            body, own = self.child if last else None, rows.get(name, [])
+            yield Frame(name, self, body, parent, turn, place, axes, prescribed, own)
+            turn, place, parent = ca.SX.eye(3), ca.SX(3, 1), count + i
+
+
+class Revolute(BodyJoint):
+    """Turn about an axis: coordinate J [rad]."""
+
+    motions = (("", "turn", ""),)
+
+
+class Prismatic(BodyJoint):
+    """Shift along an axis: coordinate J [m]."""
+
+    motions = (("", "shift", ""),)
+
+
+class Cylindrical(BodyJoint):
+    """Shift along an axis and turn about it: coordinates J_shift, J_angle."""
+
+    motions = (("_shift", "shift", ""), ("_angle", "turn", ""))
+
+
+class Screw(BodyJoint):
+    """Turn about an axis with a shift in proportion: coordinate J [rad].
+
+    :param pitch: shift in one revolution [m].
+    """
+
+    motions = (("", "turn", ""),)
+
+    example = "Screw(ground, nut, pitch=0.01)"
+
+    def __init__(self, parent: Body, child: Body, *, pitch: float, **more: Any) -> None:
+        super().__init__(parent, child, **more)
+        self.pitch = pitch
+
+    def _moving(self, refuse: Refusal) -> Iterator[Declaration]:
+        (pitch,) = numbers(refuse, "pitch", [self.pitch], 1)
+        yield from parameters_of(f"{self.name}_pitch", [""], [pitch], "m", f"shift of {self.name} in one revolution")
+        yield from super()._moving(refuse)
+
+
+class Universal(BodyJoint):
+    """Turn about x, then about y of the turned frame: coordinates J_x, J_y [rad]."""
+
+    motions = (("_x", "turn", "x"), ("_y", "turn", "y"))
+
+
+class Spherical(BodyJoint):
+    """Any orientation, as a unit quaternion: J_q_w, ..., J_omega_x, ..., J_H_x, ..."""
+
+    motions = (("", "ball", "x"),)
+
+
+class Planar(BodyJoint):
+    """Shift along x and y, turn about z: coordinates J_x, J_y [m], J_angle [rad]."""
+
+    motions = (("_x", "shift", "x"), ("_y", "shift", "y"), ("_angle", "turn", "z"))
+
+
+class Free(BodyJoint):
+    """All six degrees of freedom, of a body that no joint holds: J_x, J_y, J_z [m], and those of a spherical joint."""
+
+    motions = (("_x", "shift", "x"), ("_y", "shift", "y"), ("_z", "shift", "z"), ("", "ball", "x"))
+
+
+class Weld(BodyJoint):
+    """No motion: two bodies as one."""
+
+
+Attachment: TypeAlias = "Body | tuple[Body, Vector] | BodyPoint"
+"""A body's frame, a point of a body, or one that is declared."""
+
+
+class BodyPoint(point):
+    """A named point of a body, as a port.
+
+    :param at: in the body's frame [m].
+    """
+
+    example = "BodyPoint(load, at=(0, 0, -20))"
+
+    def __init__(self, body: Body, at: Vector = _ZERO) -> None:
+        super().__init__("m", "point of a body")
+        self.body, self.at = body, at
+        self.bodies = (body,)
+        self.method = self._components
+
+    def _components(self, m: Any) -> dict[str, ca.SX]:
+        return dict(zip("xyz", ca.vertsplit(m.frame_of(self.body).position(m.vector(f"{self.name}_at"))), strict=True))
+
+    def declarations(self, refuse: Refusal) -> Iterator[Declaration]:
+        """Parameters of its place."""
+        return places_of(refuse, f"{self.name}_at", "at", self.at, f"place of {self.name} in {self.body.name}")
+
+
+class SpringDamper(Declaration[ca.SX]):
+    """Spring and damper along the line between two points; ``self.spring`` is their distance.
+
+    :param stiffness: [N/m]; ``damping`` [N.s/m]; ``length``, unstressed [m]; parameters ``S_stiffness``, ...
+    """
+
+    example = "SpringDamper((ground, (0, 0, 1)), (bar, (1, 0, 0)), stiffness=100.0, length=0.5)"
+
+    def __init__(
+        self, a: Attachment, b: Attachment, stiffness: float = 0.0, damping: float = 0.0, length: float = 0.0
+    ) -> None:
+        super().__init__("m", "spring")
+        self.ends, self.laws = (a, b), {"stiffness": stiffness, "damping": damping, "length": length}
+
+    @property
+    def both(self) -> tuple[tuple[Attachment, str], ...]:
+        """The ends, and the names of the parameters of their places."""
+        return tuple((end, f"{self.name}_{which}") for end, which in zip(self.ends, "ab", strict=True))
+
+    @property
+    def bodies(self) -> tuple[Any, ...]:
+        """Bodies at the ends."""
+        return tuple(e.body if isinstance(e, BodyPoint) else e[0] if isinstance(e, tuple) else e for e in self.ends)
+
+    def value_in(self, instance: Any) -> ca.SX:
+        return ca.norm_2(self.between(instance))
+
+    def between(self, m: Any) -> ca.SX:
+        """Vector from one end to the other [m], (3, 1)."""
+        a, b = (m.attached(end, name) for end, name in self.both)
+        return b - a
+
+    def declarations(self, refuse: Refusal) -> Iterator[Declaration]:
+        """Parameters of its laws, and of its ends."""
+        for name, value in self.laws.items():
+            (number,) = numbers(refuse, name, [value], 1)
+            if number < 0:
+                refuse(f"{name} = {number:g}: it must be >= 0")
+            unit = "m" if name == "length" else _UNITS[name]
+            yield from parameters_of(f"{self.name}_{name}", [""], [number], unit, f"{name} of {self.name}", minimum=0)
+        for end, name in self.both:
+            if isinstance(end, tuple):
+                yield from places_of(refuse, name, "ends", end[1], f"end of {self.name}")
+
+
+def column(values: Sequence[Any] | ca.SX) -> ca.SX:
+    """Column of three numbers or expressions, zeros structural."""
+    return ca.sparsify(values if isinstance(values, ca.SX) else ca.vertcat(*map(ca.SX, values)))
+
+
+def skew(r: ca.SX) -> ca.SX:
+    """Matrix of r × (3, 3), zeros structural."""
+    matrix = ca.SX(3, 3)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        if r.sparsity().has_nz(k, 0):
+            matrix[i, j], matrix[j, i] = -r[k], r[k]
+    return matrix
+
+
+def direction(axis: Any) -> np.ndarray:
+    """Unit vector of an axis; not finite if it has none."""
+    try:
+        named_axis = isinstance(axis, str) and _AXES[axis.removeprefix("-")]
+        vector = np.array(named_axis or axis, dtype=float) * (-1 if named_axis and axis[0] == "-" else 1)
+    except (KeyError, TypeError, ValueError):
+        return np.full(3, np.nan)
+    with np.errstate(invalid="ignore"):
+        return vector / np.linalg.norm(vector)
+
+
+def about(axis: ca.SX, angle: ca.SX) -> ca.SX:
+    """Rotation matrix (3, 3) of a turn about a unit vector (Rodrigues), zeros structural."""
+    K, square = skew(axis), axis @ axis.T
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.sparsify(square + c * (ca.SX.eye(3) - square) + s * K)
+
+
+def rotated(angles: Vector) -> ca.SX:
+    """Rotation matrix (3, 3) of roll, pitch and yaw, zeros structural."""
+    matrix = np.eye(3)
+    for axis, angle in zip("xyz", angles, strict=True):
+        matrix = np.array(ca.DM(about(ca.SX(ca.DM(_AXES[axis])), ca.SX(float(angle))))) @ matrix
+    return ca.SX(ca.sparsify(ca.DM(np.where(np.abs(matrix) < 1e-15, 0.0, matrix))))
+
+
+class Refusal:
+    """Raises a ComponentError about a declaration."""
+
+    def __init__(self, owner: str, name: str) -> None:
+        self.label = f"{owner}.{name}"
+
+    def __call__(self, why: str) -> NoReturn:
+        raise ComponentError(f"{self.label}: {why}")
+
+
+def numbers(refuse: Refusal, name: str, values: Any, *counts: int) -> list[float]:
+    """Values as so many finite numbers; anything else is refused."""
+    try:
+        numbers = [float(value) for value in values]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) not in counts or not all(map(isfinite, numbers)) or isinstance(values, str):
+        refuse(f"{name} = {values!r}: it must have {' or '.join(map(str, counts))} finite numbers")
+    return numbers
+
+
+def places_of(refuse: Refusal, name: str, key: str, values: Vector, text: str) -> Iterator[Parameter]:
+    """Parameters of the components of a place that are not 0."""
+    return parameters_of(name, ["_x", "_y", "_z"], numbers(refuse, key, values, 3), "m", text)
+
+
+def parameters_of(
+    name: str, endings: Iterable[str], values: Iterable[float], unit: str, text: str, **domain: Any
+) -> Iterator[Parameter]:
+    """Parameters of the values that are not 0."""
+    for ending, value in zip(endings, values, strict=False):
+        if value:
+            yield named(Parameter(value, unit, f"{text}{ending.replace('_', ', ')}", **domain), f"{name}{ending}")
+
+
+def named(item: Any, name: str) -> Any:
+    """The declaration, with its name."""
+    item.name = name
+    return item
+
+
+def _stops(name: str, unit: str, low: float, high: float, restitution: float) -> Iterator[Declaration]:
+    bounce = f"{name}_restitution" if restitution else None
+    if bounce:
+        yield named(Parameter(restitution, "1", f"restitution at the stops of {name}", minimum=0, maximum=1), bounce)
+    for side, sign, bound in (("minimum", 1, low), ("maximum", -1, high)):
+        limit = f"{name}_{side}"
+        yield named(Parameter(bound, unit, f"{side} of {name}"), limit)
+        gap = unilateral(unit, f"distance of {name} from its {side}", restitution=bounce)
+        yield named(gap(partial(_gap, name=name, limit=limit, sign=sign)), f"{name}_{'above' if sign > 0 else 'below'}")
+
+
+def _gap(m: Any, *, name: str, limit: str, sign: int) -> ca.SX:
+    return sign * (m.symbols[name] - m.symbols[limit])

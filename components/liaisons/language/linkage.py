@@ -1,0 +1,258 @@
+"""A linkage: bodies and joints, from whose declarations coordinates, energies, constraints and picture follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from liaisons.expressions.algebra import stack
+from liaisons.language.checks import declared
+from liaisons.language.declarations import Gravity
+from liaisons.language.joints import (
+    MOMENTS,
+    Attachment,
+    Body,
+    BodyFrame,
+    BodyJoint,
+    BodyPoint,
+    Frame,
+    Refusal,
+    SpringDamper,
+    column,
+    ground,
+    skew,
+)
+from liaisons.language.loops import close_loops
+from liaisons.language.mechanism import Mechanism, is_inertia
+from liaisons.language.shapes import Ball, Rod, Shapes, Spring
+
+
+class Linkage(Mechanism, abstract=True):
+    """Bodies and the joints between them; abstract.
+
+    Coordinates, energies and a picture follow from the declarations; a subclass may add what a mechanism declares.
+
+    :raises ComponentError: when the subclass is defined, for a body or joint that is declared wrongly.
+    """
+
+    gravity = Gravity()
+    gravity_direction: ClassVar[tuple[float, float, float]] = (0.0, 0.0, -1.0)
+    redundant: ClassVar[tuple[str, ...]] = ()  # conditions of loops that follow from the others
+    _tree: ClassVar[tuple[BodyJoint, ...]] = ()  # from ground outwards
+    _closing: ClassVar[tuple[BodyJoint, ...]] = ()
+    _joints: ClassVar[Mapping[str, BodyJoint]] = {}
+
+    def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
+        if not abstract:
+            _declare(cls)
+            if cls._closing:
+                cls.redundant = close_loops(cls, cls._closing)
+        super().__init_subclass__(abstract=abstract, **kwargs)
+
+    def __init__(self) -> None:
+        super().__init__()
+        names = [*(q.name for q in self.coordinates), *(name for o in self.orientations for name in o.rates)]
+        rows = {name: [i] for group in (names, [s.name for s in self.actives]) for i, name in enumerate(group)}
+        rows |= {o.name: [names.index(name) for name in o.rates] for o in self.orientations}
+        self.frames: list[Frame] = []
+        self._moving: list[BodyFrame] = []
+        self._numbers = {ground.name: -1}
+        for joint in self._tree:
+            for frame in joint.frames(self, self._numbers[joint.parent.name], len(self.frames), rows):
+                self.frames.append(frame)
+                self._moving.append(self._moved(frame))
+            self._numbers[joint.child.name] = len(self.frames) - 1
+
+    # ---- for use in methods --------------------------------------------------------------------------------------
+
+    def frame_of(self, body: Body) -> BodyFrame:
+        """Symbols of the frame of a body."""
+        return self._frame(self._numbers[body.name])
+
+    def attached(self, point: Attachment, name: str = "") -> ca.SX:
+        """Inertial coordinates of a point [m], (3, 1).
+
+        :param name: of the parameters of its place, unless it is declared.
+        """
+        if isinstance(point, BodyPoint):
+            return stack(getattr(self, point.name).values())
+        body = point[0] if isinstance(point, tuple) else point
+        return self.frame_of(body).position(self.vector(name))
+
+    def elastic_energy(self) -> ca.SX:
+        """V beside that of the weights: of the springs, at joints and between points."""
+        total = ca.SX(0)
+        for joint in self._tree:
+            total += self.number(f"{joint.name}_stiffness") / 2 * ca.sumsqr(joint.value_in(self))
+        for spring in self._springs:
+            length = self.number(f"{spring.name}_length")
+            stretch = getattr(self, spring.name) - length if length.nnz() else spring.between(self)
+            total += self.number(f"{spring.name}_stiffness") / 2 * ca.sumsqr(stretch)
+        return total
+
+    def number(self, name: str) -> ca.SX:
+        """Parameter, or a structural 0 without one of this name."""
+        return self.symbols.get(name, ca.SX(1, 1))
+
+    def vector(self, name: str) -> ca.SX:
+        """Parameters ``name_x``, ``name_y``, ``name_z``; (3, 1), zeros structural."""
+        return stack(self.number(f"{name}_{axis}") for axis in "xyz")
+
+    def spatial_inertia(self, body: Body | None) -> ca.SX:
+        """Inertia of a body about the origin of its frame: (spin, velocity) to angular and linear momentum (6, 6)."""
+        mass = self.number(f"{body.name}_mass") if body else ca.SX(1, 1)
+        if body is None:
+            return ca.SX(6, 6)
+        tensor = ca.SX(3, 3)
+        for moment in MOMENTS:
+            if (name := f"{body.name}_inertia_{moment}") in self.symbols:
+                i, j = ("xyz".index(axis) for axis in moment)
+                tensor[i, j] = tensor[j, i] = self.symbols[name]
+        offset = skew(self.vector(f"{body.name}_centre"))
+        first = mass * offset
+        return ca.sparsify(ca.blockcat(tensor - first @ offset, first, first.T, mass * ca.SX.eye(3)))
+
+    # ---- a mechanism -----------------------------------------------------------------------------------------
+
+    def kinetic_energy(self) -> ca.SX:
+        motions = (
+            (frame.body, ca.vertcat(r.spin, r.velocity)) for frame, r in zip(self.frames, self._moving, strict=True)
+        )
+        return sum((ca.dot(v, self.spatial_inertia(body) @ v) / 2 for body, v in motions), ca.SX(0))
+
+    def potential_energy(self) -> ca.SX:
+        return self._weights() + self.elastic_energy()
+
+    def weight(self) -> ca.SX:
+        """Acceleration of gravity [m/s2], (3, 1)."""
+        return self.gravity * column(self.gravity_direction)
+
+    def dissipation_function(self) -> ca.SX:
+        total = ca.SX(0)
+        for joint in self._tree:
+            rates = self.dot(joint.value_in(self))
+            if joint.motions and joint.motions[-1][1] == "ball":
+                rates = ca.vertcat(rates, getattr(self, joint.name).rate)
+            total += self.number(f"{joint.name}_damping") / 2 * ca.sumsqr(rates)
+        for spring in self._springs:
+            if f"{spring.name}_damping" in self.symbols:
+                total += self.number(f"{spring.name}_damping") / 2 * self.dot(getattr(self, spring.name)) ** 2
+        return total
+
+    def picture(self) -> Shapes:
+        def position(point: Attachment, name: str = "") -> dict[str, ca.SX]:
+            return dict(zip("xyz", ca.vertsplit(self.attached(point, name)), strict=True))
+
+        arms = [(joint.parent, f"{joint.name}_at") for joint in (*self._tree, *self._closing)]
+        arms += [(frame.body, f"{frame.body.name}_centre") for frame in self.frames if frame.body]
+        rods = [Rod(position(body), position(body, name)) for body, name in arms if self.vector(name).nnz()]
+        balls = [Ball(position(frame.body, f"{frame.body.name}_centre")) for frame in self.frames if frame.body]
+        springs = [Spring(*(position(end, name) for end, name in s.both)) for s in self._springs]
+        return [*rods, *balls, *springs]
+
+    @property
+    def is_of_bodies(self) -> bool:
+        """Whether its energies are those of bodies and joints alone, as declared."""
+        names = ("kinetic_energy", "potential_energy", "lagrangian")
+        return all(getattr(type(self), name) is getattr(Linkage, name) for name in names)
+
+    # ---- derived ---------------------------------------------------------------------------------------------
+
+    @property
+    def _springs(self) -> tuple[SpringDamper, ...]:
+        return declared(type(self), SpringDamper)
+
+    def _check_inertia(self, lagrangian: ca.SX, motion: dict[str, ca.SX]) -> None:
+        start, metric = self.start_values(), ca.hessian(lagrangian, self.free.q_dot)[0]
+        matrix = np.array(ca.Function("A", [*motion.values()], [metric])(*(start[name] for name in motion)))
+        if is_inertia(matrix) or not np.isfinite(matrix).all():
+            return
+        still = int(np.argmax(np.abs(np.linalg.eigh(matrix)[1][:, 0])))
+        frame = next(frame for frame in self.frames if not frame.prescribed and still in frame.rows)
+        Refusal(type(self).__name__, frame.joint.name)(
+            f"no mass moves with {self.free.q_dot[still]} at the start, neither of {frame.joint.child.name} nor of "
+            "what it carries; give it a mass, or an inertia, or let prescribed=True"
+        )
+
+    def _weights(self) -> ca.SX:
+        bodies = [frame.body for frame in self.frames if frame.body]
+        moments = (self.number(f"{body.name}_mass") * self.attached(body, f"{body.name}_centre") for body in bodies)
+        return -ca.dot(self.weight(), sum(moments, ca.SX(3, 1)))
+
+    def _frame(self, number: int) -> BodyFrame:
+        return _GROUND if number < 0 else self._moving[number]
+
+    def _moved(self, frame: Frame) -> BodyFrame:
+        parent = self._frame(frame.parent)
+        rates = (self.active.s_dot if frame.prescribed else self.free.q_dot)[frame.rows, 0]
+        own = frame.axes @ rates
+        spin = frame.turn.T @ parent.spin + own[:3]
+        velocity = frame.turn.T @ (parent.velocity + skew(parent.spin) @ frame.place) + own[3:]
+        return BodyFrame(parent.matrix @ frame.turn, parent.position(frame.place), spin, velocity)
+
+
+_GROUND = BodyFrame(ca.SX.eye(3), ca.SX(3, 1), ca.SX(3, 1), ca.SX(3, 1))
+
+
+def _declare(cls: type[Linkage]) -> None:
+    """Declare coordinates and parameters of the bodies and joints of a class, and order its joints.
+
+    :raises ComponentError: for one that is declared wrongly.
+    """
+    cls._joints = {**cls._joints, **{joint.name: joint for joint in declared(cls, BodyJoint)}}
+    bodies: tuple[Any, ...] = declared(cls, Body)
+    joints, attached = [*cls._joints.values()], (*declared(cls, SpringDamper), *declared(cls, BodyPoint))
+    names = {id(body) for body in bodies} | {id(ground)}
+    for item in (*joints, *attached):
+        for body in item.bodies:
+            if not isinstance(body, Body) or id(body) not in names:
+                what = getattr(body, "name", body)
+                Refusal(cls.__name__, item.name)(
+                    f"{what!r} is no body of {cls.__name__}; declare it above by Body(...), or take ground"
+                )
+    cls._tree = _outwards(cls.__name__, bodies, joints)
+    cls._closing = tuple(joint for joint in joints if joint not in cls._tree)
+    for item in (*bodies, *joints, *attached):
+        if item.name in vars(cls):  # not inherited, with what it declares
+            _expand(cls, item)
+
+
+def _outwards(owner: str, bodies: Iterable[Any], joints: Iterable[Any]) -> tuple[BodyJoint, ...]:
+    """The first joint of each body, in an order from ground outwards."""
+    inner: dict[str, BodyJoint] = {}
+    for joint in joints:
+        refuse = Refusal(owner, joint.name)
+        if joint.child is ground:
+            refuse(f"the second body is ground; let it be {joint.parent.name}, and the first one ground")
+        if joint.child is joint.parent:
+            refuse(f"both bodies are {joint.child.name}; a joint has two")
+        inner.setdefault(joint.child.name, joint)
+    for body in bodies:
+        if body.name not in inner:
+            Refusal(owner, body.name)(f"no joint holds this body; a free one has Free(ground, {body.name})")
+    order: list[Any] = []
+    left: list[Any] = [*inner.values()]
+    while left:
+        reached = {ground.name, *(joint.child.name for joint in order)}
+        ready = [joint for joint in left if joint.parent.name in reached]
+        if not ready:
+            child, parent = left[0].child.name, left[0].parent.name
+            Refusal(owner, left[0].name)(f"{child} hangs on {parent}, from which no joint leads to ground")
+        order += ready
+        left = [joint for joint in left if joint not in ready]
+    return tuple(order)
+
+
+def _expand(cls: type[Linkage], item: Any) -> None:
+    """Replace a body, joint, point or spring by what it declares, and itself where the name is left."""
+    refuse, closes = Refusal(cls.__name__, item.name), [item in cls._closing] * isinstance(item, BodyJoint)
+    delattr(cls, item.name)  # coordinates in the order of the joints
+    for declaration in (*item.declarations(refuse, *closes), item):
+        present = vars(cls).get(declaration.name)
+        if present is None:
+            setattr(cls, declaration.name, declaration)
+        elif declaration is not item and not isinstance(present, type(declaration)):
+            refuse(f"it declares {declaration.name}, as {type(present).__name__} does; rename one of them")

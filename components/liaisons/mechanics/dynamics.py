@@ -1,0 +1,103 @@
+"""Terms of Lagrange's equations: by differentiation of the Lagrangian, or of a linkage by recursion over its bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from liaisons.expressions.algebra import gradient, is_quadratic
+from liaisons.language.linkage import Linkage
+from liaisons.language.mechanism import Mechanism
+from liaisons.mechanics.inertia import Inertia, inertia_of
+from liaisons.mechanics.legendre import distances, rates_from_momenta
+from liaisons.mechanics.recursion import Recursion
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """Momenta and forces of a mechanism with f velocities and a adapted active coordinates, without applied forces Q.
+
+    :param forward: generalised forces Q (f,) and Q_s (a,) → accelerations (f,), and forces λ of the operators (a,).
+    """
+
+    momenta: ca.SX  # ∂L/∂ẋ (f,)
+    inertia: Inertia  # A
+    velocities: ca.SX  # A⁻¹ (p − b), or by Newton's method (f,)
+    convergence: ca.SX  # what must stay > 0 if they are right
+    pull: ca.SX  # Kᵀ ∂L/∂x (f,)
+    bias: ca.SX  # A ẍ = bias + Q (f,)
+    forward: Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
+
+
+def dynamics_of(m: Mechanism, L: ca.SX) -> Dynamics:
+    """Terms of the equations of a mechanism with the Lagrangian L."""
+    return _by_recursion(m) if isinstance(m, Linkage) and m.is_of_bodies else _by_differentiation(m, L)
+
+
+def _by_differentiation(m: Mechanism, L: ca.SX) -> Dynamics:
+    q_dot, q_ddot = m.free.q_dot, m.free.q_ddot
+    adapted = m.active.adapted
+    s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
+    # Momentum and its inverse.
+    p, metric = gradient(L, q_dot), inertia_of(m, L)
+    velocities, convergence = _velocities(m, L, metric)
+    pull = m.free.kinematics.T @ gradient(L, m.free.q)
+    # A ẍ = pull + Q less the part of d/dt ∂L/∂ẋ without ẍ.
+    bias = pull + _gyroscopic(m, p) - _at_rest(m.dot(p), q_ddot)
+    p_s = gradient(L, s_dot)
+    resting = _at_rest(m.dot(p_s), q_ddot)
+
+    def forward(on_free: ca.SX, on_active: ca.SX) -> tuple[ca.SX, ca.SX]:
+        accelerations = metric.solve(bias + on_free)
+        return accelerations, resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - on_active
+
+    return Dynamics(p, metric, velocities, convergence, pull, bias, forward)
+
+
+def _velocities(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
+    """Velocities from momenta, p = A ẋ + b where L is quadratic; and what must stay > 0 if they are right."""
+    p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
+    if is_quadratic(L, q_dot):
+        return metric.solve(p - _at_rest(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
+    return rates_from_momenta(L, q_dot, p), distances(L, q_dot, p, m.free.rate_sizes)
+
+
+def _at_rest(expression: ca.SX, rates: ca.SX) -> ca.SX:
+    return ca.substitute(expression, rates, ca.SX.zeros(rates.shape))
+
+
+def _by_recursion(m: Linkage) -> Dynamics:
+    recursion = Recursion(m)
+    spring, on_operators = elastic_forces(m)
+    A = recursion.mass_matrix
+
+    def forward(on_free: ca.SX, on_active: ca.SX) -> tuple[ca.SX, ca.SX]:
+        adapted = on_active.shape[0]
+        accelerations, forces = recursion.accelerations(on_free + spring)
+        return accelerations, forces[:adapted, 0] - on_operators[:adapted, 0] - on_active
+
+    return Dynamics(
+        momenta=recursion.generalised_momenta,
+        inertia=Inertia(A, A),
+        velocities=recursion.rates(m.free.frame.T @ m.free.p),
+        convergence=ca.SX(0, 1),
+        pull=recursion.pull + spring,
+        bias=spring - recursion.resistance,
+        forward=forward,
+    )
+
+
+def elastic_forces(m: Linkage) -> tuple[ca.SX, ca.SX]:
+    """Generalised forces of the springs on the free velocities (f,) and the active coordinates (a,)."""
+    elastic = ca.cse(ca.SX(m.elastic_energy()))
+    return -m.free.kinematics.T @ gradient(elastic, m.free.q), -gradient(elastic, m.active.s)
+
+
+def _gyroscopic(m: Mechanism, p: ca.SX) -> ca.SX:
+    """∂L/∂ω × ω for an orientation: the body frame turns under the momentum."""
+    count = len(m.coordinates)
+    rates = (getattr(m, orientation.name).rate for orientation in m.orientations)
+    turning = [ca.cross(p[count + 3 * i : count + 3 * i + 3], rate) for i, rate in enumerate(rates)]
+    return ca.vertcat(ca.SX.zeros(count, 1), *turning)

@@ -1,0 +1,35 @@
+"""A crane slews at a constant rate: its load hangs outwards by tan α = Ω² (R + (l + (I_t - I_a)/(m l)) sin α)/g.
+
+The operator turns the tower of a SlewingCrane, not the trolley.  From the angle of Euler's equations on the
+load stays there; its rope hangs a little steeper than that of a point mass, by its moments of inertia.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from liaisons import operator, simulate
+from liaisons.models import SlewingCrane
+from liaisons.scenarios import Claims, panels, scenario, within
+
+RATES, RADIUS, TOLERANCE = (0.2, 0.3, 0.4), 12.0, 1e-11
+
+
+@scenario
+def main(claim: Claims) -> None:
+    held = within(1e-8, "rad", because="tolerance 1e-11, over ten swings of the load")
+    (axis,) = panels(("deflection of the load", "rate of the tower [rad/s]", "α [deg]"), size=(6, 4))
+    for rate in RATES:
+        steady = SlewingCrane.steady_deflection(rate, travel=RADIUS)
+        slew = operator("Ramp", rate=rate)
+        start = {"rope_y_0": steady["rope_y"], "travel": RADIUS, "rope_damping": 0.0}
+        run = simulate("SlewingCrane", stop_time=60.0, step_size=0.05, tolerance=TOLERANCE, slew=slew, **start)
+        claim(f"Ω = {rate} rad/s: the load stays at α", run["rope_y"], steady["rope_y"], held)
+        claim.energy(f"Ω = {rate} rad/s: energy", run, tolerance=TOLERANCE)
+        axis.plot(
+            [rate], -np.degrees(run["rope_y"][-1:]), "o", color="tab:blue", label="FMU" if rate == RATES[0] else ""
+        )
+    rates = np.linspace(0.01, 0.45, 40)
+    angles = [-np.degrees(SlewingCrane.steady_deflection(rate, travel=RADIUS)["rope_y"]) for rate in rates]
+    axis.plot(rates, angles, color="black", label="Euler's equations")
+    axis.legend()
