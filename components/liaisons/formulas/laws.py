@@ -61,6 +61,7 @@ LAWS = {
         "Momenta of the frames",
         "Angular momentum L about the origin of each frame and momentum P, with those of all that it carries.",
     ),
+    "spatial_w": Law("Gravity in the frames", "Along the axes of each frame."),
     "spatial_W": Law(
         "Weights of the frames",
         "Moment M and force G of gravity on each frame and all that it carries; loads at points add to them.",

@@ -25,7 +25,7 @@ from liaisons.mechanics.model import Equation
 from liaisons.mechanics.recursion import Recursion
 from liaisons.mechanics.unilateral import contact_numbers
 
-_SPATIAL = {"v": ("omega", "v"), "h": ("L", "P"), "W": ("M", "G")}
+_SPATIAL = {"v": ("omega", "v"), "h": ("L", "P"), "w": ("", "g"), "W": ("M", "G")}
 """Angular and linear parts of spatial vectors."""
 
 _TOGETHER = 3

@@ -53,11 +53,11 @@ class Recursion:
     @property
     def pull(self) -> ca.SX:
         """Kᵀ ∂L/∂q without springs (f,)."""
-        m, downwards, weights = self.m, [], []
-        for frame, inertia in zip(self.frames, self.inertias, strict=True):
-            above = m.weight() if frame.parent < 0 else downwards[frame.parent]
-            downwards.append(frame.turn.T @ above)
-            weights.append(inertia @ ca.vertcat(ca.SX(3, 1), downwards[-1]))
+        falling, weights = [], []
+        for i, (frame, inertia) in enumerate(zip(self.frames, self.inertias, strict=True)):
+            above = self.m.weight() if frame.parent < 0 else falling[frame.parent][3:]
+            falling.append(self._share("w", i, ca.vertcat(ca.SX(3, 1), frame.turn.T @ above)))
+            weights.append(inertia @ falling[i])
         self._inwards("W", weights)
         carried = map(_crossed, self.carried, self.momenta)
         return self._along_axes([weight - h for weight, h in zip(weights, carried, strict=True)])
