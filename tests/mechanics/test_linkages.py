@@ -66,7 +66,8 @@ def settings(tree: type[Linkage], seed: int) -> dict[str, Any]:
         s.name: operator(Sinusoid, amplitude=float(rng.uniform(0.1, 0.5)), angular_frequency=float(rng.uniform(1, 3)))
         for s in tree.actives
     }
-    return values | {"stop_time": 1.0, "step_size": 0.02, "tolerance": 1e-12, "input_reconstruction": 2}
+    interpolated = {"input_reconstruction": 2} if tree.actives else {}
+    return values | {"stop_time": 1.0, "step_size": 0.02, "tolerance": 1e-12} | interpolated
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(11, marks=pytest.mark.slow)])
