@@ -36,6 +36,7 @@ def random_tree(seed: int, most: int = 12, joints: tuple[type, ...] = ALL, **mor
     for i, body in enumerate(bodies):
         parent = ground if i == 0 else bodies[int(rng.integers(max(0, i - 3), i))]
         kind = joints[int(rng.integers(len(joints)))]
+        kind = Revolute if i == 0 and kind is Weld else kind  # something moves
         options: dict[str, Any] = {"at": tuple(rng.normal(size=3)), "rotation": tuple(rng.uniform(-3, 3, 3))}
         if kind in (Revolute, Prismatic, Cylindrical, Screw):
             options["axis"] = ("x", "y", "z", tuple(rng.normal(size=3)))[int(rng.integers(4))]
