@@ -1,14 +1,14 @@
 """Both texts, Kneller's and Marle's, number by number: what each says, where it lives, what verifies it."""
 
 from liaisons.companion.numbers import CITATION, completions, is_number, numbered, searched
-from liaisons.companion.table import TITLES, Entry, Section, entries, sections
+from liaisons.companion.table import TITLES, Entry, TextSection, entries, sections
 from liaisons.companion.unicode import unicode_text
 
 __all__ = [
     "CITATION",
     "TITLES",
     "Entry",
-    "Section",
+    "TextSection",
     "completions",
     "entries",
     "is_number",

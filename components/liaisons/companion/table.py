@@ -15,7 +15,7 @@ KINDS = {"equations": "eq. ", "examples": "Ex. ", "figures": "Fig. ", "propositi
 
 
 @dataclass(frozen=True)
-class Section:
+class TextSection:
     """A section of a text: its title in English and in French, first and last of its equations and examples."""
 
     text: str
@@ -112,11 +112,11 @@ def entries() -> tuple[Entry, ...]:
 
 
 @cache
-def sections() -> tuple[Section, ...]:
+def sections() -> tuple[TextSection, ...]:
     """Every section of both texts; those inside of another one come after it."""
     spans = ("equations", "examples")
     return tuple(
-        Section(text, number, row["says"], row["french"], *(tuple(row.get(span, ())) for span in spans))
+        TextSection(text, number, row["says"], row["french"], *(tuple(row.get(span, ())) for span in spans))
         for text, kinds in _table().items()
         for number, row in kinds["sections"].items()
     )

@@ -160,5 +160,6 @@ def _positions(m: Mechanism, metric: Inertia, constraints: Constraints) -> ca.SX
 
 
 def _with_unit_quaternions(m: Mechanism, q: ca.SX) -> ca.SX:
-    before, quaternion = ca.vertsplit(q, [0, len(m.coordinates), q.shape[0]])
-    return ca.vertcat(before, quaternion / ca.norm_2(quaternion)) if m.orientations else q
+    count = len(m.coordinates)
+    quaternions = (q[i : i + 4, 0] for i in range(count, q.shape[0], 4))
+    return ca.vertcat(q[:count, 0], *(quaternion / ca.norm_2(quaternion) for quaternion in quaternions))
