@@ -84,4 +84,4 @@ def tree(file: IO[bytes]) -> Element:
 
 
 def _refuse_type(*_: object) -> None:
-    raise ValueError("it declares a document type (<!DOCTYPE ...>), which neither FMI nor SSP has; leave that out")
+    raise ValueError("it declares a document type (<!DOCTYPE ...>); leave that out")
