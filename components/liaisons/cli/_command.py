@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from inspect import cleandoc
 from pathlib import Path
@@ -15,7 +16,7 @@ from liaisons.base.files import check_writable
 from liaisons.base.project import scenario_claim, scenario_files, scenario_themes
 from liaisons.base.version import __version__
 from liaisons.errors import SimulationError
-from liaisons.library import catalogue_names, variables
+from liaisons.library import catalogue_names, components, is_robot, variables
 
 if TYPE_CHECKING:
     from liaisons.check import Verdict
@@ -170,6 +171,17 @@ def assignment(text: str) -> tuple[str, float | bool | str]:
     return name, value  # a string variable's; the FMU's description decides
 
 
+def with_prescribed(words: Sequence[str], prescribe: str) -> list[str]:
+    """Words of the command line, those of robots' files with the joints of --prescribe; print what these leave out."""
+    if prescribe and not any(map(is_robot, words)):
+        raise typer.BadParameter("--prescribe is of a robot's file, .urdf or .xml; a class has prescribed=True")
+    targets = [f"{word}:{prescribe}" if prescribe and is_robot(word) else word for word in words]
+    for target in filter(is_robot, targets):
+        for line in getattr(components(target)[0], "left_out", ()):
+            print(f"left out: {line}", file=sys.stderr)
+    return targets
+
+
 Number = float | None
 UnpackedLimit = Annotated[
     str | None,
@@ -184,6 +196,10 @@ UnpackedLimit = Annotated[
 
 Size = Annotated[
     Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", "--size", parser=assignment)
+]
+
+Prescribe = Annotated[
+    str, option("JOINT,...", "of a robot's file (URDF, MJCF): joints that an operator prescribes", "--prescribe")
 ]
 
 Output = Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")]

@@ -17,7 +17,7 @@ import typer
 from liaisons.base.compiler import Backend, Platforms
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, from_here
-from liaisons.cli._command import Size, command, flag, option, show, show_scenarios, subject
+from liaisons.cli._command import Prescribe, Size, command, flag, option, show, show_scenarios, subject, with_prescribed
 from liaisons.errors import BackEndError
 from liaisons.library import catalogue, claim, model, sized_folder
 from liaisons.library import components as find
@@ -55,12 +55,13 @@ def listing(
     liaisons build OscillatorChain --size n=1000
     liaisons build my_component.py --output /tmp/fmus --platforms all
     liaisons build Pendulum --modelica --standard-library
+    liaisons build robot.urdf --prescribe shoulder,elbow
 """)
 def build(
     targets: Annotated[
         list[str] | None,
         subject(
-            "NAME|FILE.py",
+            "NAME|FILE.py|FILE.urdf|FILE.xml",
             "what to build (default: what fmus/fmus.toml declares; without one, the whole catalogue)",
         ),
     ] = None,
@@ -87,6 +88,7 @@ def build(
         ),
     ] = True,
     size: Size = None,
+    prescribe: Prescribe = "",
     as_modelica: Annotated[
         bool,
         flag("--modelica", "write Modelica text, NAME.mo, and no FMU; without names one package of all"),
@@ -101,6 +103,7 @@ def build(
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.
+    targets = with_prescribed(targets or [], prescribe)
     chosen = targets or declared_components()
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     sizes = dict([size] if size else [])

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import command, flag, option, subject
+from liaisons.cli._command import Prescribe, command, flag, option, subject, with_prescribed
 from liaisons.cli._texts import component_of
 
 
@@ -17,12 +17,18 @@ from liaisons.cli._texts import component_of
     liaisons equations M50                              what equation 50 of Marle is about
     liaisons equations my_system.py:crane               of a whole system
     liaisons equations my_component.py --html > equations.html
+    liaisons equations robot.urdf --prescribe shoulder,elbow
 """)
 def equations(
     target: Annotated[
-        str, subject("NAME|NUMBER|FILE.py|FILE.ssp", "a component, a system of components, a number of the two texts")
+        str,
+        subject(
+            "NAME|NUMBER|FILE.py|FILE.urdf|FILE.xml|FILE.ssp",
+            "a component, a system of components, a number of the two texts",
+        ),
     ],
     *,
+    prescribe: Prescribe = "",
     part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, accelerations, forces, ... alone")] = None,
     fix: Annotated[str, option("NAME,...", "prescribed coordinates that stay at rest")] = "",
     text: Annotated[bool, flag("--text", "for a terminal (the default)")] = False,
@@ -35,6 +41,7 @@ def equations(
     part = part or own
     if text + latex + html + modelica > 1 or (modelica and (part or fix)):
         raise typer.BadParameter("choose one of --text, --latex, --html, --modelica, the last without --part and --fix")
+    (target,) = with_prescribed([target], prescribe)
     from liaisons import interface, ssp
     from liaisons.cli._subject import declared_system
     from liaisons.library import modelica_files

@@ -10,6 +10,7 @@ from liaisons.base.project import ProjectError
 from liaisons.cli._command import (
     Inputs,
     Join,
+    Prescribe,
     Size,
     Start,
     Starts,
@@ -21,9 +22,10 @@ from liaisons.cli._command import (
     flag,
     option,
     subject,
+    with_prescribed,
 )
 
-_WHAT = "FMU|SSP|NAME|FILE.py"
+_WHAT = "FMU|SSP|NAME|FILE.py|FILE.urdf|FILE.xml"
 _ZIG = "100 MB, 400 MB unpacked"
 
 
@@ -48,6 +50,7 @@ def animate(
     ],
     starts: Starts,
     size: Size = None,
+    prescribe: Prescribe = "",
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -68,6 +71,7 @@ def animate(
     from liaisons.cosim.running.run import performed
     from liaisons.cosim.structure.scenes import of_file
 
+    (fmu,) = with_prescribed([fmu], prescribe)
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
         _system, asked = simulation(fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size)
@@ -86,6 +90,7 @@ def animate(
     liaisons show SpatialCat --output cat.html --no-open
     liaisons show Pendulum DoublePendulum
     liaisons show my_component.py
+    liaisons show robot.urdf --prescribe shoulder,elbow
     liaisons show system.ssp
     liaisons show Pendulum --input "length=1 + 0.1*sin(6*t)"
 """)
@@ -96,6 +101,7 @@ def show(
         Path | None, option("FILE", "where the page goes (default: NAME.html here)", "--output", "-o")
     ] = None,
     launch: Annotated[bool, flag("--open/--no-open", "open it in the browser")] = True,
+    prescribe: Prescribe = "",
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
@@ -112,7 +118,7 @@ def show(
     from liaisons.live import default_path
     from liaisons.live import show as write_page
 
-    fmu, *others = fmus
+    fmu, *others = with_prescribed(fmus, prescribe)
     live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")

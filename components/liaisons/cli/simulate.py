@@ -17,6 +17,7 @@ from liaisons.base.processes import TIME_LIMIT
 from liaisons.cli._command import (
     Inputs,
     Join,
+    Prescribe,
     Size,
     Start,
     Starts,
@@ -31,6 +32,7 @@ from liaisons.cli._command import (
     show,
     signals,
     subject,
+    with_prescribed,
 )
 from liaisons.errors import SimulationError
 
@@ -59,15 +61,17 @@ class _Command(TyperCommand):
     liaisons simulate system.ssp --set swing.theta_0=0.1 --step 0.01
     liaisons simulate my_component.py --step 0.1 --tolerance 1e-10
     liaisons simulate OscillatorChain --size n=50
+    liaisons simulate robot.urdf --prescribe shoulder --input shoulder="0.1*sin(t)" --stop 5 --step 0.01
     liaisons simulate foreign.fmu --isolated
     """,
     cls=_Command,
 )
 def simulate(
-    fmu: Annotated[str, subject("FMU|SSP|NAME|FILE.py")],
+    fmu: Annotated[str, subject("FMU|SSP|NAME|FILE.py|FILE.urdf|FILE.xml")],
     *,
     starts: Starts,
     size: Size = None,
+    prescribe: Prescribe = "",
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -93,6 +97,7 @@ def simulate(
     from liaisons.cosim.structure.components import time_limit
     from liaisons.results import IncompleteError, Interrupted
 
+    (fmu,) = with_prescribed([fmu], prescribe)
     names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
     system, asked = simulation(

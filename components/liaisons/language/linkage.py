@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
+from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import declared
 from liaisons.language.declarations import Gravity
@@ -27,7 +29,10 @@ from liaisons.language.joints import (
 )
 from liaisons.language.loops import close_loops
 from liaisons.language.mechanism import Mechanism, is_inertia
-from liaisons.language.shapes import Ball, Rod, Shapes, Spring
+from liaisons.language.shapes import Ball, Rod, Shape, Shapes, Spring
+
+if TYPE_CHECKING:
+    from liaisons.language.robot_files.robot import Robot
 
 
 class Linkage(Mechanism, abstract=True):
@@ -41,6 +46,8 @@ class Linkage(Mechanism, abstract=True):
     gravity = Gravity()
     gravity_direction: ClassVar[tuple[float, float, float]] = (0.0, 0.0, -1.0)
     redundant: ClassVar[tuple[str, ...]] = ()  # conditions of loops that follow from the others
+    left_out: ClassVar[tuple[str, ...]] = ()  # what a robot's file has, and the linkage has not
+    visuals: ClassVar[Mapping[str, Sequence[Callable[[BodyFrame], Shape]]]] = {}  # shapes, by body
     _tree: ClassVar[tuple[BodyJoint, ...]] = ()  # from ground outwards
     _closing: ClassVar[tuple[BodyJoint, ...]] = ()
     _joints: ClassVar[Mapping[str, BodyJoint]] = {}
@@ -65,6 +72,32 @@ class Linkage(Mechanism, abstract=True):
                 self.frames.append(frame)
                 self._moving.append(self._moved(frame))
             self._numbers[joint.child.name] = len(self.frames) - 1
+
+    @classmethod
+    def from_urdf(cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> type[Linkage]:
+        """A class of a URDF file's links and joints; its root link is the ground.
+
+        :param prescribe: joints that an operator prescribes.
+        :param limits: whether limits of joints become stops; a start value outside moves to the middle.
+        :raises ComponentError: for a file that cannot be read, or a wrong link or joint in it.
+        """
+        from liaisons.language.robot_files.urdf import read_urdf
+
+        return cls._of_robot(read_urdf(path, prescribe, limits=limits))
+
+    @classmethod
+    def from_mjcf(cls, path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> type[Linkage]:
+        """A class of an MJCF file's bodies and joints, with its gravity; parameters and errors as of from_urdf."""
+        from liaisons.language.robot_files.mjcf import read_mjcf
+
+        return cls._of_robot(read_mjcf(path, prescribe, limits=limits))
+
+    @classmethod
+    def _of_robot(cls, robot: Robot) -> type[Linkage]:
+        try:
+            return type(cls)(robot.name, (cls,), robot.members_of_class())
+        except ComponentError as error:
+            raise ComponentError(f"{robot.path}: {error}") from None
 
     # ---- for use in methods --------------------------------------------------------------------------------------
 
@@ -147,11 +180,17 @@ class Linkage(Mechanism, abstract=True):
             return dict(zip("xyz", ca.vertsplit(self.attached(point, name)), strict=True))
 
         arms = [(joint.parent, f"{joint.name}_at") for joint in (*self._tree, *self._closing)]
-        arms += [(frame.body, f"{frame.body.name}_centre") for frame in self.frames if frame.body]
-        rods = [Rod(position(body), position(body, name)) for body, name in arms if self.vector(name).nnz()]
-        balls = [Ball(position(frame.body, f"{frame.body.name}_centre")) for frame in self.frames if frame.body]
+        centres = [(frame.body, f"{frame.body.name}_centre") for frame in self.frames if frame.body]
+        hidden = self.visuals.keys()
+        rods = [
+            Rod(position(body), position(body, name))
+            for body, name in (*arms, *centres)
+            if self.vector(name).nnz() and body.name not in hidden
+        ]
+        balls = [Ball(position(*centre)) for centre in centres if centre[0].name not in hidden]
+        drawn = [shape(self._frame(self._numbers[body])) for body, shapes in self.visuals.items() for shape in shapes]
         springs = [Spring(*(position(end, name) for end, name in s.both)) for s in self._springs]
-        return [*rods, *balls, *springs]
+        return [*rods, *balls, *drawn, *springs]
 
     @property
     def is_of_bodies(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,13 +21,15 @@ if TYPE_CHECKING:
     from liaisons.mechanics import Equations, Model
 
 Target: TypeAlias = "str | Path | type[Component]"
-"""A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class.
+"""A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class;
+a robot's file, with joints that an operator prescribes (``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``).
 Where FMUs are taken, also the path of one."""
 
 _built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
 """FMUs that are up to date in this process, and the status of these files."""
 _files: WeakKeyDictionary[type[Component], Path] = WeakKeyDictionary()
 """The files that components were loaded from."""
+_ROBOT = re.compile(r"(.*\.(?:urdf|xml))(?::(.*))?", re.IGNORECASE)
 _owners: dict[tuple[Path, str], str] = {}
 """Folder and name of an FMU -> origin of the component that this process has built into it."""
 
@@ -49,7 +52,12 @@ def catalogue_names() -> list[str]:
 def is_target(word: object) -> bool:
     """Return whether a word names a component or an FMU, and no other file."""
     name = str(word)
-    return isinstance(word, type) or name in catalogue_names() or name.endswith((".fmu", ".py")) or ".py:" in name
+    return isinstance(word, type) or name in catalogue_names() or name.endswith(".fmu") or _is_source(name)
+
+
+def is_robot(word: str) -> bool:
+    """Return whether a word names a robot's file."""
+    return bool(_ROBOT.fullmatch(word))
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
@@ -88,7 +96,11 @@ def components(target: Target) -> list[type[Component]]:
         raise ProjectError(
             _no_component_message(target, "is no component; give its name ('Pendulum'), its file or its class")
         )
-    target = str(target)
+    robot = _ROBOT.fullmatch(str(target))
+    return [_of_robot(*robot.groups(""))] if robot else _of_word(str(target))
+
+
+def _of_word(target: str) -> list[type[Component]]:
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
         classes = catalogue()
@@ -109,6 +121,15 @@ def components(target: Target) -> list[type[Component]]:
     if separator and name not in classes:
         raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, classes)}")
     return [classes[name]] if separator else list(classes.values())
+
+
+def _of_robot(path: str, prescribe: str) -> type[Component]:
+    from liaisons.language.linkage import Linkage
+
+    read = Linkage.from_urdf if path.lower().endswith(".urdf") else Linkage.from_mjcf
+    robot = read(path, [name.strip() for name in prescribe.split(",") if name.strip()])
+    _files[robot] = Path(path).resolve()
+    return robot
 
 
 def component(target: Target) -> type[Component]:
@@ -281,11 +302,15 @@ def fmu_file(target: Target) -> Path:
     path = Path(target)
     if path.suffix == ".ssp":
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
-    if path.suffix == ".fmu" or (path.is_file() and path.suffix != ".py"):
+    if path.suffix == ".fmu" or (path.is_file() and not _is_source(path.name)):
         return path
-    if path.suffix != ".py" and ".py:" not in path.name and str(target) not in catalogue():
+    if not _is_source(path.name) and str(target) not in catalogue():
         raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), catalogue())}")
     return fmu_path(target)
+
+
+def _is_source(name: str) -> bool:
+    return name.endswith(".py") or ".py:" in name or is_robot(name)
 
 
 def _no_component_message(target: object, text: str) -> str:

@@ -1,0 +1,1 @@
+"""Files of robots, URDF and MJCF, as declarations of a linkage."""

@@ -1,0 +1,327 @@
+"""MJCF: the format of models of MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from math import pi
+from pathlib import Path
+from typing import Any, TypeAlias, final
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from liaisons.base.arguments import shown
+from liaisons.errors import suggestion
+from liaisons.language.joints import Body, BodyJoint, Free, Prismatic, Revolute, Spherical, Weld, ground
+from liaisons.language.robot_files.robot import Inertia, Pose, Robot, roll_pitch_yaw, rotation_onto
+
+_JOINTS: dict[str, type[BodyJoint]] = {"hinge": Revolute, "slide": Prismatic, "ball": Spherical, "free": Free}
+_CLOSING: dict[str, type[BodyJoint]] = {"connect": Spherical, "weld": Weld}
+_COMPILER = {  # the only values that are read
+    "coordinate": "local",
+    "eulerseq": "xyz",
+    "balanceinertia": "false",
+    "boundmass": "0",
+    "boundinertia": "0",
+    "settotalmass": "-1",
+    "inertiafromgeom": "auto",
+}
+_READ = ["compiler", "option", "default", "worldbody", "equality", "asset", "size", "statistic", "visual"]
+_REFUSED = ["include", "frame", "replicate", "attach", "composite", "flexcomp"]
+_DENSITY = "1000"  # [kg/m3] of a geom without mass
+
+
+def read_mjcf(path: Path | str, prescribe: Iterable[str] = (), *, limits: bool = False) -> Robot:
+    """The robot of an MJCF file.
+
+    :raises ComponentError: for a file with a wrong value, or with what would move the bodies in another manner.
+    """
+    reader = _Reader(Robot(path, "mujoco", prescribe, limits=limits))
+    reader.read()
+    return reader.robot
+
+
+@final
+class _Reader:
+    """Reads the document of a robot."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        compiler = self._merged("compiler").attrib
+        for key, value in _COMPILER.items():
+            if compiler.get(key, value) != value:
+                robot.refuse("<compiler>", f"{key} = {shown(compiler[key])}: only {value!r} is read")
+        unit = compiler.get("angle", "degree")
+        if unit not in ("degree", "radian"):
+            robot.refuse("<compiler>", f"angle = {shown(unit)}: it is 'degree' or 'radian'")
+        self.unit = pi / 180 if unit == "degree" else 1.0
+        self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
+        for element in robot.document.findall("default"):
+            self._read_default(element, "main", "main")
+            self.defaults[element.get("class", "main")] = self.defaults["main"]
+        # The body, its pose in the world, and that of the file's frame, which does not lie at the joint.
+        self.bodies: dict[str, tuple[Body, Pose, Pose]] = {"world": (ground, Pose(), Pose())}
+
+    def read(self) -> None:
+        """Declare bodies and joints, and the joints that close loops."""
+        robot = self.robot
+        for tag in _REFUSED:
+            if robot.document.find(f".//{tag}") is not None:
+                robot.refuse(f"<{tag}>", "it is not read; write out the bodies that it makes")
+        robot.gravity = robot.numbers("<option>", self._merged("option"), "gravity", "0 0 -9.81", 3)
+        for section in robot.document:
+            if section.tag not in _READ:
+                robot.ignored.update(f"<{child.tag}> of <{section.tag}>" for child in section)
+        if robot.document.find("worldbody//geom") is not None:
+            robot.remarks.append("contacts between geoms")
+        for world in robot.document.findall("worldbody"):
+            self._contents(world, ground, Pose(), Pose(), "main")
+        for element in robot.document.findall("equality/*"):
+            self._close(element)
+
+    def _merged(self, tag: str) -> Element:
+        """One element with the attributes of all of this tag."""
+        merged = Element(tag)
+        for element in self.robot.document.findall(tag):
+            merged.attrib.update(element.attrib)
+        return merged
+
+    def _read_default(self, element: Element, name: str, outer: str) -> None:
+        own = self.defaults.setdefault(name, {})
+        for tag in ("joint", "geom"):
+            child = element.find(tag)
+            own[tag] = self.defaults[outer].get(tag, {}) | ({} if child is None else child.attrib)
+        for inner in element.findall("default"):
+            self._read_default(inner, inner.get("class", ""), name)
+
+    def _resolved(self, item: str, element: Element, childclass: str) -> Element:
+        """The element with the attributes of its class."""
+        name = element.get("class", childclass)
+        if name not in self.defaults:
+            self.robot.refuse(
+                item, f"class = {shown(name)}: no <default> is called so{suggestion(name, self.defaults)}"
+            )
+        return Element(element.tag, self.defaults[name].get(element.tag, {}) | element.attrib)
+
+    def _pose(self, item: str, element: Element) -> Pose:
+        def numbers(key: str, count: int, default: str | None = None) -> np.ndarray:
+            return self.robot.numbers(item, element, key, default, count)
+
+        place = numbers("pos", 3, "0 0 0")
+        if "euler" in element.attrib:
+            return Pose(Rotation.from_euler("XYZ", self.unit * numbers("euler", 3)), place)
+        if "axisangle" in element.attrib:
+            *axis, angle = numbers("axisangle", 4)
+            return Pose(Rotation.from_rotvec(self.unit * angle * self._unit(item, axis)), place)
+        if "xyaxes" in element.attrib:
+            x, y = np.split(numbers("xyaxes", 6), 2)
+            x = self._unit(item, x)
+            y = self._unit(item, y - x * (x @ y))
+            return Pose(Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])), place)
+        if "zaxis" in element.attrib:
+            return Pose(rotation_onto(self._unit(item, numbers("zaxis", 3))), place)
+        quaternion = self._unit(item, numbers("quat", 4, "1 0 0 0"))
+        return Pose(Rotation.from_quat(np.roll(quaternion, -1)), place)
+
+    def _unit(self, item: str, vector: Iterable[float]) -> np.ndarray:
+        column = np.array(vector)
+        length = float(np.linalg.norm(column))
+        if not length:
+            self.robot.refuse(item, f"its orientation has the vector {column.tolist()}; it must have a length")
+        return column / length
+
+    def _contents(self, element: Element, body: Body, inner: Pose, world: Pose, childclass: str) -> None:
+        """Read geoms and bodies in a body.
+
+        :param inner: pose of the file's frame in that of the body; ``world`` in the inertial one.
+        """
+        for child in element:
+            if child.tag == "body":
+                self._body(child, body, inner, world, childclass)
+            elif child.tag == "geom":
+                item = f"geom {shown(child.get('name', 'without name'))} of {body.name}"
+                self._draw(item, self._resolved(item, child, childclass), body, inner)
+            elif child.tag not in ("joint", "freejoint", "inertial"):
+                self.robot.ignored[f"<{child.tag}>"] += 1
+
+    def _body(self, element: Element, parent: Body, inner: Pose, world: Pose, childclass: str) -> None:
+        robot, name = self.robot, element.get("name") or f"body_{len(self.bodies)}"
+        item, childclass = f"body {shown(name)}", element.get("childclass", childclass)
+        if name in self.bodies:
+            robot.refuse(item, "another body has this name; rename it")
+        if element.get("mocap", "false") != "false":
+            robot.refuse(item, "mocap: let joints hold the body, and prescribe them")
+        if element.get("gravcomp"):
+            robot.remarks.append(f"gravcomp of {item}")
+        pose = self._pose(item, element)
+        joints = [self._resolved(item, child, childclass) for child in element if child.tag in ("joint", "freejoint")]
+        if not joints:
+            joints = [Element("fixed")]
+        anchors = [Pose(at=robot.numbers(item, joint, "pos", "0 0 0", 3)) for joint in joints]
+        if any(_kind(joint) == "free" for joint in joints):
+            anchors = [Pose()]  # MuJoCo ignores it
+            if len(joints) > 1 or parent is not ground:
+                robot.refuse(item, "a free joint is alone in a body of the world; delete the others")
+        inertia = self._inertia(item, element, childclass)
+        last = anchors[-1]
+        body = robot.body(name, inertia._replace(centre=inertia.centre - last.at), "body")
+        first, step = parent, inner.times(pose).times(anchors[0])
+        for i, joint in enumerate(joints):
+            own = joint.get("name") or f"{name}_joint{f'_{i + 1}' if i else ''}"
+            second = body if i + 1 == len(joints) else robot.body(f"{own}_body", tag="body")
+            self._joint(own, joint, (first, second), step)
+            if second is not body:
+                robot.visuals[second.name] = []  # nothing to be drawn
+                first, step = second, anchors[i + 1].inside(anchors[i])
+        world = world.times(pose)
+        self.bodies[name] = body, world.times(last), world
+        self._contents(element, body, Pose().inside(last), world, childclass)
+
+    def _joint(self, name: str, element: Element, ends: tuple[Body, Body], pose: Pose) -> None:
+        robot, item, kind = self.robot, f"joint {shown(name)}", _kind(element)
+        if kind == "fixed":
+            robot.joint(Weld, name, ends, pose)
+            return
+        if kind not in _JOINTS:
+            robot.refuse(item, f"type = {shown(kind)}: no joint of MJCF{suggestion(kind, _JOINTS)}")
+        law = {key: robot.number(item, element, key, minimum=0) for key in ("stiffness", "damping", "frictionloss")}
+        if robot.number(item, element, "ref") or (law["stiffness"] and robot.number(item, element, "springref")):
+            robot.refuse(item, "ref, springref: coordinates and springs of a linkage begin at 0; delete them")
+        if armature := robot.number(item, element, "armature"):
+            robot.remarks.append(f"armature = {armature:g} of {item}")
+        more: dict[str, Any] = {}
+        if kind == "free":
+            robot.remarks += [f"{key} of {item}, which is free" for key, value in law.items() if value]
+        else:
+            more |= {"stiffness": law["stiffness"], "damping": law["damping"], "friction": law["frictionloss"]}
+        if kind in ("hinge", "slide"):
+            more["axis"] = tuple(robot.direction(item, element, "axis", "0 0 1"))
+            if element.get("limited") != "false":
+                unit = self.unit if kind == "hinge" else 1.0
+                more["limits"] = unit * robot.numbers(item, element, "range", "0 0", 2)
+        robot.joint(_JOINTS[kind], name, ends, pose, **more)
+
+    def _inertia(self, item: str, element: Element, childclass: str) -> Inertia:
+        """Inertia of a body, as declared, or of its geoms."""
+        inertial, robot = element.find("inertial"), self.robot
+        if inertial is None:
+            geoms = [self._resolved(item, geom, childclass) for geom in element.findall("geom")]
+            return _sum([part for geom in geoms for part in self._parts(item, geom)])
+        pose = self._pose(item, inertial)
+        if "fullinertia" in inertial.attrib:
+            moments = robot.numbers(item, inertial, "fullinertia", None, 6)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        else:
+            moments = np.diag(robot.numbers(item, inertial, "diaginertia", None, 3))
+        return Inertia(robot.number(item, inertial, "mass", None), pose.at, pose.tensor(moments))
+
+    def _geometry(self, item: str, geom: Element) -> tuple[str, np.ndarray, Pose]:
+        """Shape, half sizes and pose of a geom."""
+        kind = "mesh" if "mesh" in geom.attrib else geom.get("type", "sphere")
+        if kind not in _SOLIDS:
+            return kind, np.zeros(3), Pose()
+        count = _SOLIDS[kind][0]
+        if "fromto" not in geom.attrib:
+            size = self.robot.numbers(item, geom, "size", None, *range(count, 4), minimum=0)
+            return kind, size[:count], self._pose(item, geom)
+        first, last = np.split(self.robot.numbers(item, geom, "fromto", None, 6), 2)
+        radius = self.robot.numbers(item, geom, "size", None, 1, 2, 3, minimum=0)[0]
+        size = np.array([*[radius] * (count - 1), np.linalg.norm(last - first) / 2])
+        return kind, size, Pose(rotation_onto(self._unit(item, last - first)), (first + last) / 2)
+
+    def _parts(self, item: str, geom: Element) -> Iterator[Inertia]:
+        """What a geom adds to the inertia of its body."""
+        kind, size, pose = self._geometry(item, geom)
+        mass = self.robot.number(item, geom, "mass", "0", minimum=0)
+        density = 0.0 if "mass" in geom.attrib else self.robot.number(item, geom, "density", _DENSITY, minimum=0)
+        if not (mass or density):
+            return
+        if kind not in _SOLIDS or geom.get("shellinertia", "false") != "false":
+            self.robot.refuse(item, f"the mass of its geom of type {shown(kind)} is not computed; give <inertial>")
+        volume, squares = _SOLIDS[kind][1](*map(float, size))
+        mass = mass or density * volume
+        yield Inertia(mass, pose.at, pose.tensor(mass * np.diag(sum(squares) - np.array(squares))))
+
+    def _draw(self, item: str, geom: Element, body: Body, inner: Pose) -> None:
+        kind, size, pose = self._geometry(item, geom)
+        if kind not in _SOLIDS:
+            self.robot.ignored[f"<geom> of type {kind}"] += 1
+            return
+        if kind == "box":
+            shape, lengths = "box", 2 * size
+        elif len(size) == 2:
+            shape, lengths = "rod", size * [1, 2]
+        else:
+            shape, lengths = "ball", size.mean(keepdims=True)
+        self.robot.draw(body, shape, inner.times(pose), lengths)
+
+    def _close(self, element: Element) -> None:
+        """Declare the joint of an equality."""
+        robot, name = self.robot, element.get("name") or f"{element.tag}_{len(self.robot.members)}"
+        item, owner = f"{element.tag} {shown(name)}", element.get("body1", "")
+        if element.get("active", "true") != "true":
+            robot.remarks.append(f"{item}, which is not active")
+            return
+        if element.tag not in _CLOSING or not owner or "relpose" in element.attrib:
+            robot.refuse(item, "of equalities only connect and weld of bodies, at the start, are joints; delete it")
+        names = [owner, element.get("body2", "world")]
+        for body in names:
+            if body not in self.bodies:
+                robot.refuse(item, f"{shown(body)} is no body{suggestion(body, self.bodies)}")
+        if names[1] == "world":
+            names.reverse()
+        (first, outer, _), (second, inner, _) = (self.bodies[body] for body in names)
+        pose = self.bodies[owner][2]
+        if element.tag == "connect":
+            pose = pose.times(Pose(at=robot.numbers(item, element, "anchor", None, 3)))
+        far = pose.inside(inner)
+        angles, place = roll_pitch_yaw(far.axes), tuple(map(float, far.at))
+        robot.joint(
+            _CLOSING[element.tag], name, (first, second), pose.inside(outer), at_child=place, rotation_child=angles
+        )
+
+
+def _kind(joint: Element) -> str:
+    return {"freejoint": "free", "fixed": "fixed"}.get(joint.tag) or joint.get("type", "hinge")
+
+
+def _sum(parts: list[Inertia]) -> Inertia:
+    """Inertia of rigid parts together, by the parallel axes theorem."""
+    mass = sum(part.mass for part in parts)
+    if not mass:
+        return Inertia()
+    centre = np.sum([part.mass * part.centre for part in parts], axis=0) / mass
+    tensor = np.zeros((3, 3))
+    for part in parts:
+        offset = part.centre - centre
+        tensor += part.tensor + part.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    return Inertia(mass, centre, tensor)
+
+
+_Solid: TypeAlias = tuple[float, tuple[float, float, float]]
+"""Volume [m3], and means of the squares of the own coordinates [m2]."""
+
+
+def _ellipsoid(a: float, b: float, c: float) -> _Solid:
+    return 4 / 3 * pi * a * b * c, (a**2 / 5, b**2 / 5, c**2 / 5)
+
+
+def _cylinder(radius: float, half: float) -> _Solid:
+    return 2 * pi * radius**2 * half, (radius**2 / 4, radius**2 / 4, half**2 / 3)
+
+
+def _capsule(radius: float, half: float) -> _Solid:
+    """A cylinder with half a ball at either end."""
+    (ball, (square, *_)), (middle, (across, _, along)) = _ellipsoid(radius, radius, radius), _cylinder(radius, half)
+    ends, whole = square + half**2 + 0.75 * radius * half, ball + middle
+    across = (ball * square + middle * across) / whole
+    return whole, (across, across, (ball * ends + middle * along) / whole)
+
+
+_SOLIDS: dict[str, tuple[int, Callable[..., _Solid]]] = {  # count of half sizes
+    "sphere": (1, lambda r: _ellipsoid(r, r, r)),
+    "capsule": (2, _capsule),
+    "cylinder": (2, _cylinder),
+    "box": (3, lambda a, b, c: (8 * a * b * c, (a**2 / 3, b**2 / 3, c**2 / 3))),
+    "ellipsoid": (3, _ellipsoid),
+}
