@@ -1,0 +1,44 @@
+"""Robots' files on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from .conftest import Cli, Runs, is_misuse
+
+ROBOTS = Path(__file__).parents[1] / "language" / "robots"
+
+
+@pytest.mark.parametrize("name", ["ur5.urdf", "panda.xml"])
+def test_build_and_simulate_take_a_robots_file(liaisons: Cli, name: str, tmp_path: Path) -> None:
+    joints = {"ur5.urdf": "shoulder_pan,elbow", "panda.xml": "joint1,joint4"}[name]
+    first = joints.partition(",")[0]
+    built = liaisons("build", ROBOTS / name, "--prescribe", joints)
+    assert built.status == 0, built.err
+    assert Path(built.out.strip()) == Path("fmus", f"{Path(name).stem}.fmu")
+    assert "left out: " in built.err
+    words = ("--prescribe", joints, "--input", f"{first}=0.1*sin(t)", "--stop", "0.1", "--step", "0.01")
+    simulated = liaisons("simulate", ROBOTS / name, *words, "--record", f"{first}_force,energy_balance")
+    assert simulated.status == 0, simulated.err
+    assert f"{first}_force" in simulated.out
+    assert list(tmp_path.rglob("*.fmu")) == [tmp_path / "fmus" / f"{Path(name).stem}.fmu"]
+
+
+def test_equations_and_show_take_a_robots_file(runs: Runs, tmp_path: Path) -> None:
+    leg = ROBOTS / "a1_leg.urdf"
+    free, shown = runs("equations", leg), runs("equations", leg, "--prescribe", "FL_hip_joint,FL_thigh_joint")
+    assert "Power of the operators" in shown
+    assert "Power of the operators" not in free
+    assert shown == runs("equations", f"{leg}:FL_hip_joint,FL_thigh_joint")
+    arm = ROBOTS / "ur5.urdf"
+    runs("show", arm, "--prescribe", "elbow", "--input", "elbow=0.1*t", "--no-open", "--output", "arm.html")
+    assert "shoulder_lift" in (tmp_path / "arm.html").read_text(encoding="utf-8")
+
+
+def test_misuse(liaisons: Cli) -> None:
+    assert is_misuse(liaisons("build", ROBOTS / "ur5.urdf", "--prescribe", "elbo"), "did you mean 'elbow'")
+    assert is_misuse(liaisons("build", "Pendulum", "--prescribe", "theta"), "--prescribe is of a robot's file")
+    assert is_misuse(liaisons("equations", "no.urdf"), "no.urdf")
+    assert is_misuse(liaisons("simulate", "no.xml"), "no.xml")

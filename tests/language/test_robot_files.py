@@ -1,0 +1,456 @@
+"""Linkages of URDF and MJCF files against matrices that are multiplied without them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from liaisons import Linkage, build, derive, operator, simulate
+from liaisons.errors import ComponentError
+from liaisons.models import Sinusoid
+
+ROBOTS = Path(__file__).parent / "robots"
+URDF = ["ur5.urdf", "panda.urdf", "a1_leg.urdf"]
+LINK = '<link name="{}"><inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+JOINT = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/>{}</joint>'
+
+
+def numbers(element: ElementTree.Element | None, key: str, default: str = "0 0 0") -> np.ndarray:
+    return np.array([float(word) for word in (element.get(key, default) if element is not None else default).split()])
+
+
+def transform(element: ElementTree.Element) -> np.ndarray:
+    """Homogeneous transform of an <origin>."""
+    origin, matrix = element.find("origin"), np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("xyz", numbers(origin, "rpy")).as_matrix()
+    matrix[:3, 3] = numbers(origin, "xyz")
+    return matrix
+
+
+def by_products(path: Path, q: dict[str, float], rates: list[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Poses of the links, and the mass matrix as the sum of m Jᵀ J + Jᵀ R I Rᵀ J; read and computed here alone."""
+    robot = ElementTree.parse(path).getroot()
+    poses: dict[Any, Any] = {}
+    columns: dict[Any, list[Any]] = {}  # by link: name of a rate, angular velocity, velocity and its point
+    joints = robot.findall("joint")
+    children = {j.find("child").get("link") for j in joints}  # type: ignore[union-attr]
+    for link in robot.findall("link"):
+        if link.get("name") not in children:
+            poses[link.get("name")], columns[link.get("name")] = np.eye(4), []
+    while joints:
+        joint = next(j for j in joints if j.find("parent").get("link") in poses)  # type: ignore[union-attr]
+        joints.remove(joint)
+        name, parent = joint.get("name"), joint.find("parent").get("link")  # type: ignore[union-attr]
+        pose = poses[parent] @ transform(joint)
+        moves, own = np.eye(4), []
+        if joint.get("type") == "floating":
+            quaternion = [q[f"{name}_q_{x}"] for x in "xyzw"]
+            moves[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+            moves[:3, 3] = [q[f"{name}_{x}"] for x in "xyz"]
+            own = [(f"{name}_{x}", np.zeros(3), pose[:3, i]) for i, x in enumerate("xyz")]
+            body = pose @ moves
+            own += [(f"{name}_omega_{x}", body[:3, i], np.zeros(3)) for i, x in enumerate("xyz")]
+        elif joint.get("type") == "prismatic":
+            axis = numbers(joint.find("axis"), "xyz", "1 0 0")
+            moves[:3, 3] = q[name] * axis / np.linalg.norm(axis)
+            own = [(name, np.zeros(3), pose[:3, :3] @ axis / np.linalg.norm(axis))]
+        elif joint.get("type") in ("revolute", "continuous"):
+            axis = numbers(joint.find("axis"), "xyz", "1 0 0")
+            axis /= np.linalg.norm(axis)
+            moves[:3, :3] = Rotation.from_rotvec(q[name] * axis).as_matrix()
+            own = [(name, pose[:3, :3] @ axis, np.zeros(3))]
+        child = joint.find("child").get("link")  # type: ignore[union-attr]
+        poses[child] = pose @ moves
+        columns[child] = columns[parent] + [(*column, poses[child][:3, 3]) for column in own]
+    return poses, mass_matrix_of(robot, poses, columns, rates)
+
+
+def mass_matrix_of(
+    robot: ElementTree.Element, poses: dict[str, np.ndarray], columns: dict[str, list[Any]], rates: list[str]
+) -> np.ndarray:
+    mass_matrix = np.zeros((len(rates), len(rates)))
+    for link in robot.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is None:
+            continue
+        centre = poses[link.get("name")] @ transform(inertial)
+        tensor = np.zeros((3, 3))
+        for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+            value = inertial.find("inertia").get(f"i{'xyz'[i]}{'xyz'[j]}")  # type: ignore[union-attr]
+            tensor[i, j] = tensor[j, i] = float(value)
+        J = np.zeros((6, len(rates)))
+        for name, omega, v, point in columns[link.get("name")]:
+            J[:, rates.index(name)] = [*omega, *(v + np.cross(omega, centre[:3, 3] - point))]
+        mass = float(inertial.find("mass").get("value"))  # type: ignore[union-attr, arg-type]
+        R = centre[:3, :3]
+        mass_matrix += mass * J[3:].T @ J[3:] + J[:3].T @ R @ tensor @ R.T @ J[:3]
+    return mass_matrix
+
+
+def state_of(tree: type[Linkage], seed: int) -> dict[str, float]:
+    rng = np.random.default_rng(seed)
+    state = {q.name: float(rng.uniform(-2, 2)) for q in tree.coordinates}
+    for orientation in tree.orientations:
+        q = rng.normal(size=4)
+        state |= dict(zip(orientation.quaternion, (q / np.linalg.norm(q)).tolist(), strict=True))
+    return state
+
+
+def rates_of(tree: type[Linkage]) -> list[str]:
+    return [*(q.name for q in tree.coordinates), *(name for o in tree.orientations for name in o.rates)]
+
+
+def mass_matrix(tree: type[Linkage], state: dict[str, float]) -> np.ndarray:
+    rates = {f"{q.name}_dot": 0.1 for q in tree.coordinates} | dict.fromkeys(rates_of(tree), 0.1)
+    return np.array(derive(tree).evaluate("mass_matrix", **{**rates, **state}))
+
+
+def poses_of(tree: type[Linkage], state: dict[str, float]) -> dict[str, np.ndarray]:
+    m = tree()
+    values = {**m.start_values(), **state}
+    frames = {frame.body.name: m.frame_of(frame.body) for frame in m.frames if frame.body}
+    symbols = [symbol for name, symbol in m.symbols.items() if name in values]
+    function = ca.Function(
+        "poses", symbols, [ca.densify(ca.horzcat(frame.matrix, frame.origin)) for frame in frames.values()]
+    )
+    result = function(*(values[str(symbol)] for symbol in symbols))
+    return dict(zip(frames, map(np.array, result if isinstance(result, (list, tuple)) else [result]), strict=True))
+
+
+def assert_equal(got: np.ndarray, expected: np.ndarray, digits: float = 1e-12) -> None:
+    np.testing.assert_allclose(got, expected, rtol=0, atol=digits * np.abs(expected).max())
+
+
+def imported(name: str, **options: Any) -> type[Linkage]:
+    path = ROBOTS / name
+    return (Linkage.from_urdf if path.suffix == ".urdf" else Linkage.from_mjcf)(path, **options)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", URDF)
+def test_kinematics_and_mass_matrix_are_products_of_transforms(name: str, seed: int) -> None:
+    tree = imported(name)
+    state = state_of(tree, seed)
+    poses, expected = by_products(ROBOTS / name, state, rates_of(tree))
+    own = poses_of(tree, state)
+    assert len(own) == len(poses) - 1  # all but the ground
+    for body, pose in own.items():
+        assert_equal(pose, poses[body][:3])
+    assert_equal(mass_matrix(tree, state), expected)
+
+
+def test_the_same_robot_in_both_formats() -> None:
+    first, second = imported("panda.urdf"), imported("panda.xml")
+    assert [q.name for q in first.coordinates] == [q.name for q in second.coordinates]
+    equations, others = derive(first), derive(second)
+    for seed in range(3):
+        state = state_of(first, seed) | {f"{q.name}_dot": 0.3 for q in first.coordinates}
+        for quantity in ("mass_matrix", "accelerations"):
+            got, expected = equations.evaluate(quantity, **state), others.evaluate(quantity, **state)
+            scale = 1 if quantity == "mass_matrix" else np.linalg.cond(equations.evaluate("mass_matrix", **state))
+            assert_equal(np.array(got), np.array(expected), 1e-12 * scale)
+
+
+@pytest.mark.parametrize(
+    ("name", "prescribe"),
+    [("ur5.urdf", ["shoulder_pan", "elbow"]), ("panda.xml", ["joint2", "joint4"]), ("a1_leg.urdf", ["FL_hip_joint"])],
+)
+def test_fmus_keep_the_energy_account(name: str, prescribe: list[str], tmp_path: Path) -> None:
+    tree = imported(name, prescribe=prescribe)
+    assert [active.name for active in tree.actives] == prescribe
+    moved = {joint: operator(Sinusoid, amplitude=0.3, angular_frequency=2.0) for joint in prescribe}
+    settings: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.02, "tolerance": 1e-12, "input_reconstruction": 2}
+    result = simulate(build(tree, tmp_path), **moved, **settings)
+    assert np.abs(result["energy_balance"]).max() <= 1e-9 * max(1.0, np.abs(result["energy"]).max())
+    assert all(np.ptp(result[f"{joint}_force"]) > 0 for joint in prescribe)
+
+
+def test_limits_are_stops_if_requested() -> None:
+    assert not imported("panda.urdf").unilaterals
+    with_stops = imported("panda.urdf", limits=True, prescribe=["joint1"])
+    assert [u.name for u in with_stops.unilaterals][:2] == ["joint2_above", "joint2_below"]
+    starts = {q.name: q.start for q in with_stops.coordinates}
+    assert starts["joint4"] == pytest.approx(-1.5708)  # 0 is outside -3.0718 .. -0.0698
+    assert starts["joint2"] == 0
+    assert not any("limits" in line for line in with_stops.left_out)
+
+
+def test_what_is_left_out_is_named() -> None:
+    assert set(imported("ur5.urdf").left_out) == {
+        "1 <transmission>",
+        "1 <gazebo>",
+        "6 <collision>",
+        "1 <mesh> of a picture",
+        "6 limits of joints (limits=True makes stops of them)",
+    }
+    assert {"2 <motor> of <actuator>", "1 <jointpos> of <sensor>", "1 <light>"} < set(imported("panda.xml").left_out)
+
+
+def test_shapes_of_links_are_drawn() -> None:
+    shapes = [type(shape).__name__ for shape in imported("a1_leg.urdf")().picture()]
+    assert shapes.count("Box") == 1  # the trunk
+    assert shapes[-3:] == ["Box", "Rod", "Ball"]
+    assert shapes.count("Ball") == 3  # thigh, calf, and the foot's sphere: what has no shape has a ball
+
+
+# ---- small files ---------------------------------------------------------------------------------------------------
+
+
+def urdf(tmp_path: Path, *lines: str, head: str = '<robot name="r">', **options: Any) -> type[Linkage]:
+    path = tmp_path / "r.urdf"
+    path.write_text("\n".join([head, *lines, "</robot>"]), encoding="utf-8")
+    return Linkage.from_urdf(path, **options)
+
+
+def mjcf(tmp_path: Path, text: str, before: str = "", after: str = "", **options: Any) -> type[Linkage]:
+    path = tmp_path / "m.xml"
+    path.write_text(f"<mujoco>{before}<worldbody>{text}</worldbody>{after}</mujoco>", encoding="utf-8")
+    return Linkage.from_mjcf(path, **options)
+
+
+def test_a_planar_joint_moves_in_the_plane_of_its_normal(tmp_path: Path) -> None:
+    origin = '<origin xyz="0 0 1" rpy="0 0.3 0"/><axis xyz="2 1 2"/>'
+    lines = LINK.format("a", 1), LINK.format("b", 2), JOINT.format("j", "planar", "a", "b", origin)
+    tree = urdf(tmp_path, *lines)
+    own = Rotation.from_euler("xyz", [0, 0.3, 0])
+    normal = own.apply([2 / 3, 1 / 3, 2 / 3])
+    at_start = poses_of(tree, {})["b"]
+    assert_equal(at_start[:, :3], own.as_matrix())
+    moved = poses_of(tree, {"j_x": 0.7, "j_y": -0.4, "j_angle": 0.5})["b"]
+    shift = moved[:, 3] - at_start[:, 3]
+    assert np.linalg.norm(shift) == pytest.approx(np.hypot(0.7, 0.4))
+    assert normal @ shift == pytest.approx(0, abs=1e-14)
+    assert_equal(moved[:, :3] @ at_start[:, :3].T, Rotation.from_rotvec(0.5 * normal).as_matrix())
+
+
+def test_names_become_identifiers(tmp_path: Path) -> None:
+    lines = LINK.format("base", 1), LINK.format("1-arm", 1), LINK.format("elbow", 1)
+    joints = (
+        JOINT.format("my joint!", "continuous", "base", "1-arm", ""),
+        JOINT.format("elbow", "prismatic", "1-arm", "elbow", '<dynamics damping="2" friction="0.5"/>'),
+    )
+    tree = urdf(tmp_path, *lines, *joints, prescribe=["my joint!"])
+    assert [q.name for q in tree.coordinates] == ["elbow"]
+    assert [s.name for s in tree.actives] == ["my_joint"]
+    names = {p.name: p.start for p in tree.parameters}
+    assert {"n1_arm_mass", "elbow_link_mass"} < set(names)
+    assert (names["elbow_damping"], names["elbow_friction"]) == (2, 0.5)
+
+
+def test_several_joints_of_a_body_turn_about_their_own_points(tmp_path: Path) -> None:
+    text = """<body name="b" pos="0 0 1" euler="0 0 90">
+        <joint name="s" type="slide" axis="1 0 0"/><joint name="h" axis="0 0 1" pos="1 0 0"/>
+        <joint name="k" axis="0 1 0" pos="0 0 2"/><inertial mass="2" pos="0 0 0.5" diaginertia="1 1 1"/></body>"""
+    tree = mjcf(tmp_path, text, '<compiler angle="degree"/><option gravity="3 0 -4"/>')
+    q = {"s": 0.3, "h": 0.4, "k": 0.5}
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = Rotation.from_euler("z", 90, degrees=True).as_matrix(), (0, 0, 1)
+    for axis, point, angle in (([0, 0, 1], [1, 0, 0], 0.4), ([0, 1, 0], [0, 0, 2], 0.5)):
+        if axis[2]:
+            T[:3, 3] += T[:3, 0] * 0.3
+        turned = np.eye(4)
+        turned[:3, :3] = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
+        turned[:3, 3] = point - turned[:3, :3] @ point
+        T = T @ turned
+    pose = poses_of(tree, q)["b"]
+    assert_equal(pose[:, :3], T[:3, :3])
+    assert_equal(pose[:, 3], (T @ [0, 0, 2, 1])[:3])  # our frame lies at the last joint
+    assert tree.gravity_direction == pytest.approx((0.6, 0, -0.8))
+    assert {p.name: p.start for p in tree.parameters}["gravity"] == pytest.approx(5)
+
+
+def monte_carlo(inside: Callable[[np.ndarray], np.ndarray], half: np.ndarray) -> tuple[float, np.ndarray]:
+    """Volume and second moments of a body by a grid of midpoints."""
+    axes = [(np.arange(160) + 0.5) / 80 * h - h for h in half]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points, cell = points[inside(points)], float(np.prod(half / 80))
+    return len(points) * cell, np.trace(points.T @ points) * np.eye(3) * cell - points.T @ points * cell
+
+
+@pytest.mark.parametrize(
+    ("geom", "half", "inside"),
+    [
+        ('type="sphere" size="0.3"', [0.3] * 3, lambda r: np.linalg.norm(r, axis=1) < 0.3),
+        ('type="box" size="0.1 0.2 0.3"', [0.1, 0.2, 0.3], lambda r: r[:, 0] < 1),
+        ('type="ellipsoid" size="0.1 0.2 0.3"', [0.1, 0.2, 0.3], lambda r: ((r / [0.1, 0.2, 0.3]) ** 2).sum(1) < 1),
+        ('type="cylinder" size="0.2 0.3"', [0.2, 0.2, 0.3], lambda r: np.hypot(r[:, 0], r[:, 1]) < 0.2),
+        (
+            'type="capsule" size="0.2 0.3"',
+            [0.2, 0.2, 0.5],
+            lambda r: np.hypot(np.hypot(r[:, 0], r[:, 1]), np.maximum(np.abs(r[:, 2]) - 0.3, 0)) < 0.2,
+        ),
+        (
+            'type="capsule" size="0.2" fromto="0 0 -0.3 0 0 0.3"',
+            [0.2, 0.2, 0.5],
+            lambda r: np.hypot(np.hypot(r[:, 0], r[:, 1]), np.maximum(np.abs(r[:, 2]) - 0.3, 0)) < 0.2,
+        ),
+    ],
+)
+def test_geoms_have_the_inertia_of_their_volume(geom: str, half: list[float], inside: Any, tmp_path: Path) -> None:
+    tree = mjcf(tmp_path, f'<body name="b"><joint name="j"/><geom density="500" {geom}/></body>')
+    volume, tensor = monte_carlo(inside, np.array(half))
+    names = {p.name: p.start for p in tree.parameters}
+    assert names["b_mass"] == pytest.approx(500 * volume, rel=2e-3)
+    for i, axis in enumerate("xyz"):
+        assert names[f"b_inertia_{axis}{axis}"] == pytest.approx(500 * tensor[i, i], rel=5e-3)
+
+
+def test_geoms_together_obey_the_parallel_axes_theorem(tmp_path: Path) -> None:
+    geoms = '<geom type="box" size="0.1 0.2 0.3" mass="2" pos="1 0 0"/><geom mass="1" size="0.1" pos="-1 3 0"/>'
+    tree = mjcf(tmp_path, f'<body name="b"><joint name="j"/>{geoms}</body>')
+    names = {p.name: p.start for p in tree.parameters}
+    assert (names["b_mass"], names["b_centre_x"], names["b_centre_y"]) == pytest.approx((3, 1 / 3, 1))
+    reduced = 2 / 3  # of masses 2 and 1, (2, -3, 0) apart
+    box, ball = 2 / 3 * (0.01 + 0.04), 0.4 * 0.01
+    assert names["b_inertia_zz"] == pytest.approx(box + ball + reduced * 13)
+    assert names["b_inertia_xy"] == pytest.approx(reduced * 6)
+
+
+def test_connect_closes_a_loop(tmp_path: Path) -> None:
+    geom = '<geom type="capsule" size="0.02" fromto="0 0 0 {} 0 {}"/>'
+    crank = f'<body name="crank"><joint name="turn" axis="0 1 0"/>{geom.format(0, 1)}'
+    coupler = f'<body name="coupler" pos="0 0 1"><joint name="elbow" axis="0 1 0"/>{geom.format(2, 1)}</body></body>'
+    rocker = f'<body name="rocker" pos="2 0 0"><joint name="swing" axis="0 1 0"/>{geom.format(0, 2)}</body>'
+    equality = '<equality><connect name="pin" body1="coupler" body2="rocker" anchor="2 0 1"/></equality>'
+    tree = mjcf(tmp_path, crank + coupler + rocker, after=equality, prescribe=["turn"])
+    assert len(tree.constraints) == 2
+    assert tree.redundant  # across the plane
+    assert all(abs(q.start) < 1e-12 for q in tree.coordinates)  # the file's configuration is closed
+    weld = '<equality><weld name="pin" body1="rocker"/></equality>'
+    held = mjcf(tmp_path, rocker, after=weld)
+    assert len(held.constraints) == 1  # the one angle that the joint leaves
+
+
+GOOD = (LINK.format("a", 1), LINK.format("b", 1))
+ARM = JOINT.format("j", "continuous", "a", "b", "")
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ((*GOOD, JOINT.format("j", "revolute", "a", "c", "")), ["joint 'j'", "child 'c'", "did you mean|known"]),
+        ((*GOOD, JOINT.format("j", "revolute", "", "b", "")), ["joint 'j'", "parent ''"]),
+        ((*GOOD, ARM, LINK.format("d", 1)), ["links", "'a', 'd'", "one is the root"]),
+        ((*GOOD, ARM, JOINT.format("k", "fixed", "b", "a", "")), ["circle"]),
+        (
+            (
+                *(*GOOD, ARM, LINK.format("c", 1), LINK.format("d", 1)),
+                *(JOINT.format(f"k{x}", "fixed", x, y, "") for x, y in ("cd", "dc")),
+            ),
+            ["hangs on"],
+        ),
+        ((*GOOD, ARM, JOINT.format("k", "fixed", "a", "b", "")), ["link 'b'", "'j' and 'k' hold it"]),
+        ((*GOOD, LINK.format("a", 1), ARM), ["<link> 3", "'a'"]),
+        ((*GOOD, ARM, ARM), ["<joint> 2", "'j'"]),
+        ((GOOD[0], LINK.format("b", -1), ARM), ["b: mass = -1", ">= 0"]),
+        ((GOOD[0], LINK.format("b", "nan"), ARM), ["link 'b'", "value = 'nan'", "finite"]),
+        ((GOOD[0], LINK.format("b", "1e999"), ARM), ["link 'b'", "'1e999'", "finite"]),
+        ((GOOD[0], LINK.format("b", 1).replace('izz="1"', 'izz="5"'), ARM), ["b: inertia", "exceeds the sum"]),
+        ((GOOD[0], LINK.format("b", 1).replace('izz="1"', 'izz="-1"'), ARM), ["b: inertia", ">= 0"]),
+        (
+            (*GOOD, JOINT.format("j", "revolute", "a", "b", '<axis xyz="0 0 0"/>')),
+            ["joint 'j'", "0 0 0 of <axis>"],
+        ),
+        (
+            (*GOOD, JOINT.format("j", "revolute", "a", "b", '<axis xyz="1 0"/>')),
+            ["joint 'j'", "xyz = '1 0'", "3 finite"],
+        ),
+        ((*GOOD, JOINT.format("j", "revolt", "a", "b", "")), ["joint 'j'", "'revolt'", "did you mean 'revolute'"]),
+        ((*GOOD, JOINT.format("j", "revolute", "a", "b", '<mimic joint="k"/>')), ["joint 'j'", "mimic"]),
+        ((*GOOD, JOINT.format("j", "revolute", "a", "b", '<dynamics damping="-1"/>')), ["joint 'j'", "damping = '-1'"]),
+        ((*GOOD, JOINT.format("j", "fixed", "a", "b", "")), ["none moves"]),
+        ((*GOOD, JOINT.format("***", "revolute", "a", "b", "")), ["joint '***'", "rename"]),
+        ((*GOOD, JOINT.format("gravity", "revolute", "a", "b", "")), ["joint 'gravity'", "taken", "rename"]),
+        ((*GOOD, JOINT.format("weight", "revolute", "a", "b", "")), ["weight", "taken", "choose another"]),
+        (
+            (*GOOD, ARM, LINK.format("b!", 1), JOINT.format("k", "revolute", "a", "b!", "")),
+            ["link 'b!'", "'b'", "taken", "rename"],
+        ),
+        (('<link name="a"/>', '<link name="b"/>', ARM), ["j: no mass moves", "give it a mass"]),
+        (("<unclosed>",), ["mismatched tag"]),
+        ((*GOOD, ARM, "<x>" * 300 + "</x>" * 300), ["nested more than 200"]),
+        (
+            tuple(LINK.format(f"l{i}", 1) for i in range(1200))
+            + tuple(JOINT.format(f"j{i}", "revolute", f"l{i}", f"l{i + 1}", "") for i in range(1199)),
+            ["more than 1000 bodies"],
+        ),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_wrong_urdf(lines: tuple[str, ...], words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(ComponentError) as caught:
+        urdf(tmp_path, *lines)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.startswith(str(tmp_path / "r.urdf"))
+    assert len(text.removeprefix(str(tmp_path))) < 250
+    for word in words:
+        assert re.search(word if "|" in word else re.escape(word), text), text
+
+
+def test_entities_are_refused(tmp_path: Path) -> None:
+    head = '<!DOCTYPE robot [<!ENTITY e SYSTEM "file:///etc/passwd">]><robot name="&e;">'
+    with pytest.raises(ComponentError, match="document type"):
+        urdf(tmp_path, *GOOD, ARM, head=head)
+
+
+def test_other_documents_and_files(tmp_path: Path) -> None:
+    with pytest.raises(ComponentError, match=r"no\.urdf: No such file"):
+        Linkage.from_urdf(tmp_path / "no.urdf")
+    with pytest.raises(ComponentError, match=r"panda\.xml: <'mujoco'>: the document must be <robot>"):
+        Linkage.from_urdf(ROBOTS / "panda.xml")
+    with pytest.raises(ComponentError, match=r"'elbo': no joint is called so; did you mean 'elbow'"):
+        imported("ur5.urdf", prescribe=["elbo"])
+    with pytest.raises(ComponentError, match=r"joint 'tool': it does not move"):
+        imported("ur5.urdf", prescribe=["tool"])
+
+
+BODY = '<body name="b">{}<inertial mass="1" pos="0 0 1" diaginertia="1 1 1"/>{}</body>'
+
+
+@pytest.mark.parametrize(
+    ("text", "before", "after", "words"),
+    [
+        (BODY.format('<joint type="wheel"/>', ""), "", "", ["b_joint", "'wheel'"]),
+        (BODY.format('<joint class="no"/>', ""), "", "", ["body 'b'", "class = 'no'"]),
+        (BODY.format('<joint axis="0 0 0"/>', ""), "", "", ["b_joint", "axis = 0 0 0 of <joint>"]),
+        (BODY.format('<joint ref="10"/>', ""), "", "", ["b_joint", "ref"]),
+        (BODY.format("<joint/>", "").replace("diag", "d"), "", "", ["body 'b'", "diaginertia = None", "3 finite"]),
+        (BODY.format("<joint/>", "").replace('mass="1"', 'mass="-1"'), "", "", ["b: mass = -1"]),
+        (BODY.format("<freejoint/><joint/>", ""), "", "", ["body 'b'", "alone"]),
+        (BODY.format("<joint/>", BODY.format("<joint/>", "")), "", "", ["body 'b'", "another body"]),
+        ('<body name="b" mocap="true"/>', "", "", ["body 'b'", "mocap"]),
+        ('<body name="b" quat="0 0 0 0"/>', "", "", ["body 'b'", "orientation"]),
+        ('<body name="b"><joint/><geom type="mesh" mesh="m"/></body>', "", "", ["body 'b'", "'mesh'", "<inertial>"]),
+        ('<body name="b"><joint/><geom size="-1"/></body>', "", "", ["body 'b'", "size = '-1'", ">= 0"]),
+        ('<body name="b"><frame/></body>', "", "", ["<frame>"]),
+        (BODY.format("<joint/>", ""), '<include file="/etc/passwd"/>', "", ["<include>"]),
+        (BODY.format("<joint/>", ""), '<compiler eulerseq="XYZ"/>', "", ["eulerseq = 'XYZ'", "'xyz'"]),
+        (BODY.format("<joint/>", ""), '<compiler angle="turns"/>', "", ["angle = 'turns'"]),
+        (BODY.format("<joint/>", ""), '<option gravity="down"/>', "", ["gravity = 'down'", "3 finite"]),
+        (BODY.format("<joint/>", ""), "", '<equality><joint joint1="j"/></equality>', ["joint", "delete"]),
+        (
+            BODY.format("<joint/>", ""),
+            "",
+            '<equality><connect body1="c" anchor="0 0 0"/></equality>',
+            ["connect", "'c' is no body"],
+        ),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_wrong_mjcf(text: str, before: str, after: str, words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(ComponentError) as caught:
+        mjcf(tmp_path, text, before, after)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(str(tmp_path / "m.xml"))
+    for word in words:
+        assert word in message, message
