@@ -23,11 +23,11 @@ LINK = '<link name="{}"><inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz
 JOINT = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/>{}</joint>'
 
 
-def numbers(element: ElementTree.Element | None, key: str, default: str = "0 0 0") -> np.ndarray:
+def numbers(element: Any, key: str, default: str = "0 0 0") -> np.ndarray:
     return np.array([float(word) for word in (element.get(key, default) if element is not None else default).split()])
 
 
-def transform(element: ElementTree.Element) -> np.ndarray:
+def transform(element: Any) -> np.ndarray:
     """Homogeneous transform of an <origin>."""
     origin, matrix = element.find("origin"), np.eye(4)
     matrix[:3, :3] = Rotation.from_euler("xyz", numbers(origin, "rpy")).as_matrix()
@@ -37,18 +37,18 @@ def transform(element: ElementTree.Element) -> np.ndarray:
 
 def by_products(path: Path, q: dict[str, float], rates: list[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Poses of the links, and the mass matrix as the sum of m Jᵀ J + Jᵀ R I Rᵀ J; read and computed here alone."""
-    robot = ElementTree.parse(path).getroot()
+    robot: Any = ElementTree.parse(path).getroot()
     poses: dict[Any, Any] = {}
     columns: dict[Any, list[Any]] = {}  # by link: name of a rate, angular velocity, velocity and its point
     joints = robot.findall("joint")
-    children = {j.find("child").get("link") for j in joints}  # type: ignore[union-attr]
+    children = {j.find("child").get("link") for j in joints}
     for link in robot.findall("link"):
         if link.get("name") not in children:
             poses[link.get("name")], columns[link.get("name")] = np.eye(4), []
     while joints:
-        joint = next(j for j in joints if j.find("parent").get("link") in poses)  # type: ignore[union-attr]
+        joint = next(j for j in joints if j.find("parent").get("link") in poses)
         joints.remove(joint)
-        name, parent = joint.get("name"), joint.find("parent").get("link")  # type: ignore[union-attr]
+        name, parent = joint.get("name"), joint.find("parent").get("link")
         pose = poses[parent] @ transform(joint)
         moves, own = np.eye(4), []
         if joint.get("type") == "floating":
@@ -67,14 +67,14 @@ def by_products(path: Path, q: dict[str, float], rates: list[str]) -> tuple[dict
             axis /= np.linalg.norm(axis)
             moves[:3, :3] = Rotation.from_rotvec(q[name] * axis).as_matrix()
             own = [(name, pose[:3, :3] @ axis, np.zeros(3))]
-        child = joint.find("child").get("link")  # type: ignore[union-attr]
+        child = joint.find("child").get("link")
         poses[child] = pose @ moves
         columns[child] = columns[parent] + [(*column, poses[child][:3, 3]) for column in own]
     return poses, mass_matrix_of(robot, poses, columns, rates)
 
 
 def mass_matrix_of(
-    robot: ElementTree.Element, poses: dict[str, np.ndarray], columns: dict[str, list[Any]], rates: list[str]
+    robot: Any, poses: dict[str, np.ndarray], columns: dict[str, list[Any]], rates: list[str]
 ) -> np.ndarray:
     mass_matrix = np.zeros((len(rates), len(rates)))
     for link in robot.findall("link"):
@@ -84,12 +84,12 @@ def mass_matrix_of(
         centre = poses[link.get("name")] @ transform(inertial)
         tensor = np.zeros((3, 3))
         for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-            value = inertial.find("inertia").get(f"i{'xyz'[i]}{'xyz'[j]}")  # type: ignore[union-attr]
+            value = inertial.find("inertia").get(f"i{'xyz'[i]}{'xyz'[j]}")
             tensor[i, j] = tensor[j, i] = float(value)
         J = np.zeros((6, len(rates)))
         for name, omega, v, point in columns[link.get("name")]:
             J[:, rates.index(name)] = [*omega, *(v + np.cross(omega, centre[:3, 3] - point))]
-        mass = float(inertial.find("mass").get("value"))  # type: ignore[union-attr, arg-type]
+        mass = float(inertial.find("mass").get("value"))
         R = centre[:3, :3]
         mass_matrix += mass * J[3:].T @ J[3:] + J[:3].T @ R @ tensor @ R.T @ J[:3]
     return mass_matrix
