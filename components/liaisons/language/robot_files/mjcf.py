@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
 from liaisons.language.joints import Body, BodyJoint, Free, Prismatic, Revolute, Spherical, Weld, ground
-from liaisons.language.robot_files.robot import Inertia, Pose, Robot, roll_pitch_yaw, rotation_onto
+from liaisons.language.robot_files.robot import MassProperties, Pose, Robot, roll_pitch_yaw, rotation_onto
 
 _JOINTS: dict[str, type[BodyJoint]] = {"hinge": Revolute, "slide": Prismatic, "ball": Spherical, "free": Free}
 _CLOSING: dict[str, type[BodyJoint]] = {"connect": Spherical, "weld": Weld}
@@ -108,21 +108,21 @@ class _Reader:
         def numbers(key: str, count: int, default: str | None = None) -> np.ndarray:
             return self.robot.numbers(item, element, key, default, count)
 
-        place = numbers("pos", 3, "0 0 0")
+        position = numbers("pos", 3, "0 0 0")
         if "euler" in element.attrib:
-            return Pose(Rotation.from_euler("XYZ", self.unit * numbers("euler", 3)), place)
+            return Pose(Rotation.from_euler("XYZ", self.unit * numbers("euler", 3)), position)
         if "axisangle" in element.attrib:
             *axis, angle = numbers("axisangle", 4)
-            return Pose(Rotation.from_rotvec(self.unit * angle * self._unit(item, axis)), place)
+            return Pose(Rotation.from_rotvec(self.unit * angle * self._unit(item, axis)), position)
         if "xyaxes" in element.attrib:
             x, y = np.split(numbers("xyaxes", 6), 2)
             x = self._unit(item, x)
             y = self._unit(item, y - x * (x @ y))
-            return Pose(Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])), place)
+            return Pose(Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])), position)
         if "zaxis" in element.attrib:
-            return Pose(rotation_onto(self._unit(item, numbers("zaxis", 3))), place)
+            return Pose(rotation_onto(self._unit(item, numbers("zaxis", 3))), position)
         quaternion = self._unit(item, numbers("quat", 4, "1 0 0 0"))
-        return Pose(Rotation.from_quat(np.roll(quaternion, -1)), place)
+        return Pose(Rotation.from_quat(np.roll(quaternion, -1)), position)
 
     def _unit(self, item: str, vector: Iterable[float]) -> np.ndarray:
         column = np.array(vector)
@@ -158,14 +158,14 @@ class _Reader:
         joints = [self._resolved(item, child, childclass) for child in element if child.tag in ("joint", "freejoint")]
         if not joints:
             joints = [Element("fixed")]
-        anchors = [Pose(at=robot.numbers(item, joint, "pos", "0 0 0", 3)) for joint in joints]
+        anchors = [Pose(origin=robot.numbers(item, joint, "pos", "0 0 0", 3)) for joint in joints]
         if any(_kind(joint) == "free" for joint in joints):
             anchors = [Pose()]  # MuJoCo ignores it
             if len(joints) > 1 or parent is not ground:
                 robot.refuse(item, "a free joint is alone in a body of the world; delete the others")
         inertia = self._inertia(item, element, childclass)
         last = anchors[-1]
-        body = robot.body(name, inertia._replace(centre=inertia.centre - last.at), "body")
+        body = robot.body(name, inertia._replace(centre=inertia.centre - last.origin), "body")
         first, step = parent, inner.times(pose).times(anchors[0])
         for i, joint in enumerate(joints):
             own = joint.get("name") or f"{name}_joint{f'_{i + 1}' if i else ''}"
@@ -202,8 +202,8 @@ class _Reader:
                 more["limits"] = unit * robot.numbers(item, element, "range", "0 0", 2)
         robot.joint(_JOINTS[kind], name, ends, pose, **more)
 
-    def _inertia(self, item: str, element: Element, childclass: str) -> Inertia:
-        """Inertia of a body, as declared, or of its geoms."""
+    def _inertia(self, item: str, element: Element, childclass: str) -> MassProperties:
+        """MassProperties of a body, as declared, or of its geoms."""
         inertial, robot = element.find("inertial"), self.robot
         if inertial is None:
             geoms = [self._resolved(item, geom, childclass) for geom in element.findall("geom")]
@@ -213,7 +213,7 @@ class _Reader:
             moments = robot.numbers(item, inertial, "fullinertia", None, 6)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
         else:
             moments = np.diag(robot.numbers(item, inertial, "diaginertia", None, 3))
-        return Inertia(robot.number(item, inertial, "mass", None), pose.at, pose.tensor(moments))
+        return MassProperties(robot.number(item, inertial, "mass", None), pose.origin, pose.tensor(moments))
 
     def _geometry(self, item: str, geom: Element) -> tuple[str, np.ndarray, Pose]:
         """Shape, half sizes and pose of a geom."""
@@ -229,7 +229,7 @@ class _Reader:
         size = np.array([*[radius] * (count - 1), np.linalg.norm(last - first) / 2])
         return kind, size, Pose(rotation_onto(self._unit(item, last - first)), (first + last) / 2)
 
-    def _parts(self, item: str, geom: Element) -> Iterator[Inertia]:
+    def _parts(self, item: str, geom: Element) -> Iterator[MassProperties]:
         """What a geom adds to the inertia of its body."""
         kind, size, pose = self._geometry(item, geom)
         mass = self.robot.number(item, geom, "mass", "0", minimum=0)
@@ -240,7 +240,7 @@ class _Reader:
             self.robot.refuse(item, f"the mass of its geom of type {shown(kind)} is not computed; give <inertial>")
         volume, squares = _SOLIDS[kind][1](*map(float, size))
         mass = mass or density * volume
-        yield Inertia(mass, pose.at, pose.tensor(mass * np.diag(sum(squares) - np.array(squares))))
+        yield MassProperties(mass, pose.origin, pose.tensor(mass * np.diag(sum(squares) - np.array(squares))))
 
     def _draw(self, item: str, geom: Element, body: Body, inner: Pose) -> None:
         kind, size, pose = self._geometry(item, geom)
@@ -273,11 +273,11 @@ class _Reader:
         (first, outer, _), (second, inner, _) = (self.bodies[body] for body in names)
         pose = self.bodies[owner][2]
         if element.tag == "connect":
-            pose = pose.times(Pose(at=robot.numbers(item, element, "anchor", None, 3)))
+            pose = pose.times(Pose(origin=robot.numbers(item, element, "anchor", None, 3)))
         far = pose.inside(inner)
-        angles, place = roll_pitch_yaw(far.axes), tuple(map(float, far.at))
+        angles, position = roll_pitch_yaw(far.axes), tuple(map(float, far.origin))
         robot.joint(
-            _CLOSING[element.tag], name, (first, second), pose.inside(outer), at_child=place, rotation_child=angles
+            _CLOSING[element.tag], name, (first, second), pose.inside(outer), at_child=position, rotation_child=angles
         )
 
 
@@ -285,17 +285,17 @@ def _kind(joint: Element) -> str:
     return {"freejoint": "free", "fixed": "fixed"}.get(joint.tag) or joint.get("type", "hinge")
 
 
-def _sum(parts: list[Inertia]) -> Inertia:
-    """Inertia of rigid parts together, by the parallel axes theorem."""
+def _sum(parts: list[MassProperties]) -> MassProperties:
+    """MassProperties of rigid parts together, by the parallel axes theorem."""
     mass = sum(part.mass for part in parts)
     if not mass:
-        return Inertia()
+        return MassProperties()
     centre = np.sum([part.mass * part.centre for part in parts], axis=0) / mass
     tensor = np.zeros((3, 3))
     for part in parts:
         offset = part.centre - centre
         tensor += part.tensor + part.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
-    return Inertia(mass, centre, tensor)
+    return MassProperties(mass, centre, tensor)
 
 
 _Solid: TypeAlias = tuple[float, tuple[float, float, float]]

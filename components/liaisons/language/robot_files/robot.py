@@ -27,26 +27,26 @@ _RESERVED = {"gravity", "ground"}
 
 
 class Pose(NamedTuple):
-    """Rotation and place (3,) [m] of a frame in another."""
+    """Rotation and origin (3,) [m] of a frame in another."""
 
     axes: Rotation = Rotation.identity()
-    at: np.ndarray = np.zeros(3)
+    origin: np.ndarray = np.zeros(3)
 
     def times(self, inner: Pose) -> Pose:
         """Pose of a frame, from its pose in this one."""
-        return Pose(self.axes * inner.axes, self.at + self.axes.apply(inner.at))
+        return Pose(self.axes * inner.axes, self.origin + self.axes.apply(inner.origin))
 
     def inside(self, outer: Pose) -> Pose:
         """Pose in another frame, both in the same one."""
-        back = outer.axes.inv()
-        return Pose(back * self.axes, back.apply(self.at - outer.at))
+        inverse = outer.axes.inv()
+        return Pose(inverse * self.axes, inverse.apply(self.origin - outer.origin))
 
     def tensor(self, moments: np.ndarray) -> np.ndarray:
         """Tensor (3, 3) along the outer axes."""
         return self.axes.as_matrix() @ moments @ self.axes.inv().as_matrix()
 
 
-class Inertia(NamedTuple):
+class MassProperties(NamedTuple):
     """Mass [kg], its centre [m] (3,), and the tensor about the centre [kg.m2] (3, 3), along the axes of a body."""
 
     mass: float = 0.0
@@ -116,7 +116,7 @@ class Robot:
             self.refuse(item, f"{key} = 0 0 0 of <{element.tag}>: it must have a direction")
         return vector / np.linalg.norm(vector)
 
-    def body(self, name: str, inertia: Inertia = Inertia(), tag: str = "link") -> Body:  # noqa: B008 - immutable
+    def body(self, name: str, inertia: MassProperties = MassProperties(), tag: str = "link") -> Body:  # noqa: B008 - immutable
         """Declare a body."""
         word = identifier(name)
         smallest = 1e-15 * np.abs(inertia.tensor).max()
@@ -148,7 +148,7 @@ class Robot:
         elif low or high:
             self.ignored["limits of joints (limits=True makes stops of them)"] += 1
         more = {key: value for key, value in more.items() if np.any(value)}
-        more |= {"at": _floats(pose.at), "rotation": roll_pitch_yaw(pose.axes), "prescribed": bool(requested)}
+        more |= {"at": _floats(pose.origin), "rotation": roll_pitch_yaw(pose.axes), "prescribed": bool(requested)}
         self._declare(item, label, kind(*ends, **more))
 
     def draw(self, body: Body, shape: str, pose: Pose, size: Iterable[float]) -> None:
@@ -157,7 +157,7 @@ class Robot:
         :param shape: a box, a rod along z, or a ball.
         :param size: full lengths of a box, radius and length of a rod, radius of a ball [m].
         """
-        function = partial(_shape, shape=shape, axes=pose.axes.as_matrix(), at=pose.at, size=_floats(size))
+        function = partial(_shape, shape=shape, axes=pose.axes.as_matrix(), centre=pose.origin, size=_floats(size))
         self.visuals.setdefault(body.name, []).append(function)
 
     def members_of_class(self) -> dict[str, Any]:
@@ -216,13 +216,13 @@ def _floats(values: Iterable[Any]) -> tuple[float, ...]:
     return tuple(map(float, values))
 
 
-def _shape(frame: BodyFrame, *, shape: str, axes: np.ndarray, at: np.ndarray, size: Any) -> Shape:
+def _shape(frame: BodyFrame, *, shape: str, axes: np.ndarray, centre: np.ndarray, size: Any) -> Shape:
     def position(point: np.ndarray) -> dict[str, ca.SX]:
         return dict(zip("xyz", ca.vertsplit(frame.position(list(point))), strict=True))
 
     if shape == "ball":
-        return Ball(position(at), *size)
+        return Ball(position(centre), *size)
     if shape == "rod":
         half = axes[:, 2] * size[1] / 2
-        return Rod(position(at - half), position(at + half), size[0])
-    return Box(position(at), frame.matrix @ ca.SX(ca.sparsify(ca.DM(axes))), size)
+        return Rod(position(centre - half), position(centre + half), size[0])
+    return Box(position(centre), frame.matrix @ ca.SX(ca.sparsify(ca.DM(axes))), size)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from liaisons.base.arguments import shown
 from liaisons.errors import suggestion
 from liaisons.language.joints import Body, BodyJoint, Free, Planar, Prismatic, Revolute, Weld, ground
-from liaisons.language.robot_files.robot import Inertia, Pose, Robot, rotation_onto
+from liaisons.language.robot_files.robot import MassProperties, Pose, Robot, rotation_onto
 
 _JOINTS: dict[str, type[BodyJoint]] = {
     "revolute": Revolute,
@@ -92,8 +92,8 @@ def _ends(robot: Robot, name: str, element: Element, links: dict[str, Element]) 
 
 def _pose(robot: Robot, item: str, element: Element) -> Pose:
     origin = _child(element, "origin")
-    place, angles = (robot.numbers(item, origin, key, "0 0 0", 3) for key in ("xyz", "rpy"))
-    return Pose(Rotation.from_euler("xyz", angles), place)
+    position, angles = (robot.numbers(item, origin, key, "0 0 0", 3) for key in ("xyz", "rpy"))
+    return Pose(Rotation.from_euler("xyz", angles), position)
 
 
 def _body(robot: Robot, name: str, link: Element) -> Body:
@@ -103,7 +103,7 @@ def _body(robot: Robot, name: str, link: Element) -> Body:
     pose, element = _pose(robot, item, inertial), _child(inertial, "inertia")
     moments = np.array([[robot.number(item, element, f"i{min(i, j)}{max(i, j)}") for j in "xyz"] for i in "xyz"])
     mass = robot.number(item, _child(inertial, "mass"), "value", None)
-    return robot.body(name, Inertia(mass, pose.at, pose.tensor(moments)))
+    return robot.body(name, MassProperties(mass, pose.origin, pose.tensor(moments)))
 
 
 def _draw(robot: Robot, item: str, body: Body, link: Element) -> None:
@@ -138,9 +138,9 @@ def _joint(robot: Robot, name: str, element: Element, ends: tuple[Body, Body]) -
         robot.remarks.append(f"damping and friction of {item}, which has several coordinates or none")
     if kind is Planar:
         # Ours lies in the plane of x and y: the frame is turned into the plane, and back behind the joint.
-        turn, middle = Pose(rotation_onto(axis)), robot.body(f"{name}_plane")
-        robot.joint(Planar, name, (ends[0], middle), pose.times(turn))
-        robot.joint(Weld, f"{name}_behind", (middle, ends[1]), Pose().inside(turn))
+        plane, middle = Pose(rotation_onto(axis)), robot.body(f"{name}_plane")
+        robot.joint(Planar, name, (ends[0], middle), pose.times(plane))
+        robot.joint(Weld, f"{name}_behind", (middle, ends[1]), Pose().inside(plane))
     else:
         robot.joint(kind, name, ends, pose)
 
