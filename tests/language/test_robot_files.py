@@ -454,3 +454,33 @@ def test_wrong_mjcf(text: str, before: str, after: str, words: list[str], tmp_pa
     assert message.startswith(str(tmp_path / "m.xml"))
     for word in words:
         assert word in message, message
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        'quat="0.5 0.5 0.5 0.5"',
+        'axisangle="1 1 1 120"',
+        'xyaxes="0 2 0 0 1 3"',
+        'euler="0 90 90"',
+        'class="turned"',
+    ],
+)
+def test_orientations_have_several_spellings(words: str, tmp_path: Path) -> None:
+    """Of the cyclic turn x to y to z to x; a geom, as orientations of bodies have no default class."""
+    default = '<default><default class="turned"><geom quat="1 1 1 1" density="10"/></default></default>'
+    geom = f'<geom type="box" size="1 2 3" mass="6" pos="0 0 1" {words}/>'
+    tree = mjcf(tmp_path, f'<body name="b"><joint name="j"/>{geom}</body>', default)
+    names = {p.name: p.start for p in tree.parameters}
+    moments = [names[f"b_inertia_{axis}{axis}"] for axis in "xyz"]
+    assert moments == pytest.approx([2 * (1 + 4), 2 * (4 + 9), 2 * (1 + 9)])  # along y, z and x were 1, 2 and 3
+
+
+def test_zaxis_is_the_shortest_turn(tmp_path: Path) -> None:
+    geom = '<geom type="capsule" size="0.1 1" mass="1" zaxis="3 0 4"/>'
+    names = {p.name: p.start for p in mjcf(tmp_path, f'<body name="b"><joint/>{geom}</body>').parameters}
+    other = mjcf(
+        tmp_path, f'<body name="b"><joint/>{geom.replace("zaxis", "xyaxes").replace("3 0 4", "4 0 -3 0 1 0")}</body>'
+    )
+    assert names == pytest.approx({p.name: p.start for p in other.parameters})
+    assert names["b_inertia_xz"] < 0
