@@ -108,7 +108,7 @@ def test_elements_in_any_order_and_single_precision(instance: CoSimulation3, row
 
 
 def test_roll_back(instance: CoSimulation3, row: Path) -> None:
-    save, restore = instance.states()
+    save, restore = instance.save_and_restore_calls()
     instance.setter(_variables(row, "u[1]"), _numbers(2))()
     step, seen = instance.stepper(c_double(0), c_double(0.5)), _numbers(0)
     get = instance.getter(_variables(row, "s[1]"), seen)

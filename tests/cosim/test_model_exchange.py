@@ -301,7 +301,7 @@ def test_a_step_that_is_repeated_has_the_same_bits(tmp_path: Path) -> None:
     values, time, size = (c_double * 2)(), c_double(0.0), c_double(0.7)
     with make("x", part.fmu, folder) as instance:
         read = instance.getter([part.fmu.variables[name] for name in ("x0", "x1")], values)
-        step, (save, restore) = instance.stepper(time, size), instance.states()
+        step, (save, restore) = instance.stepper(time, size), instance.save_and_restore_calls()
         instance.initialize({}, 1e-8, 0.0, 10.0)
         instance.exit_initialization()
         for k in range(5):

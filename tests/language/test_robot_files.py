@@ -216,6 +216,13 @@ def mjcf(tmp_path: Path, text: str, before: str = "", after: str = "", **options
     return Linkage.from_mjcf(path, **options)
 
 
+def test_a_medium_that_resists_is_left_out_by_name(tmp_path: Path) -> None:
+    body = '<body name="b"><joint name="j"/><geom size="1"/></body>'
+    tree = mjcf(tmp_path, body, '<option wind="1 0 0" density="1.2"/>')
+    assert {"wind of <option>", "density of <option>"} <= set(tree.left_out)
+    assert "viscosity of <option>" not in tree.left_out
+
+
 def test_a_planar_joint_moves_in_the_plane_of_its_normal(tmp_path: Path) -> None:
     origin = '<origin xyz="0 0 1" rpy="0 0.3 0"/><axis xyz="2 1 2"/>'
     lines = LINK.format("a", 1), LINK.format("b", 2), JOINT.format("j", "planar", "a", "b", origin)

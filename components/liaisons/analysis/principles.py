@@ -79,7 +79,7 @@ def action(
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
             raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
     total, column = np.zeros(3), eta.ravel(order="F")
-    for piece, S, slope, curvature, _ in _intervals(_interval_action(equations, names, values), z, np.diff(t)):
+    for piece, S, slope, curvature, _ in _action_by_interval(_interval_action(equations, names, values), z, np.diff(t)):
         total += np.array([S, slope @ column[piece], column[piece] @ curvature @ column[piece]])
     return Action(*total.tolist())
 
@@ -231,7 +231,7 @@ def _interval_action(equations: Equations, names: list[str], values: Mapping[str
     return ca.Function("piece", [ends, h], [ca.densify(e) for e in (S, gradient, hessian, norm)])
 
 
-def _intervals(
+def _action_by_interval(
     function: ca.Function, z: NDArray, h: NDArray
 ) -> Iterator[tuple[slice, float, NDArray, NDArray, NDArray]]:
     """Yield for each interval its indices in the order (node, rate, coordinate), S, gradient, Hessian and norm."""
@@ -246,7 +246,7 @@ def _assemble(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDA
     """Action of the whole path, its gradient and Hessian, and the norm."""
     gradient, hessian, norm = np.zeros(z.size), np.zeros((z.size, z.size)), np.zeros((z.size, z.size))
     total = 0.0
-    for piece, S, slope, curvature, weight in _intervals(function, z, h):
+    for piece, S, slope, curvature, weight in _action_by_interval(function, z, h):
         total += S
         gradient[piece] += slope
         hessian[piece, piece] += curvature

@@ -184,8 +184,8 @@ def momentum(name: str) -> str:
     return _MOMENTUM.get(name) or _over("J.s", name)
 
 
-def multiplier(name: str) -> str:
-    """Unit of the multiplier of a constraint on rates that has this unit: their product is a power."""
+def multiplier_unit(name: str) -> str:
+    """Unit of the Lagrange multiplier of a constraint on rates in this unit: their product is a power."""
     return _MULTIPLIER.get(name) or _over("W", name)
 
 

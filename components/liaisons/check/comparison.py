@@ -124,7 +124,7 @@ def compare(first: Result, second: Result) -> Comparison:
     if not names:
         raise ValidityError(f"{first.title} and {second.title} have no signal in common")
     for name in names:
-        _require_alike(first, second, name)
+        _require_same_units_and_shapes(first, second, name)
     times, exact = _common_times(first, second)
     differences = []
     for name in names:
@@ -157,7 +157,7 @@ def compare(first: Result, second: Result) -> Comparison:
     )
 
 
-def _require_alike(first: Result, second: Result, name: str) -> None:
+def _require_same_units_and_shapes(first: Result, second: Result, name: str) -> None:
     """Raise a ValidityError unless units and shapes of a signal agree in both results."""
     units = first.units[name], second.units[name]
     if all(units) and units[0] != units[1]:

@@ -131,7 +131,7 @@ def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float
     with passing_folder() as folder, make(fmu.path.stem, fmu, extracted([fmu], folder)[fmu.path]) as instance:
         instance.initialize({}, tolerance, 0.0, 3 * step_size)
         instance.exit_initialization()
-        save, restore = instance.states()
+        save, restore = instance.save_and_restore_calls()
         step, get = instance.stepper(time, size), instance.getter(outputs, seen)
 
         def perform(*calls: Call) -> None:

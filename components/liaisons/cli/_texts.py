@@ -18,7 +18,7 @@ def scenarios_of(name: str) -> list[str]:
     chosen = numbered(name)
     scenarios = dict.fromkeys(scenario for entry in chosen for scenario in entry.scenarios)
     if not scenarios:
-        tests = [verification(check) for entry in chosen for check in entry.by]
+        tests = [verification_command(check) for entry in chosen for check in entry.by]
         raise typer.BadParameter(f"{name}: no scenario verifies it{f'; {tests[0]} does' if tests else ''}")
     return list(scenarios)
 
@@ -42,7 +42,7 @@ def components(entry: Entry) -> list[str]:
     return [name for name in dict.fromkeys(item.partition(".")[0] for item in entry.lives) if name in names]
 
 
-def verification(check: str) -> str:
-    """The command that runs a scenario, or a test in a clone."""
+def verification_command(check: str) -> str:
+    """Return the shell command that repeats a check: of a scenario, or of a test in a clone."""
     file, separator, name = check.partition("::")
     return f"pytest tests/{file}.py::{name}" if separator else f"liaisons run {check}"

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from liaisons.cli._command import command, flag, show
-from liaisons.cli._texts import components, verification
+from liaisons.cli._texts import components, verification_command
 from liaisons.companion import (
     TITLES,
     Entry,
@@ -84,7 +84,7 @@ def _lines(entry: Entry, *, latex: bool) -> Iterator[str]:
     for i, component in enumerate(components(entry)):
         yield f"{'' if i else 'equations':{_MARGIN}}liaisons equations {component}{part}"
     for i, check in enumerate(entry.by):
-        yield f"{'' if i else 'verified by':{_MARGIN}}{verification(check)}"
+        yield f"{'' if i else 'verified by':{_MARGIN}}{verification_command(check)}"
     yield from _row("page", f"reference/texts.html#{entry.anchor}")
 
 

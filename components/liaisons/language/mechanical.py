@@ -209,7 +209,7 @@ class MechanicalComponent(Component, abstract=True):
         for item in self.all_constraints:
             yield readable(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}")
         for item in self.passive_constraints:
-            unit = units.force(item.unit) if isinstance(item, constraint) else units.multiplier(item.unit)
+            unit = units.force(item.unit) if isinstance(item, constraint) else units.multiplier_unit(item.unit)
             yield readable(f"lambda_{item.name}", unit, f"multiplier of: {item.description} (K eq. 7)")
         for s in self.actives:
             text = f"generalised force of the operator on this mechanism along +{s.name} (M eq. 27)"
@@ -263,7 +263,7 @@ class MechanicalComponent(Component, abstract=True):
         for item in self.dry_frictions:
             name = item.name
             yield readable(name, item.unit, item.description)
-            yield readable(f"{name}_force", units.multiplier(item.unit), f"force of dry friction along +{name}")
+            yield readable(f"{name}_force", units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
             yield at_events(f"{name}_sticks", "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
             yield at_events(f"{name}_direction", "1", f"sign of {name} while it slides, else 0", "local")
             yield readable(f"{name}_indicator", "1", f"event indicator of {name}", "local")

@@ -197,7 +197,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         """
         return self._symbol(f"{coordinate}_force", "operator_force()", self.actives)
 
-    def with_placeholders(self, names: Sequence[str]) -> Self:
+    def with_symbolic_points(self, names: Sequence[str]) -> Self:
         """Copy with symbols for these points, so that expressions show how they depend on them."""
         twin = copy(self)
         places = {name: {axis: ca.SX.sym(f"{name}_{axis}") for axis in getattr(self, name)} for name in names}
@@ -299,7 +299,7 @@ class Mechanism(MechanicalComponent, abstract=True):
             if item.normal is not None and item.normal not in names:
                 of = ", ".join(names) or "there is none"
                 self._refuse(item, f"takes the force of normal = {item.normal!r}: name a unilateral liaison: {of}")
-            unit = units.multiplier(item.unit) if item.normal is None else "1"
+            unit = units.multiplier_unit(item.unit) if item.normal is None else "1"
             bounds = [self._bound(formulas, item, name, unit) for name in (item.static, item.sliding)]
             if bounds[0] < bounds[1]:
                 more = f"sliding = {item.sliding!r} is {bounds[1]:g}"

@@ -98,7 +98,7 @@ def _lifted(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
     """System in (q̇, ẇ, π) and its order of pivots; None if no point carries a mass of its own."""
     names = [point.name for point in m.points]
     while names:  # without those that carry no mass
-        twin = m.with_placeholders(names)
+        twin = m.with_symbolic_points(names)
         x_dot = ca.vertcat(m.free.q_dot, twin.placeholders.w_dot)
         H = ca.hessian(ca.SX(twin.lagrangian()), x_dot)[0]
         f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]

@@ -102,9 +102,9 @@ class Stage:
                 yield from _trail_faces(points[:, 0], radius, colour)
             elif shape.kind == "spring":
                 zigzag = _zigzag_points(points[-1, 0], points[-1, 1], radius, self.coils(shape))
-                yield from _line_faces(zigzag, SIZES["wire"] * self.extent, colour)
+                yield from _segment_faces(zigzag, SIZES["wire"] * self.extent, colour)
             else:
-                yield from _line_faces(points[-1], radius, colour)
+                yield from _segment_faces(points[-1], radius, colour)
 
     def _hatching(self, centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
         """Yield the lines of a floor that is seen from its side."""
@@ -143,7 +143,7 @@ def _line_face(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...])
     return Face((a[2] + b[2]) / 2, np.concatenate([a[:2] + end, b[:2] - end]), colour)
 
 
-def _line_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+def _segment_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
     return (_line_face(a, b, radius, colour) for a, b in pairwise(points))
 
 

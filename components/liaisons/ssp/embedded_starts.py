@@ -47,7 +47,7 @@ def baked(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
     """
     values = {name: start(part, name) for name in scalars(part)}
     lines = [_line(part, *item) for item in values.items()]
-    return _with_lines(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
+    return _fmu_with_start_lines(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
 
 
 def with_table(path: Path, table: Floats) -> bytes:
@@ -59,7 +59,7 @@ def with_table(path: Path, table: Floats) -> bytes:
     with ZipFile(path) as archive:
         if _PYTHON in archive.namelist():
             raise SimulationError(f"{path.name}: {table.shape[1]} knots need a native FMU; {INSTALLATION}")
-    return _with_lines(path, [f"t 0 {table.size} {_hexadecimal('>d', table.ravel())} table\n"], {})
+    return _fmu_with_start_lines(path, [f"t 0 {table.size} {_hexadecimal('>d', table.ravel())} table\n"], {})
 
 
 def has_table(path: Path) -> bool:
@@ -68,8 +68,8 @@ def has_table(path: Path) -> bool:
         return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
 
 
-def _with_lines(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
-    """Contents of an FMU file with further lines of start values, also in its model description."""
+def _fmu_with_start_lines(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
+    """Return the bytes of an FMU file with further lines of start values, which its model description has, too."""
     target = io.BytesIO()
     with ZipFile(path) as old, ZipFile(target, "w") as new:
         before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""

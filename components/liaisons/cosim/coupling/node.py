@@ -114,7 +114,7 @@ class Node:
             "initialization": [*self._put, *self._get],
             "instant": [*motion.after, *self._get, *read_slopes],
             "crossing": [*move, *self._get],
-            "step": [*instance.states(), *self._step] if cycle else self._step,
+            "step": [*instance.save_and_restore_calls(), *self._step] if cycle else self._step,
         }
 
     def _prepare_motion(self, interface: InputInterface | None) -> InputMotionCalls:

@@ -134,9 +134,9 @@ class CoSimulation3(Instance3):
         self._intermediate_writes = [[partial(part.write_from, write, row) for part, write in writes] for row in values]
         return self._combine("set", reads, self.functions["get"])
 
-    def states(self) -> tuple[Call, Call]:
+    def save_and_restore_calls(self) -> tuple[Call, Call]:
         self._final.value = False
-        return super().states()
+        return super().save_and_restore_calls()
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         reads = []

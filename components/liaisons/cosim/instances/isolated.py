@@ -94,7 +94,7 @@ class Isolated(Instance):
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
         return self._prepare("step", "stepper", sent=[time, size])
 
-    def states(self) -> tuple[Call, Call]:
+    def save_and_restore_calls(self) -> tuple[Call, Call]:
         return self._prepare("save", "states"), self._prepare("restore", None)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:

@@ -439,10 +439,10 @@ class ModelExchange(Loaded, ABC):
 
     # ---- back
 
-    def states(self) -> tuple[Call, Call]:
+    def save_and_restore_calls(self) -> tuple[Call, Call]:
         """As :meth:`Instance.states`; CVODE, whose state cannot be saved, restarts after both."""
         self._final = self.flag(False)
-        save, restore = super().states()
+        save, restore = super().save_and_restore_calls()
         saved: list[Any] = []
         memory: list[Any] = []
 

@@ -86,7 +86,7 @@ class Instance(ABC):
         """A call that makes a communication step from the time in one buffer, by the size in the other [s]."""
 
     @abstractmethod
-    def states(self) -> tuple[Call, Call]:
+    def save_and_restore_calls(self) -> tuple[Call, Call]:
         """Two calls: one saves the state of the FMU, the other restores it, any number of times."""
 
     @abstractmethod
@@ -252,7 +252,7 @@ class Loaded(Instance):
         """A maker of the error of an FMI function."""
         return lambda _, status, when: self._error(function, status, when)
 
-    def states(self) -> tuple[Call, Call]:
+    def save_and_restore_calls(self) -> tuple[Call, Call]:
         state = c_void_p()
         self._states.append(state)
         save, restore = self._prepare("save", byref(state)), self._prepare("restore", state)

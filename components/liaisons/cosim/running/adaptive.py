@@ -98,7 +98,7 @@ class Stepper:
 
     @cached_property
     def _states(self) -> tuple[Sequence[Call], Sequence[Call]]:
-        saves, restores = zip(*(instance.states() for instance in self.instances.values()), strict=True)
+        saves, restores = zip(*(instance.save_and_restore_calls() for instance in self.instances.values()), strict=True)
         return saves, restores
 
     def end_of_step(self, now: float, end: float, size: float) -> float | None:
@@ -146,7 +146,7 @@ def adapt_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
             points = [point]
             yield point._replace(result_time=now)
             continue
-        count = 2 if len(points) == 1 and estimate.has_targets else 1  # of one step alone there is no estimate
+        count = 2 if len(points) == 1 and estimate.can_estimate else 1  # of one step alone there is no estimate
         go_back = stepper.save(estimate)
         ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
         error /= tolerance

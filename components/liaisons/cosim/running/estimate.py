@@ -161,7 +161,7 @@ class Estimate:
         self.worst: Worst | None = None
 
     @property
-    def has_targets(self) -> bool:
+    def can_estimate(self) -> bool:
         """Whether any error can be estimated."""
         return len(self._targets) > 0
 
@@ -173,7 +173,7 @@ class Estimate:
         :returns: shape (points,); 0 for the first of each piece, not a number for one whose only step has no neighbour.
         """
         errors = np.zeros(len(times))
-        if not self.has_targets:
+        if not self.can_estimate:
             return errors
         off, added = (np.zeros((len(self._mechanisms), len(times))) for _ in range(2))
         block = max(_BACK, _NUMBERS // rows.shape[1])
@@ -206,7 +206,7 @@ class Estimate:
 
         :param count: how many; those before have been estimated.
         """
-        if not self.has_targets:
+        if not self.can_estimate:
             return np.zeros(count)
         signals = np.ascontiguousarray(rows.T)
         errors = self._of_block(signals, times, len(times) - count, np.zeros(len(times) - 1, bool), ahead=True)

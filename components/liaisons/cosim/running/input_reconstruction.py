@@ -145,7 +145,7 @@ class _PolynomialTable:
         return set(schedule.late_inputs(self.bus.order, self.simulation.feeds, self.simulation.coupling))
 
     def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
-        """The polynomial of an input."""
+        """Kind of polynomial that an input follows, its columns in the table, and the order of its derivative."""
         simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
         approximation, is_cyclic = part.approximation, target[0] in simulation.cyclic
         if not (simulation.iterates or approximation.interpolates) or (approximation.is_prescribed and not is_cyclic):

@@ -120,7 +120,7 @@ class Run:
             self._initial_derivatives, self._estimate = self._prepare_estimate()
             self._breaks = Breaks(simulation, self._instances, self._bus)
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
-            self._divides = self._breaks.divides and self._estimate.has_targets and not reads_samples
+            self._divides = self._breaks.divides and self._estimate.can_estimate and not reads_samples
             self._loop = Loop(self._step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
@@ -128,7 +128,9 @@ class Run:
             self._closed = False
             self._restores: Sequence[Call] = []
             if self.repeats:
-                saves, self._restores = zip(*(instance.states() for instance in self._instances.values()), strict=True)
+                saves, self._restores = zip(
+                    *(instance.save_and_restore_calls() for instance in self._instances.values()), strict=True
+                )
                 self._bus.perform(saves)
             self._warnings = stack.enter_context(collected_warnings())
             self._stack = stack.pop_all()
@@ -335,7 +337,7 @@ class Run:
             bus.set_step(time, time)
             self._coupled.forget_past()
         bus.perform(self._settle)
-        if self._estimate.has_targets:
+        if self._estimate.can_estimate:
             loop.begin_piece(gap(time, size))
         loop.rows[loop.done - 1] = bus.values
         self._breaks.find_next(time)
@@ -393,7 +395,11 @@ class Run:
         :raises SimulationError: if an FMU cannot return to a state.
         """
         self._require_states()
-        calls = self._unused_states.pop() if self._unused_states else [i.states() for i in self._instances.values()]
+        calls = (
+            self._unused_states.pop()
+            if self._unused_states
+            else [i.save_and_restore_calls() for i in self._instances.values()]
+        )
         saves, restores = zip(*calls, strict=True)
         self._bus.perform(saves)
         owners = [owner.save() for owner in self._owners]

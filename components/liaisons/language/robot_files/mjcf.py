@@ -69,7 +69,9 @@ class _Reader:
         for tag in _REFUSED:
             if robot.document.find(f".//{tag}") is not None:
                 robot.refuse(f"<{tag}>", "it is not read; write out the bodies that it makes")
-        robot.gravity = robot.numbers("<option>", self._merged("option"), "gravity", "0 0 -9.81", 3)
+        option = self._merged("option")
+        robot.gravity = robot.numbers("<option>", option, "gravity", "0 0 -9.81", 3)
+        robot.remarks += [f"{medium} of <option>" for medium in ("wind", "density", "viscosity") if option.get(medium)]
         for section in robot.document:
             if section.tag not in _READ:
                 robot.ignored.update(f"<{child.tag}> of <{section.tag}>" for child in section)
