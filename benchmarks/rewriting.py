@@ -45,7 +45,7 @@ Without = Callable[[], AbstractContextManager[object]]
 
 
 def _as_it_is(self: Builder, code: int, arguments: Sequence[tuple[float, int]]) -> tuple[float, int]:
-    return 1.0, self._operation(code, *map(self.node, arguments))
+    return 1.0, self._add_operation(code, *map(self.node, arguments))
 
 
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram

@@ -62,7 +62,7 @@ def measure(quick: bool, plots: Path) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for ax, (title, (component, end, published, rates, start)) in zip(axes, problems.items(), strict=True):
             fmu = build(assemble(component), Path(folder))
-            extracted = fmpy.extract(fmu, Path(folder) / component.__name__)
+            extracted = str(fmpy.extract(fmu, Path(folder) / component.__name__))
             lines: dict[str, list[tuple[float, float]]] = {}
             for tolerance in tolerances:
                 # A hundred communication points; CVODE, as FMPy sets it up, makes 500 steps between two and gives up.

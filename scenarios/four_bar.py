@@ -6,6 +6,8 @@ parallel axes, and the FMU does without them.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from liaisons import operator, simulate
@@ -17,13 +19,13 @@ RATE, TOLERANCE = 2.0, 1e-10
 
 @scenario
 def main(claim: Claims) -> None:
-    start = FourBar.turn.start
+    start = float(np.asarray(FourBar.turn.start))
     h = 1e-5
     slope = {
         name: float((FourBar.freudenstein(start + h)[name] - FourBar.freudenstein(start - h)[name]) * RATE / (2 * h))
         for name in ("swing", "elbow")
     }
-    rates = {f"{name}_dot_0": rate for name, rate in slope.items()}
+    rates: dict[str, Any] = {f"{name}_dot_0": rate for name, rate in slope.items()}
     crank = operator("Ramp", offset=start, rate=RATE)
     run = simulate("FourBar", stop_time=2 * np.pi, step_size=0.01, tolerance=TOLERANCE, turn=crank, **rates)
     exact = FourBar.freudenstein(run["turn"])

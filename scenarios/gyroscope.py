@@ -6,6 +6,8 @@ precession it nods instead, between two angles that energy and the two momenta g
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from liaisons import simulate
@@ -21,7 +23,7 @@ def main(claim: Claims) -> None:
     (axis,) = panels(("inclination of the rotor", "t [s]", "θ [rad]"), size=(7, 4))
     for rate in (1.0, 3.0):
         spin = Gyroscope.steady_precession(THETA, rate)
-        start = {"nutation_0": THETA, "precession_dot_0": rate, "spin_dot_0": spin}
+        start: dict[str, Any] = {"nutation_0": THETA, "precession_dot_0": rate, "spin_dot_0": spin}
         run = simulate("Gyroscope", stop_time=2.0, step_size=0.002, tolerance=TOLERANCE, **start)
         claim(f"Ω = {rate} rad/s, spin {spin:.1f} rad/s: θ stays", run["nutation"], THETA, steady)
         claim(f"Ω = {rate} rad/s: φ = Ω t", run["precession"], rate * run.time, steady)

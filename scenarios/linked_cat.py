@@ -19,7 +19,7 @@ TOLERANCE = 1e-12
 
 def limb(amplitude: float, angular_frequency: float) -> Any:
     """A limb that sets out from rest, in line with the trunk."""
-    wave = {"amplitude": amplitude, "angular_frequency": angular_frequency, "phase": np.pi / 2}
+    wave: dict[str, Any] = {"amplitude": amplitude, "angular_frequency": angular_frequency, "phase": np.pi / 2}
     return operator("Sinusoid", offset=-amplitude, **wave)
 
 

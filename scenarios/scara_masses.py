@@ -28,7 +28,8 @@ def main(claim: Claims) -> None:
         columns = [
             [run[f"{name}_ddot"][0] for name in AXES]
             for driven in AXES
-            for run in [simulate("Scara", stop_time=1e-3, step_size=1e-3, elbow_0=elbow, **{f"{driven}_force": 1.0})]
+            for start in [{"elbow_0": elbow, f"{driven}_force": 1.0}]
+            for run in [simulate("Scara", stop_time=1e-3, step_size=1e-3, start_values=start)]
         ]
         inverses.append(np.transpose(columns))
         identity = inverses[-1] @ Scara.mass_matrix(elbow)

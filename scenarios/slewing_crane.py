@@ -6,6 +6,8 @@ load stays there; its rope hangs a little steeper than that of a point mass, by 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from liaisons import operator, simulate
@@ -22,7 +24,7 @@ def main(claim: Claims) -> None:
     for rate in RATES:
         steady = SlewingCrane.steady_deflection(rate, travel=RADIUS)
         slew = operator("Ramp", rate=rate)
-        start = {"rope_y_0": steady["rope_y"], "travel": RADIUS, "rope_damping": 0.0}
+        start: dict[str, Any] = {"rope_y_0": steady["rope_y"], "travel": RADIUS, "rope_damping": 0.0}
         run = simulate("SlewingCrane", stop_time=60.0, step_size=0.05, tolerance=TOLERANCE, slew=slew, **start)
         claim(f"Ω = {rate} rad/s: the load stays at α", run["rope_y"], steady["rope_y"], held)
         claim.energy(f"Ω = {rate} rad/s: energy", run, tolerance=TOLERANCE)

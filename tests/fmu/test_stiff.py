@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ ROUNDING = 2.0**-53
 
 
 @pytest.fixture(scope="module")
-def van_der_pol(folder) -> Callable[[str], Path]:
+def van_der_pol(folder) -> Callable[[Literal["2", "3"]], Path]:
     return lambda fmi: build(assemble(VanDerPol), folder, fmi=fmi)
 
 
@@ -48,7 +49,7 @@ def table() -> Callable[[str], NDArray]:
 def test_coefficients_are_those_of_collocation_at_radau_points(table) -> None:
     c = table("NODES")
     # Zeros of d²/dx² x² (x - 1)³, and the end of the interval.
-    inner = (Polynomial([0, 0, 1]) * Polynomial([-1, 1]) ** 3).deriv(2).roots()
+    inner: Any = (Polynomial([0, 0, 1]) * Polynomial([-1, 1]) ** 3).deriv(2).roots()
     np.testing.assert_allclose(c, np.sort(inner), atol=1e-8)  # one is a double root
     np.testing.assert_allclose(10 * c[:2], [4 - 6**0.5, 4 + 6**0.5], atol=20 * ROUNDING)
     a = np.zeros((3, 3))

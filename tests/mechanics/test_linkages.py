@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -115,7 +115,12 @@ def test_several_orientations_have_names_of_their_own_and_conserve_their_momenta
     one, two = Body(1.0, (1.0, 2.0, 2.5)), Body(2.0, (0.5, 0.6, 0.7))
     names = {"one": one, "two": two, "first": Free(ground, one), "second": Free(ground, two)}
     pair = type("Pair", (Linkage,), {"__doc__": "Two free bodies.", **names})
-    start = {"first_omega_x_0": 0.1, "first_omega_y_0": 1.0, "second_omega_z_0": 2.0, "second_omega_y_0": 0.1}
+    start: dict[str, Any] = {
+        "first_omega_x_0": 0.1,
+        "first_omega_y_0": 1.0,
+        "second_omega_z_0": 2.0,
+        "second_omega_y_0": 0.1,
+    }
     result = simulate(build(pair, tmp_path), stop_time=2.0, step_size=0.05, **start)
     for joint in ("first", "second"):
         for axis in "xyz":
@@ -149,8 +154,10 @@ def test_spherical_joint_is_three_revolute_joints_between_massless_bodies() -> N
     q = (turns[0] * turns[1] * turns[2]).as_quat(scalar_first=True)
     omega = rates[2] * np.eye(3)[2] + turns[2].inv().apply(rates[1] * np.eye(3)[1])
     omega = omega + (turns[1] * turns[2]).inv().apply(rates[0] * np.eye(3)[0])
-    free = dict(zip([f"ball_q_{x}" for x in "wxyz"] + [f"ball_omega_{x}" for x in "xyz"], [*q, *omega], strict=True))
-    bound = dict(zip(("a", "b", "c", "a_dot", "b_dot", "c_dot"), (*angles, *rates), strict=True))
+    free: dict[str, float] = dict(
+        zip([f"ball_q_{x}" for x in "wxyz"] + [f"ball_omega_{x}" for x in "xyz"], [*q, *omega], strict=True)
+    )
+    bound: dict[str, float] = dict(zip(("a", "b", "c", "a_dot", "b_dot", "c_dot"), (*angles, *rates), strict=True))
     for number, axis in enumerate("xyz"):
         second = [
             acceleration(component, lambda m, i=number: [*m.end.values()][i], values)
@@ -170,7 +177,7 @@ def acceleration(component: type[Mechanism], expression: Any, values: dict[str, 
 def test_equations_frame_by_frame_are_those_that_the_fmu_solves() -> None:
     """Velocities outwards, momenta and weights inwards, one after the other; then p and its rate."""
     equations = derive(Arm)
-    m, printed = equations.mechanism, of_linkage(equations, equations.mechanism)
+    m, printed = equations.mechanism, of_linkage(equations, cast("Linkage", equations.mechanism))
     state = random_state(equations, 1) | {p.name: p.start for p in m.parameters}
     values = dict(state)
     for e in printed:
@@ -203,11 +210,12 @@ def test_screw_advances_by_its_pitch_in_one_revolution() -> None:
 
 def parallelogram(**pin: Any) -> type[Linkage]:
     crank, coupler, rocker = Body(**ROD), Body(**ROD), Body(**ROD)
+    options: dict[str, Any] = {"at": (1, 0, 0), "at_child": (1, 0, 0)} | pin
     joints = {
         "turn": Revolute(ground, crank, axis="y", start=-1.0),
         "elbow": Revolute(crank, coupler, axis="y", at=(1, 0, 0), start=1.0),
         "swing": Revolute(ground, rocker, axis="y", at=(1, 0, 0), start=-1.0),
-        "pin": Revolute(coupler, rocker, axis="y", **({"at": (1, 0, 0), "at_child": (1, 0, 0)} | pin)),
+        "pin": Revolute(coupler, rocker, axis="y", **options),
     }
     bodies = {"crank": crank, "coupler": coupler, "rocker": rocker}
     return type("Parallelogram", (Linkage,), {"__doc__": "A parallelogram.", **bodies, **joints})
@@ -340,7 +348,7 @@ def joined(parent: Any, child: Any) -> type[Linkage]:
 WRONG = [
     (lambda: one_body(Body(-1.0)), "Wrong.arm: mass = -1: it must be >= 0"),
     (lambda: one_body(Body(float("nan"))), "Wrong.arm: mass = [nan]: it must have 1 finite numbers"),
-    (lambda: one_body(Body("heavy")), "Wrong.arm: mass = ['heavy']: it must have 1 finite numbers"),
+    (lambda: one_body(Body(cast("Any", "heavy"))), "Wrong.arm: mass = ['heavy']: it must have 1 finite numbers"),
     (lambda: one_body(Body(1.0, (1.0, 2.0))), "Wrong.arm: inertia = (1.0, 2.0): it must have 3 or 6 finite numbers"),
     (lambda: one_body(Body(1.0, (1.0, 1.0, -1.0))), "Wrong.arm: inertia = (1.0, 1.0, -1.0): its principal moments"),
     (lambda: one_body(Body(1.0, (1.0, 1.0, 1.0, 2.0, 0, 0))), "Wrong.arm: inertia = (1.0, 1.0, 1.0, 2.0, 0, 0)"),
