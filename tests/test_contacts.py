@@ -76,7 +76,10 @@ def test_model_is_refused(model: Model, tmp_path: Path) -> None:
 def test_equations_are_shown() -> None:
     shown = equations(Sledge)
     assert [part.text() for part in map(shown.__getitem__, ("motion", "unilateral", "impacts", "dry_friction"))] == [
-        "Equations of motion: ṗₖ = ∂L/∂qₖ + Qₖ\n   ṗₓ = Qₓ + λ_slip − Fₓ\n  ṗ_z = Q_z + λ_gap − F_z",
+        (
+            "Equations of motion (K eq. 65, M eq. 26, 36): ṗₖ = ∂L/∂qₖ + Qₖ\n"
+            "   ṗₓ = Qₓ + λ_slip − Fₓ\n  ṗ_z = Q_z + λ_gap − F_z"
+        ),
         "Unilateral liaisons: 0 ≤ g ⟂ λ ≥ 0\n  gap = z − floor",
         "Impacts: 0 ≤ Λ ⟂ v⁺ + e v⁻ ≥ 0\n      v_gap = ż − floor˙\n      e_gap = bounce\n  G_gap,gap = 1/m",
         "Dry friction: |Q| ≤ S\n    slip = ẋ − belt˙\n  S_slip = grip · λ_gap",

@@ -163,7 +163,7 @@ static int set_integers(void) {
     int *values = integer_settings(n);
     count = values_of(n);
     if (count > n) values = take(count * sizeof *values);
-    if (n > 0 && (TWO || it.library->plan.indicators > 0)) expect(MAY_FAIL); /* constants; symplectic_steps of contacts */
+    if (n > 0) expect(MAY_FAIL); /* constants; symplectic_steps of contacts; stiff_solver = 2 */
     if (n > 0 && it.phase > INITIALIZATION) expect(FAILS);
     return CALL(SetInteger, (component(), given(references, n), n, given(values, n)), SetInt32,
                 (component(), given(references, n), n, given(values, count), count));

@@ -31,7 +31,7 @@ LARGE = ("DrivenChain", "FourierHoop", "PendulumChain", "PlanarCat", "SpatialCat
     ("name", "fmi"),
     [
         pytest.param(name, fmi, marks=[pytest.mark.slow] * (name in LARGE and fmi == "3"))
-        for name in sorted(catalogue())
+        for name in sorted(catalogue().keys() - {"Bricard"})  # off its loop differences say nothing of multipliers
         for fmi in ("2", "3")
     ],
 )

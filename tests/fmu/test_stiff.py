@@ -204,9 +204,14 @@ def test_many_steps_of_a_motion_that_is_not_stiff_are_no_warning(pendulum_librar
 
 
 def test_two_solvers_at_once_are_refused(pendulum_library) -> None:
-    instance = pendulum_library.initializing(symplectic_steps=3, stiff_solver=1)
-    message = "stiff_solver = 1 and symplectic_steps = 3: set one of them to 0 and initialize again"
-    instance.exit_initialization(ERROR, message)
+    message = "symplectic_steps = 3 and stiff_solver = 1: set one of them to 0 before the other"
+    instance = pendulum_library.initializing(symplectic_steps=3)
+    instance.set_integer("stiff_solver", 1, ERROR, message)
+    instance.set_integer("symplectic_steps", 0)
+    instance.set_integer("stiff_solver", 1)
+    instance.set_integer("symplectic_steps", 3, ERROR, message)
+    instance.exit_initialization()
+    instance.step(0.0, 0.1)
 
 
 def test_more_states_than_its_matrices_take_are_refused(folder) -> None:

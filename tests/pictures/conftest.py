@@ -25,8 +25,12 @@ def moved(fmu: Fmu) -> Moved:
     @cache
     def of(name: str) -> Result:
         component = getattr(liaisons.models, name)
-        pace = 0.0 if component.rheonomic_constraints else 0.3  # its rate has to agree with the start
-        rates = {s.name: (lambda t, s=s: (s.start + pace * t, pace, 0.0)) for s in component.actives}
+        # Where there are constraints, rates have to agree with the start.
+        pace, gain = (0.0, 1.0) if component.rheonomic_constraints or component.constraints else (0.3, 0.0)
+        rates = {
+            s.name: (lambda t, s=s: (s.start + pace * t + gain / 2 * t**2, pace + gain * t, gain))
+            for s in component.actives
+        }
         return simulate(fmu(component), stop_time=0.6, step_size=0.05, inputs=rates)
 
     return of

@@ -126,6 +126,7 @@ class Run:
             self._readings: dict[str, Reading] = {}
             self._unused_states: list[Sequence[tuple[Call, Call]]] = []
             self._closed = False
+            self.lateness: list[float] = []
             self._restores: Sequence[Call] = []
             if self.repeats:
                 saves, self._restores = zip(
@@ -194,7 +195,7 @@ class Run:
         self._breaks.find_next(begin)
         self._points, self._end = 1, ""  # communication points that were reached; why there is no next one
         self._clock: tuple[float, float, float] | None = None  # seconds a second, instant of the clock, and simulated
-        self.lateness: list[float] = []
+        self.lateness.clear()
         for free in self._free_inputs.values():
             free.values[:] = np.nan
 

@@ -197,9 +197,6 @@ static int starts_in_time(Instance *self) {
 
 Status core_exit_initialization(Instance *self) {
     core_start(self);
-    if (self->s->stiff_solver && self->s->symplectic_steps > 0)
-        return core_report(self, ERROR, "stiff_solver = 1 and symplectic_steps = %d: set one of them to 0 and initialize "
-                           "again", (int)self->s->symplectic_steps);
     if (self->refused && core_check_domains(self, self->s->time))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
     const double t = self->s->time;

@@ -208,7 +208,7 @@ static int leap_at_once(const Problem *problem, double *y, double *work) {
 void core_leap(Instance *self) {
     const size_t n = self->model->coupled;
     if (self->model->jumps == NULL || !find_jumps(self)) return;
-    const Problem problem = {n, n, SHARE * self->s->tolerance, self->v.size, leaping, leaping, go_on, self, NULL};
+    const Problem problem = {n, n, SHARE * self->s->tolerance, self->v.size, leaping, leaping, go_on, self, NULL, NULL};
     double *y = self->d.y, *low = self->d.z;
     double t = 0, step = 0;
     memcpy(y, self->v.y, n * sizeof *y);

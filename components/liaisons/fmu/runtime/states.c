@@ -94,7 +94,8 @@ static const char *wrong_scalar(const Instance *self, const Scalars *s) {
     if (s->reconstruction < HOLD || s->reconstruction > INTERPOLATE) return "input_reconstruction";
     const int most = self->model->indicators > 0 ? 0 : MOST_SYMPLECTIC_STEPS;
     if (s->symplectic_steps < 0 || s->symplectic_steps > most) return "symplectic_steps";
-    if (!flag(s->stiff_solver) || (s->stiff_solver && (s->symplectic_steps > 0 || model->coupled > MOST_STIFF_STATES)))
+    if (!flag(s->stiff_solver) || (s->stiff_solver && model->coupled > MOST_STIFF_STATES)
+        || (s->stiff_solver && s->symplectic_steps > 0))
         return "stiff_solver";
     if (!flag(s->unstarted) || !flag(s->jumped) || !flag(s->expanded) || !flag(s->known)
         || !flag(s->stiffness_reported))

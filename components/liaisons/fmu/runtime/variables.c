@@ -339,6 +339,11 @@ Status core_set_settings(Instance *self, const unsigned references[], size_t n, 
         if (self->s->phase >= EVENT)
             return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
     }
+    int solvers[SETTINGS] = {0, self->s->symplectic_steps, self->s->stiff_solver};
+    for (size_t i = 0; i < n; i++) solvers[setting(self, references[i])] = values[i];
+    if (solvers[SYMPLECTIC_STEPS] > 0 && solvers[STIFF_SOLVER] > 0)
+        return core_report(self, ERROR, "symplectic_steps = %d and stiff_solver = 1: set one of them to 0 before the other",
+                           solvers[SYMPLECTIC_STEPS]);
     for (size_t i = 0; i < n; i++) *value_of(self, setting(self, references[i])) = values[i];
     return SUCCESS;
 }
