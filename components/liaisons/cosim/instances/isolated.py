@@ -95,7 +95,7 @@ class Isolated(Instance):
         return self._prepare("step", "stepper", sent=[time, size])
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:
-        return self._prepare("save", "states"), self._prepare("restore", None)
+        return self._prepare("save", "save_and_restore_calls"), self._prepare("restore", None)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         return self._prepare("derive", "directional", unknowns, knowns, sent=[seed], received=values)
