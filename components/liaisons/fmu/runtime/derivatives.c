@@ -35,26 +35,6 @@ static void forward(Instance *self, int remembering) {
     CALL(model->calculate_forward, arguments, results);
 }
 
-void core_jacobian(Instance *self, double time, const double y[], double J[]) {
-    const Model *model = self->model;
-    const Vectors *v = &self->v;
-    Directions *d = &self->d;
-    const size_t n = model->coupled, first = model->parameters + model->inputs;
-    const double t = before_limit(self, time);
-    memset(self->d.y, 0, (size_t)(self->d.z + model->outputs - self->d.y) * sizeof *self->d.y);
-    d->t = 0;
-    evaluate(self, model->calculate, time, y, v->z);
-    self->known.current = 0;
-    for (size_t j = 0; j < n; j++) {
-        const double *arguments[] = {&t, y, v->u, v->k, v->m, v->z, &d->t, d->y, d->u, d->k, d->m};
-        double *results[] = {d->z};
-        d->y[j] = 1;
-        CALL(model->calculate_forward, arguments, results);
-        d->y[j] = 0;
-        for (size_t i = 0; i < n; i++) J[i * n + j] = d->z[core_index_of_state(model, i, 1) - first];
-    }
-}
-
 static void add(double *sum, const double *more, size_t n) {
     for (size_t i = 0; i < n; i++) sum[i] += more[i];
 }
@@ -94,6 +74,25 @@ static void backward(Instance *self, int remembering) {
 static void clear(Instance *self) {
     self->d.t = 0;
     memset(self->d.y, 0, (size_t)(self->d.z + self->model->outputs - self->d.y) * sizeof *self->d.y);
+}
+
+void core_jacobian(Instance *self, double time, const double y[], double J[]) {
+    const Model *model = self->model;
+    const Vectors *v = &self->v;
+    Directions *d = &self->d;
+    const size_t n = model->coupled, first = model->parameters + model->inputs;
+    const double t = before_limit(self, time);
+    clear(self);
+    evaluate(self, model->calculate, time, y, v->z);
+    self->known.current = 0;
+    for (size_t j = 0; j < n; j++) {
+        const double *arguments[] = {&t, y, v->u, v->k, v->m, v->z, &d->t, d->y, d->u, d->k, d->m};
+        double *results[] = {d->z};
+        d->y[j] = 1;
+        CALL(model->calculate_forward, arguments, results);
+        d->y[j] = 0;
+        for (size_t i = 0; i < n; i++) J[i * n + j] = d->z[core_index_of_state(model, i, 1) - first];
+    }
 }
 
 /* Address of the direction of a known variable; NULL if it is not known in this phase. */
