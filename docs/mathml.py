@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import NoReturn
+from xml.etree import ElementTree
 
 from docutils import nodes
 from docutils.utils.math import MathError
@@ -10,6 +11,9 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 from sphinx.writers.html5 import HTML5Translator
+
+MATHML = "{http://www.w3.org/1998/Math/MathML}"
+ElementTree.register_namespace("", MATHML[1:-1])
 
 
 def setup(app: Sphinx) -> None:
@@ -40,5 +44,19 @@ def markup(latex: str, *, as_block: bool = False) -> str:
 
     :raises MathError: for a command that it does not know.
     """
-    markup = tex2mathml(latex, as_block=as_block)
-    return markup.replace('<mover accent="true">', "<mover>")  # browsers let dots that are accents touch the letter
+    root = ElementTree.fromstring(tex2mathml(latex, as_block=as_block))
+    for node in list(root.iter()):
+        if node.tag == f"{MATHML}munderover" and "movablelimits" not in node[0].attrib:  # no sum, no product
+            _move_subscript_beside(node)
+        if node.tag == f"{MATHML}mover":
+            node.attrib.pop("accent", None)  # browsers let dots that are accents touch the letter
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _move_subscript_beside(node: ElementTree.Element) -> None:
+    """Write the subscript of an accented letter beside it: docutils writes it below."""
+    letter, subscript, accent = node
+    accented = ElementTree.Element(f"{MATHML}mover")
+    accented.extend((letter, accent))
+    node.tag = f"{MATHML}msub"
+    node[:] = accented, subscript
