@@ -235,7 +235,7 @@ def _shared(entry: Entry, shown: Collection[str]) -> tuple[str, ...]:
     notes += [("Remark", f"{note} ({number})") for number, note in entry.remarks.items()]
     notes += [(NOT_RUN.capitalize(), entry.no)] if entry.no else []
     says = escape(entry.says) + "".join(f"<br><small>{head}: {escape(note)}.</small>" for head, note in notes)
-    says += "".join(f"<br><small>Printed: {_markup(formula)}</small>" for formula in entry.printed)
+    says += "".join(f"<div><small>Printed: {_markup(formula)}</small></div>" for formula in entry.printed)
     found = [value for check in entry.by for value in tolerances(check)]
     range_ = "" if not found else f"{min(found):.0e}" + (f" to {max(found):.0e}" if max(found) > min(found) else "")
     return says, ", ".join(map(_object, entry.lives)), "<br>".join(_check(check, shown) for check in entry.by), range_
