@@ -25,13 +25,14 @@ SPIN = 0.3  # rate of the trunk at the start [rad/s]
 class FirstShape(Operator):
     """A shape that follows Y."""
 
-    growth = Parameter(GROWTH, "1/s", "growth at rest, and square of the circle's radius", minimum=0)
+    growth = Parameter(GROWTH, "1/s", "rate of growth at rest", minimum=0)
+    radius = Parameter(GROWTH**0.5, "1", "radius of the circle", minimum=1e-3)
     turning = Parameter(TURNING, "rad/s", "angular velocity about rest")
     a = InternalState("1", "first shape", start=0.1)
     b = InternalState("1", "second shape")
 
     def internal_rates(self) -> Mapping[str, ca.SX]:
-        growing = self.growth * (1 - (self.a**2 + self.b**2) / GROWTH)
+        growing = self.growth * (1 - (self.a**2 + self.b**2) / self.radius**2)
         return {"a": growing * self.a - self.turning * self.b, "b": growing * self.b + self.turning * self.a}
 
     def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002
