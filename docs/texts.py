@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any
 import liaisons
 from liaisons import analysis, language, mechanics, models
 from liaisons.base.project import load_module, scenario_files, scenario_order
-from liaisons.companion import TITLES, Entry, entries
+from liaisons.companion import TITLES, Entry, entries, sections
 from liaisons.language import Mechanism
 from liaisons.library import catalogue
 from liaisons.mechanics import derive
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
+    from sphinx.environment import BuildEnvironment
 
 TESTS = Path(__file__).parents[1] / "tests"
 mathml = load_module(Path(__file__).with_name("mathml.py"))
@@ -38,6 +39,7 @@ def setup(app: Sphinx) -> None:
     """Write the pages before they are read, after those of gallery and catalogue, to which they lead."""
     app.connect("builder-inited", write_texts, priority=700)
     app.connect("autodoc-process-docstring", _numbers_of_a_function)
+    app.connect("env-updated", index_numbers)
 
 
 def write_texts(app: Sphinx) -> None:
@@ -48,6 +50,31 @@ def write_texts(app: Sphinx) -> None:
     (root / SOURCES).mkdir(exist_ok=True)
     for file in sorted({check.partition("::")[0] for entry in entries() for check in entry.by if "::" in check}):
         (root / SOURCES / f"{_page_of(file)}.md").write_text(source_page(file), encoding="utf-8")
+
+
+def index_numbers(app: Sphinx, env: BuildEnvironment) -> None:
+    """Let the site's search lead from a number of the texts, or a word of the table, to its row."""
+    env.domains.index_domain.entries["reference/texts"] = [
+        ("single", name, anchor, "main", None) for name, anchor in index_entries().items()
+    ]
+
+
+def index_entries() -> dict[str, str]:
+    """Numbers as people write them ("K122", "K 122", "M 8.4", "KA2") and words in English and French -> anchor."""
+    anchors: dict[str, str] = {}
+    for entry in entries():
+        citation = entry.citation.partition(",")[0]
+        short = citation.replace("eq. ", "")
+        for name in (citation, short, short.replace(" ", ""), *entry.corrections, *entry.conditions):
+            anchors.setdefault(name, entry.anchor)
+    for section in sections():
+        within = next(filter(section.contains, entries()), None)
+        if within:
+            anchors.setdefault(section.citation, within.anchor)
+    for entry in entries():
+        for word in re.findall(r"\w{4,}", f"{entry.french} {entry.says}".casefold()):
+            anchors.setdefault(word, entry.anchor)
+    return anchors
 
 
 def verdict(entry: Entry) -> str:
@@ -234,7 +261,8 @@ def _shared(entry: Entry, shown: Collection[str]) -> tuple[str, ...]:
     notes += [("Holds if", f"{note} ({number})") for number, note in entry.conditions.items()]
     notes += [("Remark", f"{note} ({number})") for number, note in entry.remarks.items()]
     notes += [(NOT_RUN.capitalize(), entry.no)] if entry.no else []
-    says = escape(entry.says) + "".join(f"<br><small>{head}: {escape(note)}.</small>" for head, note in notes)
+    says = f'{escape(entry.says)}<br><small lang="fr">{escape(entry.french)}</small>'
+    says += "".join(f"<br><small>{head}: {escape(note)}.</small>" for head, note in notes)
     says += "".join(f"<div><small>Printed: {_markup(formula)}</small></div>" for formula in entry.printed)
     found = [value for check in entry.by for value in tolerances(check)]
     range_ = "" if not found else f"{min(found):.0e}" + (f" to {max(found):.0e}" if max(found) > min(found) else "")
