@@ -42,7 +42,7 @@ class Verdict:
         return self.error <= self.tolerance
 
     def row(self) -> dict[str, str]:
-        """Row of the verdict in :func:`table`."""
+        """Row of the verdict in ``table``."""
         unit = f" {self.unit}" if self.unit else ""
         return {
             "claim": self.claim,

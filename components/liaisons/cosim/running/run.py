@@ -461,7 +461,7 @@ class Run:
         self._clock = factor, perf_counter(), self.time
 
     def wait(self) -> None:
-        """Wait for the clock, if there is a pace; :attr:`lateness` gets by how much it was ahead [s]."""
+        """Wait for the clock, if there is a pace; add to ``lateness`` by how much it was ahead [s]."""
         if self._clock is not None:
             factor, begin, first = self._clock
             late = perf_counter() - begin - (self.time - first) / factor
