@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from html import unescape
 from typing import NoReturn
 from xml.etree import ElementTree
 
@@ -44,7 +46,8 @@ def markup(latex: str, *, as_block: bool = False) -> str:
 
     :raises MathError: for a command that it does not know.
     """
-    root = ElementTree.fromstring(tex2mathml(latex, as_block=as_block))
+    spaced = re.sub(r"&(?!lt|gt|amp)\w+;", lambda entity: unescape(entity[0]), tex2mathml(latex, as_block=as_block))
+    root = ElementTree.fromstring(spaced)
     for node in list(root.iter()):
         if node.tag == f"{MATHML}munderover" and "movablelimits" not in node[0].attrib:  # no sum, no product
             _move_subscript_beside(node)
