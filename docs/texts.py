@@ -13,6 +13,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from docutils import nodes
+from sphinx import addnodes
+
 import liaisons
 from liaisons import analysis, language, mechanics, models
 from liaisons.base.project import load_module, scenario_files, scenario_order
@@ -23,7 +26,6 @@ from liaisons.mechanics import derive
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
-    from sphinx.environment import BuildEnvironment
 
 TESTS = Path(__file__).parents[1] / "tests"
 mathml = load_module(Path(__file__).with_name("mathml.py"))
@@ -39,7 +41,7 @@ def setup(app: Sphinx) -> None:
     """Write the pages before they are read, after those of gallery and catalogue, to which they lead."""
     app.connect("builder-inited", write_texts, priority=700)
     app.connect("autodoc-process-docstring", _numbers_of_a_function)
-    app.connect("env-updated", index_numbers)
+    app.connect("doctree-read", index_numbers)
 
 
 def write_texts(app: Sphinx) -> None:
@@ -52,11 +54,11 @@ def write_texts(app: Sphinx) -> None:
         (root / SOURCES / f"{_page_of(file)}.md").write_text(source_page(file), encoding="utf-8")
 
 
-def index_numbers(app: Sphinx, env: BuildEnvironment) -> None:
+def index_numbers(app: Sphinx, doctree: nodes.document) -> None:
     """Let the site's search lead from a number of the texts, or a word of the table, to its row."""
-    env.domains.index_domain.entries["reference/texts"] = [
-        ("single", name, anchor, "main", None) for name, anchor in index_entries().items()
-    ]
+    if app.env.current_document.docname == "reference/texts":
+        entries = [("single", name, anchor, "main", None) for name, anchor in index_entries().items()]
+        doctree += addnodes.index(entries=entries)
 
 
 def index_entries() -> dict[str, str]:
