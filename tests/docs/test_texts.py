@@ -94,3 +94,31 @@ def test_tolerances_are_those_that_are_applied(texts: ModuleType) -> None:
     assert texts.tolerances("models/test_newton::test_motion_and_operator_forces_are_those_of_newton") == [1e-12]
     found = texts.tolerances("mechanics/test_constraints::test_dalembert_gauss_and_the_null_space_give_one_motion")
     assert found == [1e-12, 1e-11]  # times sizes
+
+
+@pytest.mark.parametrize(
+    ("words", "anchor"),
+    [
+        ("K122", "K-equations-122"),
+        ("K 122", "K-equations-122"),
+        ("M eq. 27", "M-equations-27"),
+        ("M 8.4", "M-examples-8.4"),
+        ("M prop. 7", "M-propositions-7-theorem"),
+        ("KA2", "K-equations-122"),
+        ("viriel", "K-equations-68"),
+        ("cerceau", "M-equations-61"),
+    ],
+)
+def test_searches_of_the_site_lead_to_a_row(words: str, anchor: str, texts: ModuleType, page: str) -> None:
+    assert texts.index_entries()[words] == anchor
+    assert f'<tr id="{anchor}">' in page
+
+
+def test_subscripts_stand_beside_dotted_letters(texts: ModuleType) -> None:
+    def markup(latex: str) -> str:
+        return "".join(line.strip() for line in texts.mathml.markup(latex).splitlines())
+
+    dotted = '<msub><mover><mi>r</mi><mo stretchy="false">¨</mo></mover><mi>α</mi></msub>'
+    assert dotted in markup(r"\ddot{r}_\alpha")
+    assert "<munderover>" in markup(r"\sum_{i=1}^n p_i")
+    assert "x\N{NO-BREAK SPACE}y" in re.sub("<.*?>", "", markup(r"x ~ y"))
