@@ -6,24 +6,25 @@ import inspect
 import os
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, TypeAlias, TypeGuard, final
 from weakref import WeakKeyDictionary
 
 from liaisons.base.arguments import as_path, shown, whole
 from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.project import ProjectError, fmus_directory, load_module
-from liaisons.errors import BuildError, SimulationError, suggestion
+from liaisons.base.published import load_published, published
+from liaisons.errors import BuildError, LiaisonsError, suggestion
 
 if TYPE_CHECKING:
     from liaisons.language import Component
     from liaisons.mechanics import Equations, Model
 
 Target: TypeAlias = "str | Path | type[Component]"
-"""A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class;
-a robot's file, with joints that an operator prescribes (``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``).
-Where FMUs are taken, also the path of one."""
+"""A component: its name in the catalogue or in an installed package (``"Pendulum"``), its file (``"my_component.py"``,
+``"my_component.py:Name"``) or its class; a robot's file, with joints that an operator prescribes
+(``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``).  Where FMUs are taken, also the path of one."""
 
 _built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
 """FMUs that are up to date in this process, and the status of these files."""
@@ -49,10 +50,42 @@ def catalogue_names() -> list[str]:
     return sorted(public)
 
 
+def component_names() -> list[str]:
+    """Return the names of the catalogue, and those that packages publish; no component is loaded."""
+    return sorted({*catalogue_names(), *(name for name in published() if ":" not in name)})
+
+
+@final
+class NamedComponents(Mapping[str, "type[Component]"]):
+    """Components by the names that commands know: the catalogue's, and published ones, whose package is then imported.
+
+    :raises ProjectError: for a published one that cannot be loaded, is no component, or has another name.
+    """
+
+    def __contains__(self, name: object) -> bool:
+        return name in catalogue() or name in published()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys([*catalogue(), *published()]))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __getitem__(self, name: str) -> type[Component]:
+        if component := catalogue().get(name):
+            return component
+        label, value = load_published(name)
+        if not _is_concrete(value):
+            raise ProjectError(f"{label} is {shown(value)}; publish a Mechanism or Operator that is not abstract")
+        if value.__name__ != name.rpartition(":")[2]:
+            raise ProjectError(f"{label} has another name than its class; call it {value.__name__}")
+        return value
+
+
 def is_target(word: object) -> bool:
     """Return whether a word names a component or an FMU, and no other file."""
     name = str(word)
-    return isinstance(word, type) or name in catalogue_names() or name.endswith(".fmu") or _is_source(name)
+    return isinstance(word, type) or name.endswith(".fmu") or _is_source(name) or name in NamedComponents()
 
 
 def is_robot(word: str) -> bool:
@@ -61,17 +94,15 @@ def is_robot(word: str) -> bool:
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
-    """Return name, causality and start of the variables of a catalogue's component or an FMU file; else none."""
-    if target in catalogue_names():
-        from liaisons import models
-
-        every = (scalar for v in getattr(models, target)().layout().variables for scalar in v.elements())
-        return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
+    """Return name, causality and start of the variables of a component that has a name or of an FMU file; else none."""
     from liaisons.cosim.description.fmu import read_description
 
     try:
+        if target in NamedComponents():
+            every = (scalar for v in component(target)().layout().variables for scalar in v.elements())
+            return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
         described = read_description(Path(target)).attributes
-    except SimulationError:
+    except LiaisonsError:
         return []
     return [(name, v["causality"], v.get("start", "")) for name, v in described.items()]
 
@@ -103,14 +134,14 @@ def components(target: Target) -> list[type[Component]]:
 def _of_word(target: str) -> list[type[Component]]:
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
-        classes = catalogue()
         if target == "all":
-            return list(classes.values())
+            return list(catalogue().values())
         if target.endswith(".fmu"):
             raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
-        if target not in classes:
-            raise ProjectError(f"no component is called {target!r}{suggestion(target, classes)}")
-        return [classes[target]]
+        named = NamedComponents()
+        if target not in named:
+            raise ProjectError(f"no component is called {target!r}{suggestion(target, named)}")
+        return [named[target]]
     path = Path(f"{file}.py" if separator else target)
     module = load_module(path)
     defined = vars(module).items()  # without what it imports
@@ -304,8 +335,8 @@ def fmu_file(target: Target) -> Path:
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
     if path.suffix == ".fmu" or (path.is_file() and not _is_source(path.name)):
         return path
-    if not _is_source(path.name) and str(target) not in catalogue():
-        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), catalogue())}")
+    if not _is_source(path.name) and str(target) not in NamedComponents():
+        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), NamedComponents())}")
     return fmu_path(target)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
-from liaisons.library import Target, catalogue, components
+from liaisons.library import NamedComponents, Target, components
 from liaisons.library.flattening import identifier
 from liaisons.ssp import has_table
 
@@ -61,7 +61,7 @@ def _composition(subject: System) -> Composition:
     """Return a system as Modelica text describes it: components, start values, connections."""
     from liaisons.modelica_text import Composition
 
-    classes, parts = catalogue(), subject.filled()
+    classes, parts = NamedComponents(), subject.filled()
     for part in parts.values():
         if part.fmu.model_name not in classes or has_table(part.fmu.path):
             raise SimulationError(
