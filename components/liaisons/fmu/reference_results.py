@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.reference_integration import integrate
+from liaisons.base.related_files import FOLDER, MANIFEST, NAME, NAMESPACE, VERSION, RelatedFile
 from liaisons.errors import ComponentError, suggestion
 from liaisons.fmu.calls import Call
 from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
@@ -27,7 +28,6 @@ from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 
-FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 INTERVALS = 100
 """Intervals between rows."""
 
@@ -41,6 +41,7 @@ WIDEST = 16
 """Numbers of an array up to which it is written."""
 
 _DIGITS = 9
+_LABEL = "default-experiment"
 _BOOKED = ("work", "dissipated")
 _SSP = "http://ssp-standard.org/SSP1/"
 _CONTACTS = "contacts have no integration that is independent of the FMU"
@@ -190,11 +191,11 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
     :param fmi: for FMI 3.0 a cell of the table holds all elements of an array.
     """
     members: dict[str, bytes] = {}
-    related: list[dict[str, str]] = []
+    related: list[RelatedFile] = []
 
     def add(kind: str, file: str, role: str, description: str, content: bytes) -> None:
         members[f"{FOLDER}/{file}"] = content
-        related.append({"type": kind, "source": file, "role": role, "description": description})
+        related.append(RelatedFile(kind, file, role, description, {_LABEL}))
 
     if results is not None:
         reference = model.experiment.reference
@@ -217,7 +218,7 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
             tolerance=TOLERANCE,
         ).encode()
     why = _CONTACTS if model.contacts else _GIVEN_UP
-    return {f"{FOLDER}/fmi-ls-manifest.xml": _manifest(related, why), **members}
+    return {MANIFEST: _manifest(related, why), **members}
 
 
 def _moving_inputs(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
@@ -270,20 +271,23 @@ def _rounded(column: NDArray) -> NDArray:
     return np.array(rounded)
 
 
-def _manifest(related: list[dict[str, str]], why: str) -> bytes:
+def _manifest(related: list[RelatedFile], why: str) -> bytes:
     """Return fmi-ls-manifest.xml."""
     attributes = {
-        "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
-        "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
-        "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
+        "xmlns:fmi-ls": NAMESPACE,
+        "fmi-ls:fmi-ls-name": NAME,
+        "fmi-ls:fmi-ls-version": VERSION,
         "fmi-ls:fmi-ls-description": "Layered Standard providing information on related files included in an FMU.",
     }
-    page = {
-        "type": "text/html",
-        "source": "../../documentation/index.html",
-        "role": "document",
-        "description": "Description of the model with its equations",
-    }
-    lines = [line for attributes in related for line in element("Related", attributes)]
+    page = "../../documentation/index.html"
+    described = [*related, RelatedFile("text/html", page, "document", "Description of the model with its equations")]
+    lines = [line for file in described for line in _related_element(file)]
     nothing = [] if related else [f"<!-- No results of the default experiment: {why}. -->"]
-    return document(element("fmiReferences", attributes, [*nothing, *lines, *element("Related", page)]))
+    return document(element("fmiReferences", attributes, [*nothing, *lines]))
+
+
+def _related_element(file: RelatedFile) -> Iterator[str]:
+    """Yield the lines of the element of a file."""
+    attributes = {"type": file.type, "source": file.source, "role": file.role, "description": file.description}
+    labels = (line for label in sorted(file.labels) for line in element("Label", {"name": label}))
+    yield from element("Related", attributes, labels)
