@@ -133,7 +133,7 @@ def test_labels_tell_experiments_apart(built: dict[str, Path], tmp_path: Path) -
         ("fmi-ls-manifest.xml", replaced("fmi-ls:fmi-ls-version", "version"), "fmi-ls-version"),
         ("fmi-ls-manifest.xml", replaced('role="result"', ""), "has no attribute 'role'"),
         ("fmi-ls-manifest.xml", replaced("</fmiReferences>", ""), "no element found"),
-        ("Satellite_out.csv", replaced("time,", "time,nothing_of_this_name,"), "nothing_of_this_name"),
+        ("Satellite_out.csv", replaced("q_x,", "q_5,"), "'q_5'"),
         ("Satellite_out.csv", replaced("\n0,", "\nzero,"), "'zero'"),
         ("Satellite_out.csv", lambda _: "", "not enough values"),
         ("Satellite.ssv", replaced('name="', 'name="no'), "'no"),

@@ -1,8 +1,10 @@
-"""Components and scenarios that installed packages publish by entry points of the group ``liaisons.components``."""
+"""Components and scenarios that installed packages publish by entry points of the group ``liaisons.components``.
+
+``InclineBlock = "my_mechanics.incline_block:InclineBlock"`` is the name of a component, and where it is defined.
+"""
 
 from __future__ import annotations
 
-import re
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -11,36 +13,21 @@ from pathlib import Path
 from liaisons.errors import LiaisonsError, ProjectError
 
 GROUP = "liaisons.components"
-"""``InclineBlock = "my_mechanics.incline_block:InclineBlock"``: the name of a component, and where it is defined."""
 
 
 @lru_cache(maxsize=1)
-def published() -> dict[str, list[EntryPoint]]:
-    """Return entry points by the name of their component, and by ``PACKAGE:NAME``; no package is imported."""
-    named: dict[str, list[EntryPoint]] = {}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: (package(entry), entry.name)):
-        for name in (entry.name, qualified(entry)):
-            named.setdefault(name, []).append(entry)
-    return named
+def published() -> dict[str, dict[str, EntryPoint]]:
+    """Return entry points by package, and by the name of their component in it; no package is imported."""
+    packages: dict[str, dict[str, EntryPoint]] = {}
+    for entry in entry_points(group=GROUP):
+        packages.setdefault(entry.dist.name if entry.dist else "", {})[entry.name] = entry
+    return dict(sorted(packages.items()))
 
 
-def published_by_package() -> dict[str, list[EntryPoint]]:
-    """Return entry points by the name of their package."""
-    packages: dict[str, list[EntryPoint]] = {}
-    for name, entries in published().items():
-        if ":" in name:
-            packages.setdefault(package(entries[0]), []).extend(entries)
-    return packages
-
-
-def package(entry: EntryPoint) -> str:
-    """Return the name of the package of an entry point, as ``pip list`` shows it."""
-    return entry.dist.name if entry.dist else ""
-
-
-def qualified(entry: EntryPoint) -> str:
-    """Return the name of a component that no other package has, ``PACKAGE:NAME``."""
-    return f"{package(entry)}:{entry.name}"
+def publishers(name: object) -> dict[str, EntryPoint]:
+    """Return the entry points of ``InclineBlock`` by package, that of ``PACKAGE:InclineBlock`` alone."""
+    package, _, component = str(name).rpartition(":")
+    return {p: entries[component] for p, entries in published().items() if component in entries and package in {"", p}}
 
 
 def load_published(name: str) -> tuple[str, object]:
@@ -49,11 +36,11 @@ def load_published(name: str) -> tuple[str, object]:
     :returns: the entry point in words, and its value.
     :raises ProjectError: if several packages publish it, or it cannot be imported.
     """
-    entry, *further = published()[name]
+    (package, entry), *further = publishers(name).items()
     if further:
-        choices = ", ".join(map(qualified, (entry, *further)))
+        choices = ", ".join(f"{package}:{name}" for package in publishers(name))
         raise ProjectError(f"several packages publish a component {name}; name one: {choices}")
-    label = f"package {package(entry)}: the entry point {entry.name} = {entry.value!r}"
+    label = f"package {package}: the entry point {entry.name} = {entry.value!r}"
     try:
         return label, entry.load()
     except Exception as error:
@@ -64,9 +51,8 @@ def load_published(name: str) -> tuple[str, object]:
 def published_scenarios() -> dict[str, dict[str, Path]]:
     """Return, by package, paths of scenarios by name: of the folder ``scenarios`` in its module; none is imported."""
     packages: dict[str, dict[str, Path]] = {}
-    for name, entries in published_by_package().items():
-        modules = {re.split("[.:]", entry.value)[0].strip() for entry in entries}
-        specifications = filter(None, map(find_spec, filter(None, modules)))
-        folders = [Path(f, "scenarios") for s in specifications for f in s.submodule_search_locations or ()]
-        packages[name] = {path.stem: path for folder in folders for path in sorted(folder.glob("[!_]*.py"))}
+    for package, entries in published().items():
+        modules = {entry.value.partition(":")[0].partition(".")[0].strip() for entry in entries.values()} - {""}
+        folders = [Path(f) for s in map(find_spec, modules) if s for f in s.submodule_search_locations or ()]
+        packages[package] = {path.stem: path for folder in folders for path in folder.glob("scenarios/[!_]*.py")}
     return packages

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping
 from ctypes import c_double
 from pathlib import Path
@@ -13,6 +11,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from liaisons.base.archive import Archive
+from liaisons.base.files import csv_cells
 from liaisons.base.folders import passing_folder
 from liaisons.base.related_files import related_files
 from liaisons.base.xml_documents import tree
@@ -23,7 +22,7 @@ from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.run import performed
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.ssp.assignment import fitted, parameters
 
 if TYPE_CHECKING:
@@ -113,38 +112,32 @@ def _reference_verdicts(fmu: Fmu) -> Iterator[Verdict | str]:
         try:
             files = related_files(archive)
             for file in files:
-                if (file.role, file.type) == ("result", "text/csv"):
-                    beside = {other.role: other.member for other in files if other.labels == file.labels}
-                    yield _reference_verdict(fmu, archive, folder, file.member, beside)
+                archive.copy(file.member, folder / file.member)
+            for result in files:
+                if (result.role, result.type) == ("result", "text/csv"):
+                    beside = {file.role: folder / file.member for file in files if file.labels == result.labels}
+                    yield _reference_verdict(fmu, folder / result.member, beside)
         except (LiaisonsError, ValueError, LookupError) as error:
             yield f"reference results are left out: {error}"
 
 
-def _reference_verdict(fmu: Fmu, archive: Archive, folder: Path, results: str, beside: Mapping[str, str]) -> Verdict:
-    """Return the verdict on a table of results.
-
-    :param beside: file by role.
-    """
-    with archive.open(results) as file:
-        head, *rows = csv.reader(io.TextIOWrapper(file, "utf-8"))
-    times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows])
+def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> Verdict:
+    """Return the verdict on a table of results; ``beside`` are files by their roles."""
+    head, _, rows = csv_cells(results, SimulationError)
+    times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows.values()])
     names = [name for column in head[1:] for name in fmu.elements(column)]
     starts = []
     if "parameter" in beside:
-        with archive.open(beside["parameter"]) as file:
+        with beside["parameter"].open("rb") as file:
             starts = [(name, fitted(name, fmu, name, quantity)) for name, quantity in parameters(tree(file))]
-    inputs = []
-    if "testcase" in beside:
-        inputs = [str(folder / "inputs.csv")]
-        archive.copy(beside["testcase"], Path(*inputs))
+    inputs = [str(beside["testcase"])] if "testcase" in beside else []
     tolerance = fmu.experiment.tolerance or 1e-6
     span = times[0], times[-1], times[1] - times[0], tolerance
-    _, asked = simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)
-    run = performed(asked)
+    run = performed(simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
     expected = zip(names, columns, strict=True)
-    errors = [np.max(np.abs(run[name] - column)) / (np.max(np.abs(column)) or 1) for name, column in expected]
-    claim = f"results as in {Path(results).name} beside the largest of each column"
-    return verdict(claim, error=max(errors), tolerance=1e3 * tolerance)  # as for halved steps
+    error = max(np.max(np.abs(run[name] - column)) / (np.max(np.abs(column)) or 1) for name, column in expected)
+    claim = f"results as in {results.name} beside the largest of each column"
+    return verdict(claim, error=error, tolerance=1e3 * tolerance)  # as for halved steps
 
 
 def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:

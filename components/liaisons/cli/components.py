@@ -18,7 +18,7 @@ from liaisons.base.compiler import Backend, Platforms
 from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, from_here
-from liaisons.base.published import published, published_by_package, qualified
+from liaisons.base.published import published, publishers
 from liaisons.cli._command import Prescribe, Size, command, flag, option, show, show_scenarios, subject, with_prescribed
 from liaisons.errors import BackEndError, LiaisonsError
 from liaisons.library import catalogue, claim, model, sized_folder
@@ -51,17 +51,15 @@ def listing(
 
 def _show_published() -> None:
     """Print a table of components for each package that publishes some, without those that cannot be loaded."""
-    for package, entries in published_by_package().items():
+    for package, entries in published().items():
         rows = []
-        for entry in entries:
-            unique = entry.name not in catalogue() and published()[entry.name] == [entry]
-            name = entry.name if unique else qualified(entry)
-            if not unique:
+        for component in entries:
+            if component in catalogue() or len(publishers(component)) > 1:
                 logger.warning(
-                    "package %s: another component is called %s; name this one %s", package, entry.name, name
+                    "package %s: its %s is %s:%s; others have this name", package, component, package, component
                 )
             try:
-                rows.append(_component_row(*find(name)) | {"name": name})
+                rows += map(_component_row, find(f"{package}:{component}"))
             except LiaisonsError as error:
                 logger.warning("left out: %s", error)
         print(f"\nOf the package {package}:\n")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import keyword
 import re
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,7 +32,7 @@ def new(name: Annotated[str, typer.Argument(metavar="NAME", help="of the module,
     folder = Path(name)
     if folder.exists():
         raise ProjectError(f"{folder}: it is there already; choose another name, or move it away")
-    if keyword.iskeyword(name) or name in {*sys.stdlib_module_names, *_OTHER_FOLDERS} or find_spec(name):
+    if keyword.iskeyword(name) or name in _OTHER_FOLDERS or find_spec(name):
         raise ProjectError(f"{name!r}: this name is taken in Python or in packages; choose another one")
     with TemporaryDirectory(dir=".", prefix=f".{name}-") as whole:
         for source in sorted(_TEMPLATE.rglob("*.in")):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.reference_integration import integrate
-from liaisons.base.related_files import FOLDER, MANIFEST, NAME, NAMESPACE, VERSION, RelatedFile
+from liaisons.base.related_files import FOLDER, MANIFEST, NAME, NAMESPACE, VERSION
 from liaisons.errors import ComponentError, suggestion
 from liaisons.fmu.calls import Call
 from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
@@ -41,7 +41,6 @@ WIDEST = 16
 """Numbers of an array up to which it is written."""
 
 _DIGITS = 9
-_LABEL = "default-experiment"
 _BOOKED = ("work", "dissipated")
 _SSP = "http://ssp-standard.org/SSP1/"
 _CONTACTS = "contacts have no integration that is independent of the FMU"
@@ -191,11 +190,11 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
     :param fmi: for FMI 3.0 a cell of the table holds all elements of an array.
     """
     members: dict[str, bytes] = {}
-    related: list[RelatedFile] = []
+    related: list[dict[str, str]] = []
 
     def add(kind: str, file: str, role: str, description: str, content: bytes) -> None:
         members[f"{FOLDER}/{file}"] = content
-        related.append(RelatedFile(kind, file, role, description, {_LABEL}))
+        related.append({"type": kind, "source": file, "role": role, "description": description})
 
     if results is not None:
         reference = model.experiment.reference
@@ -271,7 +270,7 @@ def _rounded(column: NDArray) -> NDArray:
     return np.array(rounded)
 
 
-def _manifest(related: list[RelatedFile], why: str) -> bytes:
+def _manifest(related: list[dict[str, str]], why: str) -> bytes:
     """Return fmi-ls-manifest.xml."""
     attributes = {
         "xmlns:fmi-ls": NAMESPACE,
@@ -279,15 +278,13 @@ def _manifest(related: list[RelatedFile], why: str) -> bytes:
         "fmi-ls:fmi-ls-version": VERSION,
         "fmi-ls:fmi-ls-description": "Layered Standard providing information on related files included in an FMU.",
     }
-    page = "../../documentation/index.html"
-    described = [*related, RelatedFile("text/html", page, "document", "Description of the model with its equations")]
-    lines = [line for file in described for line in _related_element(file)]
+    page = {
+        "type": "text/html",
+        "source": "../../documentation/index.html",
+        "role": "document",
+        "description": "Description of the model with its equations",
+    }
+    label = [*element("Label", {"name": "default-experiment"})]
+    lines = [line for attributes in related for line in element("Related", attributes, label)]
     nothing = [] if related else [f"<!-- No results of the default experiment: {why}. -->"]
-    return document(element("fmiReferences", attributes, [*nothing, *lines]))
-
-
-def _related_element(file: RelatedFile) -> Iterator[str]:
-    """Yield the lines of the element of a file."""
-    attributes = {"type": file.type, "source": file.source, "role": file.role, "description": file.description}
-    labels = (line for label in sorted(file.labels) for line in element("Label", {"name": label}))
-    yield from element("Related", attributes, labels)
+    return document(element("fmiReferences", attributes, [*nothing, *lines, *element("Related", page)]))

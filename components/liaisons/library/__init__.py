@@ -6,15 +6,15 @@ import inspect
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeGuard, final
+from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
 from liaisons.base.arguments import as_path, shown, whole
 from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.project import ProjectError, fmus_directory, load_module
-from liaisons.base.published import load_published, published
+from liaisons.base.published import load_published, published, publishers
 from liaisons.errors import BuildError, LiaisonsError, suggestion
 
 if TYPE_CHECKING:
@@ -52,40 +52,18 @@ def catalogue_names() -> list[str]:
 
 def component_names() -> list[str]:
     """Return the names of the catalogue, and those that packages publish; no component is loaded."""
-    return sorted({*catalogue_names(), *(name for name in published() if ":" not in name)})
+    return sorted({*catalogue_names(), *(name for entries in published().values() for name in entries)})
 
 
-@final
-class NamedComponents(Mapping[str, "type[Component]"]):
-    """Components by the names that commands know: the catalogue's, and published ones, whose package is then imported.
-
-    :raises ProjectError: for a published one that cannot be loaded, is no component, or has another name.
-    """
-
-    def __contains__(self, name: object) -> bool:
-        return name in catalogue() or name in published()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*catalogue(), *published()]))
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-    def __getitem__(self, name: str) -> type[Component]:
-        if component := catalogue().get(name):
-            return component
-        label, value = load_published(name)
-        if not _is_concrete(value):
-            raise ProjectError(f"{label} is {shown(value)}; publish a Mechanism or Operator that is not abstract")
-        if value.__name__ != name.rpartition(":")[2]:
-            raise ProjectError(f"{label} has another name than its class; call it {value.__name__}")
-        return value
+def is_named(name: object) -> bool:
+    """Return whether the catalogue or a package has a component of this name; no package is imported."""
+    return name in catalogue() or bool(publishers(name))
 
 
 def is_target(word: object) -> bool:
     """Return whether a word names a component or an FMU, and no other file."""
     name = str(word)
-    return isinstance(word, type) or name.endswith(".fmu") or _is_source(name) or name in NamedComponents()
+    return isinstance(word, type) or name.endswith(".fmu") or _is_source(name) or is_named(name)
 
 
 def is_robot(word: str) -> bool:
@@ -98,7 +76,7 @@ def variables(target: str) -> list[tuple[str, str, str]]:
     from liaisons.cosim.description.fmu import read_description
 
     try:
-        if target in NamedComponents():
+        if is_named(target):
             every = (scalar for v in component(target)().layout().variables for scalar in v.elements())
             return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
         described = read_description(Path(target)).attributes
@@ -138,10 +116,9 @@ def _of_word(target: str) -> list[type[Component]]:
             return list(catalogue().values())
         if target.endswith(".fmu"):
             raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
-        named = NamedComponents()
-        if target not in named:
-            raise ProjectError(f"no component is called {target!r}{suggestion(target, named)}")
-        return [named[target]]
+        if not is_named(target):
+            raise ProjectError(f"no component is called {target!r}{suggestion(target, component_names())}")
+        return [catalogue().get(target) or _published_component(target)]
     path = Path(f"{file}.py" if separator else target)
     module = load_module(path)
     defined = vars(module).items()  # without what it imports
@@ -152,6 +129,13 @@ def _of_word(target: str) -> list[type[Component]]:
     if separator and name not in classes:
         raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, classes)}")
     return [classes[name]] if separator else list(classes.values())
+
+
+def _published_component(name: str) -> type[Component]:
+    label, value = load_published(name)
+    if not _is_concrete(value) or value.__name__ != name.rpartition(":")[2]:
+        raise ProjectError(f"{label} is {shown(value)}; publish a Mechanism or Operator by the name of its class")
+    return value
 
 
 def _of_robot(path: str, prescribe: str) -> type[Component]:
@@ -335,8 +319,8 @@ def fmu_file(target: Target) -> Path:
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
     if path.suffix == ".fmu" or (path.is_file() and not _is_source(path.name)):
         return path
-    if not _is_source(path.name) and str(target) not in NamedComponents():
-        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), NamedComponents())}")
+    if not _is_source(path.name) and not is_named(str(target)):
+        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), component_names())}")
     return fmu_path(target)
 
 

@@ -21,7 +21,7 @@ from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System, SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.library import NamedComponents, has_size, model
+from liaisons.library import component, has_size, is_named, model
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
@@ -104,20 +104,19 @@ def _model_of_part(part: SystemComponent, components: Mapping[str, type[Componen
         raise SimulationError(
             f"{part.name}: {fmu.path.name} has its motion in a file, which no other FMU can take over"
         )
-    classes = components if fmu.model_name in components else NamedComponents()
-    if fmu.model_name not in classes:
+    if fmu.model_name not in components and not is_named(fmu.model_name):
         raise SimulationError(
             f"{part.name}: {fmu.path.name} is a {fmu.model_name!r}, which the catalogue does not have; "
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
-    component = classes[fmu.model_name]
-    if component.is_sampled():
+    class_ = components.get(fmu.model_name) or component(fmu.model_name)
+    if class_.is_sampled():
         raise SimulationError(
             f"{part.name}: a {fmu.model_name} reads at communication points, of which equations of a whole system have "
             "none; simulate the system"
         )
-    size = fmu.variables.get("n") if has_size(component) else None
-    derived = model(component, **({"n": int(size.start)} if size and size.start else {})).flat()
+    size = fmu.variables.get("n") if has_size(class_) else None
+    derived = model(class_, **({"n": int(size.start)} if size and size.start else {})).flat()
     missing = [v.name for v in derived.variables if v.name not in fmu.variables]
     if missing:
         raise SimulationError(
