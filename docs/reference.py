@@ -15,7 +15,7 @@ from sphinx.errors import ExtensionError
 
 import liaisons
 import liaisons.cli.text
-from liaisons.cli import check, compare, components, equations, identify, pictures, plan, run, simulate, sweep  # noqa: F401  # the commands
+from liaisons.cli import check, compare, components, equations, identify, new, pictures, plan, run, simulate, sweep  # noqa: F401  # the commands
 from liaisons.cli._command import application
 
 ELSEWHERE = [r"(numpy|casadi|ca|np|jax|pandas|xarray|matplotlib|scipy|distributed|collections|fmpy)\b.*"]

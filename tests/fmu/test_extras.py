@@ -266,6 +266,7 @@ def test_manifest_names_files_that_are_there(component) -> None:
     root = ElementTree.fromstring(found[f"{FOLDER}/fmi-ls-manifest.xml"])
     assert root.tag == "fmiReferences"
     assert root.get("{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-name") == "org.fmi-standard.fmi-ls-ref"
+    assert root.get("{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-version") == "1.0.0-beta.1"
     related = {element.attrib["role"]: element.attrib["source"] for element in root.findall("Related")}
     assert related["document"] == "../../documentation/index.html"
     assert (

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from liaisons.base.published import published_scenarios
 from liaisons.errors import LiaisonsError, ProjectError
 
 _CLONE = Path(__file__).resolve().parents[3]
@@ -27,9 +28,14 @@ def fmus_directory() -> Path:
 
 
 def scenario_files() -> dict[str, Path]:
-    """Paths of the scenarios by name: of ``scenarios/`` in the working directory, and of this package."""
-    paths = [path for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")]
-    return dict(sorted((path.stem, path) for path in paths))
+    """Paths of the scenarios by name: of ``scenarios/`` in the working directory, of this package, and published ones.
+
+    A published one whose name is taken is called ``PACKAGE:NAME``.
+    """
+    files = {path.stem: path for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")}
+    for package, scenarios in published_scenarios().items():
+        files |= {f"{package}:{name}" if name in files else name: path for name, path in scenarios.items()}
+    return dict(sorted(files.items()))
 
 
 def scenario_order() -> dict[str, dict[str, Any]]:
@@ -38,11 +44,14 @@ def scenario_order() -> dict[str, dict[str, Any]]:
 
 
 def scenario_themes() -> dict[str, tuple[str, list[str]]]:
-    """Title and scenarios of each theme by its short name; ``own`` has the scenarios without a theme."""
+    """Title and scenarios of each theme by its short name, then of each package; ``own`` has all other scenarios."""
     left = scenario_files()
     themes: dict[str, tuple[str, list[str]]] = {}
     for name, theme in scenario_order()["themes"].items():
         themes[name] = theme["title"], [scenario for scenario in theme["scenarios"] if left.pop(scenario, None)]
+    for package, scenarios in published_scenarios().items():
+        chosen = [name for name, path in left.items() if path in scenarios.values()]
+        themes |= {package: (f"Of the package {package}", [n for n in chosen if left.pop(n)])} if chosen else {}
     return themes | ({"own": ("Of this directory", list(left))} if left else {})
 
 
@@ -59,9 +68,11 @@ def scenario_claim(path: Path) -> str:
 
 
 def figures_directory(scenario: Path) -> Path:
-    """Directory for the figure of a scenario: ``figures/`` beside it; in the working directory for those of a wheel."""
+    """Directory for the figure of a scenario: ``figures/`` beside it; in the working directory for an installed one."""
     elsewhere = _OURS == _SHIPPED or not Path.cwd().is_relative_to(_CLONE)
-    return Path("figures") if elsewhere and scenario.resolve().parent == _OURS else scenario.parent / "figures"
+    installed = {path.parent for scenarios in published_scenarios().values() for path in scenarios.values()}
+    installed |= {_OURS} if elsewhere else set()
+    return Path("figures") if scenario.resolve().parent in installed else scenario.parent / "figures"
 
 
 def declared_components() -> list[str] | None:

@@ -1,5 +1,5 @@
 """Which version this is."""
 
-__version__ = "0.1.0"
-__date__ = "2026-11-22"
+__version__ = "1.0.0"
+__date__ = "2026-11-26"
 """Date of this version, written into FMUs of the catalogue so that rebuilt files are identical."""

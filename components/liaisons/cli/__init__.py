@@ -51,10 +51,23 @@ def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
     # Imported here, where an interrupt is caught.
     from typer import TyperException
 
-    from liaisons.cli import check, compare, components, equations, identify, pictures, plan, run, simulate, sweep, text
+    from liaisons.cli import (
+        check,
+        compare,
+        components,
+        equations,
+        identify,
+        new,
+        pictures,
+        plan,
+        run,
+        simulate,
+        sweep,
+        text,
+    )
     from liaisons.cli._command import application
 
-    in_order = (components, text, equations, simulate, pictures, plan, identify, sweep, compare, run, check)
+    in_order = (components, text, equations, simulate, pictures, plan, identify, sweep, compare, run, check, new)
     order = [module.__name__ for module in in_order]
     application.registered_commands.sort(key=lambda command: order.index(getattr(command.callback, "__module__", "")))
 

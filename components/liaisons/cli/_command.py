@@ -16,7 +16,7 @@ from liaisons.base.files import check_writable
 from liaisons.base.project import scenario_claim, scenario_files, scenario_themes
 from liaisons.base.version import __version__
 from liaisons.errors import SimulationError
-from liaisons.library import catalogue_names, components, is_robot, variables
+from liaisons.library import component_names, components, is_robot, variables
 
 if TYPE_CHECKING:
     from liaisons.check import Verdict
@@ -47,6 +47,7 @@ application = typer.Typer(
         liaisons sweep Pendulum --over theta_0=0.1:3:50 --keep theta:max
         liaisons compare mine.csv theirs.csv            differences, signal by signal
         liaisons check fmus/Pendulum.fmu                validators and invariants, for any FMU
+        liaisons new my_mechanics                       a package of components that all commands find
     """),
     result_callback=lambda status, **_: (
         print(end="", flush=True) or status
@@ -117,7 +118,7 @@ def show_scenarios() -> None:
 
 def subject(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:
     """Declare the argument that names what a command is about; names of components complete."""
-    return typer.Argument(metavar=metavar, help=words, autocompletion=catalogue_names)
+    return typer.Argument(metavar=metavar, help=words, autocompletion=component_names)
 
 
 def signals(ctx: typer.Context, incomplete: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from ctypes import c_double
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,13 +11,19 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from liaisons.base.archive import Archive
+from liaisons.base.files import csv_cells
 from liaisons.base.folders import passing_folder
+from liaisons.base.related_files import related_files
+from liaisons.base.xml_documents import tree
 from liaisons.check import Verdict, compare, verdict
-from liaisons.cli._subject import mismatches
+from liaisons.cli._subject import mismatches, simulation
 from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
+from liaisons.cosim.running.run import performed
+from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.ssp.assignment import fitted, parameters
 
 if TYPE_CHECKING:
     from liaisons.cosim.compiled.calls import Call
@@ -45,6 +51,7 @@ def invariants(path: Path) -> Iterator[Verdict | str]:
         claim = "fmpy's validator finds no problem, and the default experiment can be simulated"
         yield verdict(claim, error=len(problems), tolerance=0)
     yield from _run_verdicts(fmu)
+    yield from _reference_verdicts(fmu)
 
 
 def _experiment_problems(path: Path) -> Iterator[str]:
@@ -97,6 +104,40 @@ def _run_verdicts(fmu: Fmu) -> Iterator[Verdict]:
     repeated = _roll_back_difference(fmu, step_size, tolerance)
     if repeated is not None:
         yield verdict("a step that is rolled back and repeated gives the same bits", error=repeated, tolerance=0)
+
+
+def _reference_verdicts(fmu: Fmu) -> Iterator[Verdict | str]:
+    """Yield verdicts on results that the FMU carries, of runs with the parameters and inputs of the same labels."""
+    with Archive(fmu.path) as archive, passing_folder() as folder:
+        try:
+            files = related_files(archive)
+            for file in files:
+                archive.copy(file.member, folder / file.member)
+            for result in files:
+                if (result.role, result.type) == ("result", "text/csv"):
+                    beside = {file.role: folder / file.member for file in files if file.labels == result.labels}
+                    yield _reference_verdict(fmu, folder / result.member, beside)
+        except (LiaisonsError, ValueError, LookupError) as error:
+            yield f"reference results are left out: {error}"
+
+
+def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> Verdict:
+    """Return the verdict on a table of results; ``beside`` are files by their roles."""
+    head, _, rows = csv_cells(results, SimulationError)
+    times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows.values()])
+    names = [name for column in head[1:] for name in fmu.elements(column)]
+    starts = []
+    if "parameter" in beside:
+        with beside["parameter"].open("rb") as file:
+            starts = [(name, fitted(name, fmu, name, quantity)) for name, quantity in parameters(tree(file))]
+    inputs = [str(beside["testcase"])] if "testcase" in beside else []
+    tolerance = fmu.experiment.tolerance or 1e-6
+    span = times[0], times[-1], times[1] - times[0], tolerance
+    run = performed(simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
+    expected = zip(names, columns, strict=True)
+    error = max(np.max(np.abs(run[name] - column)) / (np.max(np.abs(column)) or 1) for name, column in expected)
+    claim = f"results as in {results.name} beside the largest of each column"
+    return verdict(claim, error=error, tolerance=1e3 * tolerance)  # as for halved steps
 
 
 def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:

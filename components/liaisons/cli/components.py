@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import typer
 
 from liaisons.base.compiler import Backend, Platforms
+from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, from_here
+from liaisons.base.published import published, publishers
 from liaisons.cli._command import Prescribe, Size, command, flag, option, show, show_scenarios, subject, with_prescribed
-from liaisons.errors import BackEndError
+from liaisons.errors import BackEndError, LiaisonsError
 from liaisons.library import catalogue, claim, model, sized_folder
 from liaisons.library import components as find
 
@@ -42,8 +44,26 @@ def listing(
     """Show the components, with their free and active coordinates, and the scenarios by theme."""
     show([_component_row(component) for target in targets or ["all"] for component in find(target)])
     if not targets:
+        _show_published()
         show_scenarios()
     return 0
+
+
+def _show_published() -> None:
+    """Print a table of components for each package that publishes some, without those that cannot be loaded."""
+    for package, entries in published().items():
+        rows = []
+        for component in entries:
+            if component in catalogue() or len(publishers(component)) > 1:
+                logger.warning(
+                    "package %s: its %s is %s:%s; others have this name", package, component, package, component
+                )
+            try:
+                rows += map(_component_row, find(f"{package}:{component}"))
+            except LiaisonsError as error:
+                logger.warning("left out: %s", error)
+        print(f"\nOf the package {package}:\n")
+        show(rows)
 
 
 @command("""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.reference_integration import integrate
+from liaisons.base.related_files import FOLDER, MANIFEST, NAME, NAMESPACE, VERSION
 from liaisons.errors import ComponentError, suggestion
 from liaisons.fmu.calls import Call
 from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
@@ -27,7 +28,6 @@ from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 
-FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 INTERVALS = 100
 """Intervals between rows."""
 
@@ -217,7 +217,7 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
             tolerance=TOLERANCE,
         ).encode()
     why = _CONTACTS if model.contacts else _GIVEN_UP
-    return {f"{FOLDER}/fmi-ls-manifest.xml": _manifest(related, why), **members}
+    return {MANIFEST: _manifest(related, why), **members}
 
 
 def _moving_inputs(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
@@ -273,9 +273,9 @@ def _rounded(column: NDArray) -> NDArray:
 def _manifest(related: list[dict[str, str]], why: str) -> bytes:
     """Return fmi-ls-manifest.xml."""
     attributes = {
-        "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
-        "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
-        "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
+        "xmlns:fmi-ls": NAMESPACE,
+        "fmi-ls:fmi-ls-name": NAME,
+        "fmi-ls:fmi-ls-version": VERSION,
         "fmi-ls:fmi-ls-description": "Layered Standard providing information on related files included in an FMU.",
     }
     page = {
@@ -284,6 +284,7 @@ def _manifest(related: list[dict[str, str]], why: str) -> bytes:
         "role": "document",
         "description": "Description of the model with its equations",
     }
-    lines = [line for attributes in related for line in element("Related", attributes)]
+    label = [*element("Label", {"name": "default-experiment"})]
+    lines = [line for attributes in related for line in element("Related", attributes, label)]
     nothing = [] if related else [f"<!-- No results of the default experiment: {why}. -->"]
     return document(element("fmiReferences", attributes, [*nothing, *lines, *element("Related", page)]))

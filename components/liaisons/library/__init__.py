@@ -14,16 +14,17 @@ from weakref import WeakKeyDictionary
 from liaisons.base.arguments import as_path, shown, whole
 from liaisons.base.compiler import Backend, Fmi, Platforms
 from liaisons.base.project import ProjectError, fmus_directory, load_module
-from liaisons.errors import BuildError, SimulationError, suggestion
+from liaisons.base.published import load_published, published, publishers
+from liaisons.errors import BuildError, LiaisonsError, suggestion
 
 if TYPE_CHECKING:
     from liaisons.language import Component
     from liaisons.mechanics import Equations, Model
 
 Target: TypeAlias = "str | Path | type[Component]"
-"""A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class;
-a robot's file, with joints that an operator prescribes (``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``).
-Where FMUs are taken, also the path of one."""
+"""A component: its name in the catalogue or in an installed package (``"Pendulum"``), its file (``"my_component.py"``,
+``"my_component.py:Name"``) or its class; a robot's file, with joints that an operator prescribes
+(``"robot.urdf:shoulder,elbow"``, MJCF ``"robot.xml"``).  Where FMUs are taken, also the path of one."""
 
 _built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
 """FMUs that are up to date in this process, and the status of these files."""
@@ -49,10 +50,20 @@ def catalogue_names() -> list[str]:
     return sorted(public)
 
 
+def component_names() -> list[str]:
+    """Return the names of the catalogue, and those that packages publish; no component is loaded."""
+    return sorted({*catalogue_names(), *(name for entries in published().values() for name in entries)})
+
+
+def is_named(name: object) -> bool:
+    """Return whether the catalogue or a package has a component of this name; no package is imported."""
+    return name in catalogue() or bool(publishers(name))
+
+
 def is_target(word: object) -> bool:
     """Return whether a word names a component or an FMU, and no other file."""
     name = str(word)
-    return isinstance(word, type) or name in catalogue_names() or name.endswith(".fmu") or _is_source(name)
+    return isinstance(word, type) or name.endswith(".fmu") or _is_source(name) or is_named(name)
 
 
 def is_robot(word: str) -> bool:
@@ -61,17 +72,15 @@ def is_robot(word: str) -> bool:
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
-    """Return name, causality and start of the variables of a catalogue's component or an FMU file; else none."""
-    if target in catalogue_names():
-        from liaisons import models
-
-        every = (scalar for v in getattr(models, target)().layout().variables for scalar in v.elements())
-        return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
+    """Return name, causality and start of the variables of a component that has a name or of an FMU file; else none."""
     from liaisons.cosim.description.fmu import read_description
 
     try:
+        if is_named(target):
+            every = (scalar for v in component(target)().layout().variables for scalar in v.elements())
+            return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
         described = read_description(Path(target)).attributes
-    except SimulationError:
+    except LiaisonsError:
         return []
     return [(name, v["causality"], v.get("start", "")) for name, v in described.items()]
 
@@ -103,14 +112,13 @@ def components(target: Target) -> list[type[Component]]:
 def _of_word(target: str) -> list[type[Component]]:
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
-        classes = catalogue()
         if target == "all":
-            return list(classes.values())
+            return list(catalogue().values())
         if target.endswith(".fmu"):
             raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
-        if target not in classes:
-            raise ProjectError(f"no component is called {target!r}{suggestion(target, classes)}")
-        return [classes[target]]
+        if not is_named(target):
+            raise ProjectError(f"no component is called {target!r}{suggestion(target, component_names())}")
+        return [catalogue().get(target) or _published_component(target)]
     path = Path(f"{file}.py" if separator else target)
     module = load_module(path)
     defined = vars(module).items()  # without what it imports
@@ -121,6 +129,13 @@ def _of_word(target: str) -> list[type[Component]]:
     if separator and name not in classes:
         raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, classes)}")
     return [classes[name]] if separator else list(classes.values())
+
+
+def _published_component(name: str) -> type[Component]:
+    label, value = load_published(name)
+    if not _is_concrete(value) or value.__name__ != name.rpartition(":")[2]:
+        raise ProjectError(f"{label} is {shown(value)}; publish a Mechanism or Operator by the name of its class")
+    return value
 
 
 def _of_robot(path: str, prescribe: str) -> type[Component]:
@@ -304,8 +319,8 @@ def fmu_file(target: Target) -> Path:
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
     if path.suffix == ".fmu" or (path.is_file() and not _is_source(path.name)):
         return path
-    if not _is_source(path.name) and str(target) not in catalogue():
-        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), catalogue())}")
+    if not _is_source(path.name) and not is_named(str(target)):
+        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), component_names())}")
     return fmu_path(target)
 
 

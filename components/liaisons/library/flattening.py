@@ -21,7 +21,7 @@ from liaisons.base.project import fmus_directory
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System, SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.library import catalogue, has_size, model
+from liaisons.library import component, has_size, is_named, model
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
     parts = system.filled()
     if converted := [connection for connection in system.connections if connection.conversion != SAME]:
         raise SimulationError(f"{system.name}: {converted[0]} converts values, which is not flattened; use one unit")
-    classes = catalogue() | dict(components or {})
-    models = {name: _model_of_part(part, classes) for name, part in parts.items()}
+    models = {name: _model_of_part(part, components or {}) for name, part in parts.items()}
     starts = {
         f"{name}.{variable}": value
         for name, part in parts.items()
@@ -94,30 +93,30 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
     :raises SimulationError: if the catalogue does not have it.
     """
     part = SystemComponent.of(Path(path).stem, path, {})
-    derived = _model_of_part(part, catalogue())
+    derived = _model_of_part(part, {})
     return derived, _start_values(part, derived)
 
 
-def _model_of_part(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Model:
-    """Return the model that the FMU of a part was built from."""
+def _model_of_part(part: SystemComponent, components: Mapping[str, type[Component]]) -> Model:
+    """Return the model that the FMU of a part was built from: of one of these components, or of one that has a name."""
     fmu = part.fmu
     if has_table(fmu.path):
         raise SimulationError(
             f"{part.name}: {fmu.path.name} has its motion in a file, which no other FMU can take over"
         )
-    if fmu.model_name not in classes:
+    if fmu.model_name not in components and not is_named(fmu.model_name):
         raise SimulationError(
             f"{part.name}: {fmu.path.name} is a {fmu.model_name!r}, which the catalogue does not have; "
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
-    component = classes[fmu.model_name]
-    if component.is_sampled():
+    class_ = components.get(fmu.model_name) or component(fmu.model_name)
+    if class_.is_sampled():
         raise SimulationError(
             f"{part.name}: a {fmu.model_name} reads at communication points, of which equations of a whole system have "
             "none; simulate the system"
         )
-    size = fmu.variables.get("n") if has_size(component) else None
-    derived = model(component, **({"n": int(size.start)} if size and size.start else {})).flat()
+    size = fmu.variables.get("n") if has_size(class_) else None
+    derived = model(class_, **({"n": int(size.start)} if size and size.start else {})).flat()
     missing = [v.name for v in derived.variables if v.name not in fmu.variables]
     if missing:
         raise SimulationError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
-from liaisons.library import Target, catalogue, components
+from liaisons.library import Target, component, components, is_named
 from liaisons.library.flattening import identifier
 from liaisons.ssp import has_table
 
@@ -61,9 +61,9 @@ def _composition(subject: System) -> Composition:
     """Return a system as Modelica text describes it: components, start values, connections."""
     from liaisons.modelica_text import Composition
 
-    classes, parts = catalogue(), subject.filled()
+    parts = subject.filled()
     for part in parts.values():
-        if part.fmu.model_name not in classes or has_table(part.fmu.path):
+        if not is_named(part.fmu.model_name) or has_table(part.fmu.path):
             raise SimulationError(
                 f"{part.name}: {part.fmu.path.name} is a {part.fmu.model_name!r}; a system in Modelica is made of the "
                 "catalogue's components, with their motion in parameters"
@@ -71,7 +71,7 @@ def _composition(subject: System) -> Composition:
     for connection in subject.connections:
         if connection.conversion != SAME:
             raise SimulationError(f"{subject.name}: {connection} converts values; use one unit in Modelica")
-    chosen = {name: (classes[part.fmu.model_name], part.starts) for name, part in parts.items()}
+    chosen = {name: (component(part.fmu.model_name), part.starts) for name, part in parts.items()}
     connections = {str(connection.target): str(connection.source) for connection in subject.connections}
     longest = max((component.experiment for component, _ in chosen.values()), key=lambda e: e.stop_time)
     return Composition(identifier(subject.name), chosen, connections, longest)

@@ -22,7 +22,7 @@ from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
-from liaisons.library import Target, catalogue, fmu_path
+from liaisons.library import Target, fmu_path, is_named
 from liaisons.planning.goals import Goal, by_name, chain_size, duration_range, motion_names
 from liaisons.planning.problems import Problem, problem_of
 from liaisons.planning.transcription import (
@@ -230,7 +230,7 @@ class Plan:
         goal = asdict(self.goal)
         if isinstance(goal["component"], type):
             goal["component"] = goal["component"].__name__
-            if goal["component"] not in catalogue():
+            if not is_named(goal["component"]):
                 raise PlanError(f"{path}: {goal['component']} is not in the catalogue; plan it by the name of its file")
         goal["component"] = str(goal["component"])
         for name in ("start", "end", "minimize"):
@@ -320,7 +320,7 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
         component = document["component"]
         if not isinstance(component, str):
             raise PlanError(f"goal.component = {shown(component)}: a name is wanted")
-        if component not in catalogue() and not trust:
+        if not (trust or is_named(component)):
             raise PlanError(
                 f"goal.component = {shown(component)} is not in the catalogue, and opening a plan runs no code: "
                 "pass component=..., or trust=True if you know the file"

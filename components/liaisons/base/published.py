@@ -1,0 +1,58 @@
+"""Components and scenarios that installed packages publish by entry points of the group ``liaisons.components``.
+
+``InclineBlock = "my_mechanics.incline_block:InclineBlock"`` is the name of a component, and where it is defined.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+
+from liaisons.errors import LiaisonsError, ProjectError
+
+GROUP = "liaisons.components"
+
+
+@lru_cache(maxsize=1)
+def published() -> dict[str, dict[str, EntryPoint]]:
+    """Return entry points by package, and by the name of their component in it; no package is imported."""
+    packages: dict[str, dict[str, EntryPoint]] = {}
+    for entry in entry_points(group=GROUP):
+        packages.setdefault(entry.dist.name if entry.dist else "", {})[entry.name] = entry
+    return dict(sorted(packages.items()))
+
+
+def publishers(name: object) -> dict[str, EntryPoint]:
+    """Return the entry points of ``InclineBlock`` by package, that of ``PACKAGE:InclineBlock`` alone."""
+    package, _, component = str(name).rpartition(":")
+    return {p: entries[component] for p, entries in published().items() if component in entries and package in {"", p}}
+
+
+def load_published(name: str) -> tuple[str, object]:
+    """Import what is published by a name.
+
+    :returns: the entry point in words, and its value.
+    :raises ProjectError: if several packages publish it, or it cannot be imported.
+    """
+    (package, entry), *further = publishers(name).items()
+    if further:
+        choices = ", ".join(f"{package}:{name}" for package in publishers(name))
+        raise ProjectError(f"several packages publish a component {name}; name one: {choices}")
+    label = f"package {package}: the entry point {entry.name} = {entry.value!r}"
+    try:
+        return label, entry.load()
+    except Exception as error:
+        reason = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
+        raise ProjectError(f"{label} cannot be loaded: {reason}") from error
+
+
+def published_scenarios() -> dict[str, dict[str, Path]]:
+    """Return, by package, paths of scenarios by name: of the folder ``scenarios`` in its module; none is imported."""
+    packages: dict[str, dict[str, Path]] = {}
+    for package, entries in published().items():
+        modules = {entry.value.partition(":")[0].partition(".")[0].strip() for entry in entries.values()} - {""}
+        folders = [Path(f) for s in map(find_spec, modules) if s for f in s.submodule_search_locations or ()]
+        packages[package] = {path.stem: path for folder in folders for path in folder.glob("scenarios/[!_]*.py")}
+    return packages
