@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import simulate
+from liaisons import Result, simulate
 from liaisons.language import Body, BodyPoint, Linkage, Parameter, Revolute, SpringDamper, ground
 from liaisons.scenarios import Claims, panels, scenario, within
 
@@ -40,7 +40,7 @@ def _flat(mass: float, inertia: float, *centre: float) -> Body:
 class Squeezer(Linkage):
     """Andrews' squeezing mechanism in the plane of x and z, without weight.
 
-    Source: W. Schiehlen (ed.), Multibody Systems Handbook (1990); E. Hairer and G. Wanner, Solving ODEs II, VII.7.
+    Source: W. Schiehlen (ed.), Multibody Systems Handbook (1990); E. Hairer, G. Wanner, Solving ODEs II, VII.7.
     """
 
     gravity = Parameter(0.0, "m/s2", "gravitational acceleration", symbol="g")
@@ -65,22 +65,25 @@ class Squeezer(Linkage):
     hinge = BodyPoint(crank, at=(0.007, 0, 0))
 
 
+def pin_forces(run: Result) -> dict[str, complex]:
+    """Multipliers at the end, x + i z [N]: conditions are along the z and -x axes of the rod."""
+    turned = 1j * np.exp(1j * (run["beta"] + run["theta"])[-1])
+    return {pin: turned * complex(*(run[f"lambda_{pin}_offset_{i}"][-1] for i in (1, 2))) for pin in MULTIPLIERS}
+
+
 @scenario
 def main(claim: Claims) -> None:
     run = simulate(Squeezer, beta_force=TORQUE, stop_time=0.03, step_size=1e-4, tolerance=TOLERANCE)
     ten = within(15.8e-10, "rad", because="ten digits of the largest angle; the published ones hold 1.4e-9")
     for name, angle in PUBLISHED.items():
         claim(f"{name} at t = 0.03: {angle:.11g}", run[name][-1], angle, ten)
-    turned = np.exp(1j * (run["beta"] + run["theta"])[-1])  # of the rod, along whose z and -x axes conditions are
+    forces = pin_forces(run)
     seven = within(2e-5, "N", because="seven digits of the largest; the published ones hold 1.5e-5")
     eight = within(2e-6, "N", because="eight digits of the largest")
     for pin, (published, converged) in MULTIPLIERS.items():
-        force = turned * 1j * complex(*(run[f"lambda_{pin}_offset_{i}"][-1] for i in (1, 2)))
-        claim(f"multipliers of {pin}, as published", force, published, seven)
-        claim(f"multipliers of {pin}, converged", force, converged, eight)
+        claim(f"multipliers of {pin}, as published", forces[pin], published, seven)
+        claim(f"multipliers of {pin}, converged", forces[pin], converged, eight)
     claim.energy("energy", run, tolerance=TOLERANCE)
     axes = panels(("crank and rod", "t [s]", "angle [rad]"), ("rocker and arms", "t [s]", "angle [rad]"))
-    for name in ("beta", "theta"):
-        axes[0].plot(run.time, run[name], label=name)
-    for name in ("gamma", "phi", "delta", "epsilon"):
-        axes[1].plot(run.time, run[name], label=name)
+    for name in ("beta", "theta", "gamma", "phi", "delta", "epsilon"):
+        axes[name not in {"beta", "theta"}].plot(run.time, run[name], label=name)
