@@ -104,6 +104,9 @@ class Cylinder(Mechanism):
         return self.opening * self.discharge * ca.sqrt(ca.fmax(2 * (high - low) / self.density, 0))
 
 
+COMPONENTS = {"Arm": Arm, "Cylinder": Cylinder}
+
+
 def manipulator(arm: str, cylinder: str) -> System:
     """The system of two FMUs."""
     system = System("manipulator")

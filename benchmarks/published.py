@@ -142,7 +142,7 @@ def _car_axis(folder: Path, rounds: int, *, quick: bool) -> Iterator[Row]:
 
 
 def _two_masses(folder: Path, rounds: int, *, quick: bool) -> Iterator[Row]:
-    pair = [str(_built(component, folder)) for component in (two_masses.FirstMass, two_masses.SecondMass)]
+    pair = [str(_built(component, folder)) for component in two_masses.COMPONENTS.values()]
     signals = [f"{mass}.{name}" for name in ("x", "x_dot") for mass in ("first", "second")]
     for text, damping in two_masses.DAMPING.items():
         topic = f"Two masses, {text}"
@@ -163,13 +163,13 @@ def _two_masses(folder: Path, rounds: int, *, quick: bool) -> Iterator[Row]:
             z = two_masses.by_jacobi_and_euler(count, damping)
             yield row(f"Jacobi and Euler, H = {step:g} s", z, 1e3 * (time.process_time() - begin))
         if not quick:
-            one = system.flatten()
+            one = system.flatten(components=two_masses.COMPONENTS)
             run, spent = _timed(lambda: simulate(one, stop_time=10.0, step_size=0.01, tolerance=TIGHT), rounds)  # noqa: B023
             yield row("flattened, one FMU", np.array([run[name] for name in signals]), spent)
 
 
 def _manipulator(folder: Path, rounds: int) -> Iterator[Row]:
-    pair = [str(_built(it, folder)) for it in (hydraulic_manipulator.Arm, hydraulic_manipulator.Cylinder)]
+    pair = [str(_built(it, folder)) for it in hydraulic_manipulator.COMPONENTS.values()]
     system, topic = hydraulic_manipulator.manipulator(*pair), "Hydraulic manipulator, steps of the valve, 10 s"
 
     def row(case: str, timed: Timed) -> Row:
@@ -185,7 +185,7 @@ def _manipulator(folder: Path, rounds: int) -> Iterator[Row]:
                 yield row(case, _coupled(system, coupling, step, rounds))
             except LiaisonsError as error:
                 yield Row(topic, case, float("nan"), "", remark=f"refused: {str(error).partition(',')[0]} ...")
-    one = system.flatten()
+    one = system.flatten(components=hydraulic_manipulator.COMPONENTS)
     yield row("flattened, one FMU: stroke", _timed(lambda: simulate(one, stop_time=10.0, step_size=0.01), rounds))
 
 

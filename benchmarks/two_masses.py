@@ -59,6 +59,9 @@ class SecondMass(Mechanism):
         return self.damping / 2 * self.dot(self.x) ** 2
 
 
+COMPONENTS = {"FirstMass": FirstMass, "SecondMass": SecondMass}
+
+
 def two_masses(first: str, second: str, damping: float) -> System:
     """The system of two FMUs."""
     system = System("two masses")
