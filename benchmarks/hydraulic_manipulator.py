@@ -27,6 +27,8 @@ from liaisons.language import (
 AREA, PUMP, TANK, LOAD = 0.0065, 7.6e6, 0.1e6, 8829.0  # of the piston [m2], pressures [Pa], force at rest [N]
 START = 0.5  # of the actuator [m]
 PUBLISHED = {"arm.stroke": 0.51536899, "cylinder.p_1": 3422258.8, "cylinder.p_2": 4277740.9}  # at 10 s
+PUBLISHED_STROKE = 0.59609912  # at 6.04 s, soon after the second step
+OTHERS = {"H = 1 ms, steps of 1 and 0.2 ms": 0.59611872, "H = 0.2 ms": 0.59610004}  # Jacobi and Euler, likewise
 
 
 def _at_rest() -> tuple[float, float, float]:
