@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Result, simulate
-from liaisons.language import Body, BodyPoint, Linkage, Parameter, Revolute, SpringDamper, ground
+from liaisons import Body, Linkage, Parameter, Result, Revolute, SpringDamper, ground, simulate
 from liaisons.scenarios import Claims, panels, scenario, within
 
 TOLERANCE, TORQUE = 1e-12, 0.033  # N.m of the motor
@@ -62,7 +61,6 @@ class Squeezer(Linkage):
     pin_4 = Revolute(rod, arm_4, axis="-y", at=(-0.028, 0, 0), at_child=(0, 0, -0.02))
     pin_6 = Revolute(rod, arm_6, axis="-y", at=(-0.028, 0, 0), at_child=(0.02, 0, 0))
     spring = SpringDamper((ground, (0.014, 0, 0.072)), (rocker, (0.02, 0, -0.018)), stiffness=4530, length=0.07785)
-    hinge = BodyPoint(crank, at=(0.007, 0, 0))
 
 
 def pin_forces(run: Result) -> dict[str, complex]:
