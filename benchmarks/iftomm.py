@@ -259,8 +259,8 @@ def _governor_by_hand(times: NDArray) -> NDArray:
             -gravity - 2 * force * by_height / slider,
         ]
 
-    tight = {"rtol": 1e-9, "atol": 1e-10}
-    return solve_ivp(rates, (0, times[-1]), [np.pi / 6, 0.5, 0, 0], method="Radau", t_eval=times, **tight).y[1]
+    start = [np.pi / 6, 0.5, 0, 0]
+    return solve_ivp(rates, (0, times[-1]), start, method="Radau", t_eval=times, rtol=1e-9, atol=1e-10).y[1]
 
 
 class Compiled:

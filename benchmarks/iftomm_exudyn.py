@@ -78,6 +78,7 @@ def peers(case: Case, allowed: float, limit: float) -> Iterator[Attempt]:
     if exudyn is None:
         print(f"{case.name} without Exudyn, which is not installed: pip install exudyn", file=sys.stderr)
         return
+    exudyn.config.printToConsole = False  # a step that is too coarse is no news
     formulations: dict[str, list[tuple[str, Callable[[], _Mechanism], tuple[_Solver, ...]]]] = {
         "A01": [("one angle, adaptive", _tree, _EXPLICIT), ("constraint, fixed steps", _on_a_rod, _IMPLICIT)],
         "A02": [("joints, fixed steps", lambda: _four_bars(case.windows), _IMPLICIT)],
@@ -268,7 +269,7 @@ def _squeezer() -> _Mechanism:
     for joint in joints:
         ends = [at(joint.parent, joint.at), at(joint.child, joint.at_child)]
         system.AddObject(items.ObjectJointRevolute2D(markerNumbers=ends))
-    spring = Squeezer.spring
+    spring: Any = Squeezer.spring
     laws = {"stiffness": spring.laws["stiffness"], "referenceLength": spring.laws["length"]}
     system.AddObject(items.ObjectConnectorSpringDamper(markerNumbers=[at(*end) for end in spring.ends], **laws))
     motor = system.AddMarker(items.MarkerBodyRigid(bodyNumber=bodies["crank"]))
@@ -337,7 +338,8 @@ def _governor() -> _Mechanism:
         link = {"objectNumber": tree, "linkNumber": parents[body.name], "localPosition": list(place)}
         return system.AddMarker(items.MarkerKinematicTreeRigid(**link))
 
-    for spring in (FlyballGovernor.coupler_1, FlyballGovernor.coupler_2):
+    couplers: list[Any] = [FlyballGovernor.coupler_1, FlyballGovernor.coupler_2]
+    for spring in couplers:
         laws = {"stiffness": spring.laws["stiffness"], "damping": spring.laws["damping"]}
         ends = [at(*end) for end in spring.ends]
         law = items.ObjectConnectorSpringDamper(markerNumbers=ends, referenceLength=spring.laws["length"], **laws)

@@ -28,9 +28,8 @@ def jointed_four_bars(windows: int) -> type[Linkage]:
     members: dict[str, Any] = {}
     for i in range(windows + 1):
         members[f"standing_{i}"] = _rod()
-        pivot = {"at": (i, 0, 0)} if i else {}
         members[f"pivot_{i}"] = Revolute(
-            ground, members[f"standing_{i}"], axis="-y", start=pi / 2, start_rate=-1.0, **pivot
+            ground, members[f"standing_{i}"], axis="-y", at=(i, 0, 0), start=pi / 2, start_rate=-1.0
         )
     for i in range(windows):
         left, right = members[f"standing_{i}"], members[f"standing_{i + 1}"]

@@ -80,8 +80,7 @@ def _built(component: type[Component], folder: Path) -> Path:
 
 def _timed(run: Callable[[], Result], rounds: int) -> Timed:
     """The median of the rounds, after one to warm up."""
-    run()
-    seconds = []
+    result, seconds = run(), []
     for _ in range(rounds):
         begin = time.process_time()
         result = run()
@@ -142,11 +141,11 @@ def _car_axis(folder: Path, rounds: int, *, quick: bool) -> Iterator[Row]:
 
 
 def _two_masses(folder: Path, rounds: int, *, quick: bool) -> Iterator[Row]:
-    pair = [str(_built(component, folder)) for component in two_masses.COMPONENTS.values()]
+    first, second = (str(_built(component, folder)) for component in two_masses.COMPONENTS.values())
     signals = [f"{mass}.{name}" for name in ("x", "x_dot") for mass in ("first", "second")]
     for text, damping in two_masses.DAMPING.items():
         topic = f"Two masses, {text}"
-        system = two_masses.two_masses(*pair, damping)
+        system = two_masses.two_masses(first, second, damping)
 
         def row(case: str, z: NDArray, spent: float, topic: str = topic, damping: float = damping) -> Row:
             expected = two_masses.exact(z.shape[1] - 1, damping)
@@ -169,8 +168,8 @@ def _two_masses(folder: Path, rounds: int, *, quick: bool) -> Iterator[Row]:
 
 
 def _manipulator(folder: Path, rounds: int) -> Iterator[Row]:
-    pair = [str(_built(it, folder)) for it in hydraulic_manipulator.COMPONENTS.values()]
-    system = hydraulic_manipulator.manipulator(*pair)
+    arm, cylinder = (str(_built(it, folder)) for it in hydraulic_manipulator.COMPONENTS.values())
+    system = hydraulic_manipulator.manipulator(arm, cylinder)
     topic = "Hydraulic manipulator, steps of the valve, stroke at 6.04 s"
 
     def row(case: str, timed: Timed) -> Row:
@@ -189,8 +188,9 @@ def _manipulator(folder: Path, rounds: int) -> Iterator[Row]:
             except LiaisonsError as error:
                 reason = str(error).partition(": ")[2].partition(",")[0]
                 yield Row(topic, case, float("nan"), "", remark=f"refused: {reason}")
-    one, settings = system.flatten(components=hydraulic_manipulator.COMPONENTS), {"tolerance": MANIPULATOR_TOLERANCE}
-    yield row("flattened, one FMU", _timed(lambda: simulate(one, stop_time=10.0, step_size=0.01, **settings), rounds))
+    one, tolerance = system.flatten(components=hydraulic_manipulator.COMPONENTS), MANIPULATOR_TOLERANCE
+    timed = _timed(lambda: simulate(one, stop_time=10.0, step_size=0.01, tolerance=tolerance), rounds)
+    yield row("flattened, one FMU", timed)
     for text, stroke in hydraulic_manipulator.OTHERS.items():
         error = abs(stroke - hydraulic_manipulator.PUBLISHED_STROKE)
         yield Row(topic, f"Jacobi and Euler, {text}", error, "m", remark="published")
