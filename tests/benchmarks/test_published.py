@@ -40,6 +40,16 @@ def test_masses_by_the_exponential_keep_or_lose_energy_as_their_dampers_say(damp
     assert energy[0] - energy[-1] == pytest.approx(lost, rel=1e-4, abs=1e-8)
 
 
+def test_both_masses_move_as_the_matrix_says() -> None:
+    x_1, x_2, v_1, v_2 = z = np.array([0.3, -0.2, 5.0, 7.0])
+    near = {"x": x_1, "x_dot": v_1, "far": x_2, "far_dot": v_2, "damping": 0.5}
+    first, second = derive(two_masses.FirstMass), derive(two_masses.SecondMass)
+    force = first.evaluate("operator_forces", **near)[0]
+    away = second.evaluate("accelerations", x=x_2, x_dot=v_2, x_load=force, damping=0.5)
+    expected = (two_masses.matrix(0.5) @ z)[2:]
+    assert [*first.evaluate("accelerations", **near), *away] == pytest.approx(expected, rel=1e-13)
+
+
 def test_the_program_of_the_benchmark_is_of_second_order_at_the_end_of_a_period() -> None:
     errors = [
         np.abs(two_masses.by_jacobi_and_euler(n, 0.01) - two_masses.exact(n, 0.01))[:2].max() for n in (4000, 8000)
@@ -50,6 +60,9 @@ def test_the_program_of_the_benchmark_is_of_second_order_at_the_end_of_a_period(
 def test_loops_of_the_iftomm_benchmarks_close_with_the_conditions_that_depend_on_others() -> None:
     four_bars = jointed_four_bars(2)
     assert [len(four_bars.constraints), len(four_bars.redundant)] == [4, 6]
+    turning = {f"pivot_{i}_dot": -1.0 for i in range(3)} | {f"left_{i}_dot": 1.0 for i in range(2)}
+    # Three rods turn about their ends, two move along.
+    assert derive(four_bars).evaluate("kinetic_energy", **turning) == pytest.approx((3 / 3 + 2) / 2, rel=1e-14)
     assert [len(BricardMechanism.constraints), len(BricardMechanism.redundant)] == [5, 1]
 
 
