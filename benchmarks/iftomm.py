@@ -155,7 +155,7 @@ def _parallelograms(windows: int) -> Case:
 
 
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
-    rounds, windows, limit = (2, WINDOWS[:1], 0.5) if quick else (5, WINDOWS, 4.0)
+    rounds, windows, limit = (2, WINDOWS[:1], 0.5) if quick else (3, WINDOWS, 2.0)
     rows, converged = [], []
     for case in cases(windows, quick=quick):
         with tempfile.TemporaryDirectory() as name:
