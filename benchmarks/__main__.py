@@ -36,6 +36,7 @@ ORDER = (
     "derivatives",
     "rewriting",
     "iftomm",
+    "published",
     "plans",
     "planners",
     "identify_peers",

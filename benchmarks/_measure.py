@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import platform
 import shutil
@@ -160,7 +161,9 @@ def _bound(row: Row) -> str:
 
 
 def number(value: float) -> str:
-    """Three digits, in full where that is short."""
+    """Three digits, in full where that is short; a dash for what has no value."""
+    if not math.isfinite(value):
+        return "-"
     rounded = float(f"{value:.3g}")
     if rounded == 0 or 1e-3 <= abs(rounded) < 1e6:
         return f"{rounded:.15g}"

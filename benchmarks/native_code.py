@@ -41,10 +41,11 @@ def component_library(model: Model, folder: Path, *by_hand: str) -> ctypes.CDLL:
 
 
 def open_component(
-    library: ctypes.CDLL, tolerance: float, *, symplectic_steps: int = 0, counting: bool = False
+    library: ctypes.CDLL, tolerance: float, *, symplectic_steps: int = 0, stiff: bool = False, counting: bool = False
 ) -> ctypes.c_void_p:
     """An initialized instance, with the values that were given to the library's ``begin``."""
-    return ctypes.c_void_p(library.component_open(ctypes.c_double(tolerance), symplectic_steps, int(counting)))
+    tolerant = ctypes.c_double(tolerance)
+    return ctypes.c_void_p(library.component_open(tolerant, symplectic_steps, int(stiff), int(counting)))
 
 
 def doubles(values: Iterable[float]) -> ctypes.Array[ctypes.c_double]:

@@ -65,11 +65,13 @@ void rates(void *context, double t, const double y[], double f[]) {
 static Model counted;
 
 /* As a co-simulation FMU with the values given to `begin`; NULL if it refuses them. */
-Instance *component_open(double tolerance, int symplectic_steps, int counting) {
+Instance *component_open(double tolerance, int symplectic_steps, int stiff, int counting) {
     const Options options = {.use = USE_CO_SIMULATION, .report = tell};
     const size_t settable = model.parameters + model.inputs;
     const unsigned first = first_reference(&model);
     const unsigned symplectic = first + (unsigned)(settable + model.outputs) + (model.inputs > 0);
+    const unsigned solvers[] = {symplectic, symplectic + 1};
+    const int chosen[] = {symplectic_steps, stiff};
     unsigned references[ROOM];
     double values[ROOM];
     counted = model;
@@ -82,7 +84,7 @@ Instance *component_open(double tolerance, int symplectic_steps, int counting) {
     memcpy(values + model.parameters, u, model.inputs * sizeof *u);
     core_enter_initialization(instance);
     status |= core_set(instance, references, settable, values, settable);
-    status |= core_set_settings(instance, &symplectic, 1, &symplectic_steps);
+    status |= core_set_settings(instance, solvers, 2, chosen);
     status |= core_exit_initialization(instance);
     return status == SUCCESS ? instance : NULL;
 }

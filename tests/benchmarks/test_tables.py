@@ -73,6 +73,7 @@ def test_tables_have_one_topic_each_and_no_empty_columns(row) -> None:
     steps, energy = tables.split("\n\n### Energy\n\n")
     assert [line.split(" | ")[0] for line in steps.splitlines()[4:]] == ["| ours", "| theirs"]
     assert "| 12300 ns | 2 | by hand | 1.5 .. 3 | ≤ 1.9 | no |" in steps
+    assert markdown([Row("Energy", "drift", float("nan"), "", remark="refused")]).endswith("| drift | - | refused |")
     assert energy.splitlines() == ["|  | median |", "|---|---|", "| drift | 3.2e-12 J |"]
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import inspect
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from on_paper import equations_of, random_states
+from on_paper import State, equations_of, random_states
 from scipy.spatial.transform import Rotation
 
+from liaisons.base.project import load_module
 from liaisons.errors import ValidityError
 from liaisons.models import (
     Arm,
@@ -214,6 +216,19 @@ def test_four_bar_that_does_not_close_is_refused() -> None:
 def test_conditions_of_both_loops_that_follow_from_the_others_are_named() -> None:
     assert [len(FourBar.constraints), len(FourBar.redundant)] == [2, 3]  # parallel axes
     assert [len(Bricard.constraints), len(Bricard.redundant)] == [5, 1]  # 5 coordinates, 1 degree of freedom
+
+
+def test_squeezer_starts_as_the_ivp_test_set_says() -> None:
+    """Accelerations and multipliers at t = 0 of Mazzia and Magherini, II-13."""
+    squeezer = load_module(Path(__file__).parents[2] / "scenarios" / "andrews_squeezer.py").Squeezer
+    assert [len(squeezer.constraints), len(squeezer.redundant)] == [6, 9]  # 7 coordinates, 1 degree of freedom
+    equations = equations_of(squeezer)
+    expected = [14222.4439199541138705911625887, -10666.8329399655854029433719415, 0, 0, 0, 0, 0]
+    assert equations.evaluate("accelerations", beta_force=0.033) == pytest.approx(expected, abs=1e-9)
+    state = State(squeezer, equations.numbers({"beta_force": 0.033}))
+    along_z, along_minus_x = np.ravel(state("multipliers"))[:2]
+    force = np.exp(1j * squeezer.beta.start) * complex(-along_minus_x, along_z)
+    assert force == pytest.approx(98.5668703962410896057654982170 - 6.12268834425566265503114393122j, rel=1e-13)
 
 
 def test_linked_cat_with_locked_limbs_falls_and_turns_as_one_body() -> None:

@@ -19,7 +19,7 @@ class Bricard(Linkage):
     Grübler counts 6 (6 - 1) - 5 · 6 = 0 degrees of freedom; it has one, as one of the conditions follows from the
     others.  By symmetry, hinges 1, 3, 5 turn together, and so do 2, 4, 6.
 
-    Source: R. Bricard, J. math. pures appl. 3 (1897); IFToMM benchmark A03.
+    Source: R. Bricard, J. math. pures appl. 3 (1897); IFToMM benchmark A04, with thin rods and in another pose.
     """
 
     rod_1, rod_2, rod_3, rod_4, rod_5 = _rod(), _rod(), _rod(), _rod(), _rod()
