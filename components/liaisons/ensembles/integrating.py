@@ -126,7 +126,7 @@ def ensemble(
         smooth = not any(part.events.numel_out(0) for part in (model, *moving.values()))
         errors = _errors((fine, states), *runs, order=METHODS[method].order if smooth else 1)
     failures = _run_failures(fine, conditions, equations.condition_texts, time)
-    failures |= {case: (0, text) for case, text in domain_failures(variables, arrays, count).items()}
+    failures |= {case: (0, text) for case, text in _domain_failures(variables, arrays, count).items()}
     for case, (first, _) in failures.items():
         fine[:, first:, case] = np.nan
     units = {variable.name: variable.unit for variable in model.outputs}
@@ -209,7 +209,7 @@ def _case_count(owner: str, lanes: Mapping[str, Floats]) -> int:
     return next(iter(counts.values()))
 
 
-def domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
+def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
     """Cases with a value outside its domain, and the reason."""
     texts: dict[int, str] = {}
     for name, array in arrays.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import ExitStack
 from functools import cached_property
 from typing import Any, final
 
@@ -44,13 +45,23 @@ class Environment(gymnasium.Env[Any, Any]):
     :raises LiaisonsError: for an unknown name, an empty range, or a value that the subject cannot have.
     """
 
+    metadata = gymnasium.Env.metadata | {"render_modes": ["rgb_array"]}
+
     @with_settings(Task)
     def __init__(self, task: Task) -> None:
         self.task, self.render_mode, self.action_space = task, task.render_mode, task.action_space
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / task.step_size)}
+        self.metadata = self.metadata | {"render_fps": round(1 / task.step_size)}
         low, high = ({name: pair[end] for name, pair in task.randomize.items()} for end in (0, 1))
         self._run = start(task.subject, step_size=task.step_size / 2, start_values={**task.start_values, **low})
-        self._run.reset(high)
+        with ExitStack() as stack:
+            stack.callback(self.close)
+            self._prepare(high)
+            stack.pop_all()
+
+    def _prepare(self, starts: dict[str, Any]) -> None:
+        """Prepare what a step reads and sets, and try start values."""
+        task = self.task
+        self._run.reset(starts)
         result = self._run.result
         self.title, self._scene = result.title, result.scene
         self._balances = [name for name in result.names if name.rpartition(".")[2] == "energy_balance"]

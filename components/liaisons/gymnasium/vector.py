@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import numbers, whole
 from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import right_hand_side, settable, smooth_model
+from liaisons.ensembles.right_hand_sides import domain_gaps, right_hand_side, settable, smooth_model
 from liaisons.ensembles.steps import compiled, packs, unpacked
 from liaisons.errors import InvalidValueError, SimulationError
 from liaisons.expressions import program
@@ -31,6 +31,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
     :raises LiaisonsError: as for :class:`Environment`, and for contacts, samples and arrays of values.
     """
 
+    metadata = VectorEnv.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
+
     def __init__(self, *subject: Any, num_envs: int = 1, **settings: Any) -> None:
         """Take the settings of :class:`Task`, and how many copies."""
         one = Environment(*subject, **settings)  # refuses what is wrong
@@ -40,7 +42,6 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self.single_action_space, self.single_observation_space = one.action_space, one.observation_space
         self.action_space = batch_space(one.action_space, num_envs)
         self.observation_space = batch_space(one.observation_space, num_envs)
-        self.metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
         self._derive()
         self._elapsed, self._balance = np.zeros((2, num_envs))
         self._ended = np.zeros(0, dtype=bool)
@@ -51,7 +52,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         model = smooth_model(component(task.subject), "a VectorEnvironment", "take Environment, which runs its FMU")
         moved = [name for port in task.ports for name in port[:-1]]
         self._names = list(dict.fromkeys([*task.act, *task.randomize, *moved]))
-        values = {name: variable.starts[0] for name, variable in settable(model, {}).items()} | dict(task.start_values)
+        variables = settable(model, {})
+        values = {name: variable.starts[0] for name, variable in variables.items()} | dict(task.start_values)
         shared = [name for name in task.start_values if name not in self._names]
         self._first, self._shared = (
             np.array([numbers(name, values[name]) for name in names]).reshape(-1, 1) for names in (self._names, shared)
@@ -83,7 +85,9 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         )
         begun = range(len(model.condition_texts) - model.start_only, len(model.condition_texts))
         lasting = [row for row in range(conditions.numel()) if row not in begun]
-        self._program = program(columns, [task.measures(signals | lanes), balance, conditions[lasting]])
+        gaps = [gap for name in moved for gap in domain_gaps(variables[name], lanes[name])]
+        last = ca.vertcat(conditions[lasting], *gaps)
+        self._program = program(columns, [task.measures(signals | lanes), balance, last])
 
     def reset(
         self, *, seed: Any = None, options: dict[str, Any] | None = None
@@ -110,10 +114,10 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         :returns: observations, rewards, whether episodes have ended, whether they were truncated, information.
         :raises SimulationError: for actions of another shape or outside their ranges, and before the first reset.
         """
-        size, again, before = self.task.step_size, self._ended, self._states
-        acts = self.task.checked(actions, self.num_envs)
+        acts, size, again = self.task.checked(actions, self.num_envs), self.task.step_size, self._ended
         if not again.size:
             raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
+        before = self._states
         self._values[: len(self.task.act)] = acts.T
         blocks, fixed, measured = (
             packs(before, fill="edge"),
