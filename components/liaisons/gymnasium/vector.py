@@ -18,7 +18,9 @@ from liaisons.ensembles.steps import compiled, packs, unpacked
 from liaisons.errors import InvalidValueError, SimulationError
 from liaisons.expressions import program
 from liaisons.gymnasium.environment import Environment
+from liaisons.gymnasium.task import Task
 from liaisons.library import component
+from liaisons.mechanics.model import Model
 
 
 @final
@@ -35,6 +37,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
 
     def __init__(self, *subject: Any, num_envs: int = 1, **settings: Any) -> None:
         """Take the settings of :class:`Task`, and how many copies."""
+        subject_class = component(Task(*subject, **settings).subject)
+        model = smooth_model(subject_class, "a VectorEnvironment", "take Environment, which runs its FMU")
         one = Environment(*subject, **settings)  # refuses what is wrong
         one.close()
         whole("num_envs", num_envs)
@@ -42,14 +46,13 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self.single_action_space, self.single_observation_space = one.action_space, one.observation_space
         self.action_space = batch_space(one.action_space, num_envs)
         self.observation_space = batch_space(one.observation_space, num_envs)
-        self._derive()
+        self._derive(model)
         self._elapsed, self._balance = np.zeros((2, num_envs))
         self._ended = np.zeros(0, dtype=bool)
 
-    def _derive(self) -> None:
+    def _derive(self, model: Model) -> None:
         """Derive equations in which moved coordinates, and the time of each copy, are states."""
         task = self.task
-        model = smooth_model(component(task.subject), "a VectorEnvironment", "take Environment, which runs its FMU")
         moved = [name for port in task.ports for name in port[:-1]]
         self._names = list(dict.fromkeys([*task.act, *task.randomize, *moved]))
         variables = settable(model, {})
