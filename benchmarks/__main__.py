@@ -33,6 +33,7 @@ ORDER = (
     "isolated",
     "sweeps",
     "ensembles",
+    "environments",
     "derivatives",
     "rewriting",
     "iftomm",

@@ -47,6 +47,7 @@ from liaisons.language.component import Component
 from liaisons.library import fmu_file
 from liaisons.pictures.frames import frames
 
+PUSHED = ("mass", "Pendulum")  # parts of systems that are acted on
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
 WITHIN_A_STEP = 1e-5  # a rate of 0.3 m/s taken up within h = 8 ms: 0.3 h²/12, and what the motion makes of it
 RUN: dict[str, Any] = {"stop_time": STOP, "step_size": STEP, "tolerance": 1e-10}
@@ -258,6 +259,63 @@ def try_ensemble(workshop: Workshop, kind: str) -> None:
             subject.signals(found.time, **{by: case}),
             SUBJECTS[kind].bound,
         )
+
+
+def _task(workshop: Workshop, kind: str) -> tuple[dict[str, Any], Callable[[float], list[float]]]:
+    """Settings of an environment, and its act as a function of time: that of the closed form."""
+    subject, (made, starts) = SUBJECTS[kind], subject_and_values(workshop, kind)
+    acts: dict[str, Callable[[float], float]] = {}
+    for name, ramp in subject.ramps.items():
+        acts[f"{name}_dot"] = lambda t, ramp=ramp: ramp(t)[1]
+        starts |= {name: ramp.offset, f"{name}_dot": ramp(0.0)[1]}
+    if not acts:
+        systems = made.parts if isinstance(made, System) else {}
+        path = next((part.fmu.path for name, part in systems.items() if name in PUSHED), None)
+        before = next((f"{name}." for name in systems if name in PUSHED), "")
+        path = path or workshop.fmu(kind)
+        inputs = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables if v.causality == "input"}
+        name = next(n for end in ("_force", "_dot", "") for n in inputs if n.partition("[")[0].endswith(end))
+        value = subject.start_values.get(name, float(inputs[name].start or 0.0))
+        acts[before + name] = lambda _, value=value: value
+    settings = {
+        "subject": made,
+        "observe": [*subject.signals()],
+        "act": dict.fromkeys(acts, (-1.0, 1.0)),
+        "reward": "0",
+        "step_size": STEP,
+        "start_values": starts,
+    }
+    return settings, lambda t: [act(t) for act in acts.values()]
+
+
+def try_environment(workshop: Workshop, kind: str) -> None:
+    from liaisons.gymnasium import Environment
+
+    subject, (settings, act) = SUBJECTS[kind], _task(workshop, kind)
+    by, value = subject.by
+    if not isinstance(settings["subject"], System):
+        settings["subject"] = workshop.fmu(kind)  # built once
+    environment = Environment(**settings)
+    rows = [environment.reset(options={by: value})[0], *(environment.step(act(t))[0] for t in T[:-1])]
+    environment.close()
+    follows(
+        dict(zip(settings["observe"], np.transpose(rows)[:, 1:], strict=True)), subject.signals(T[1:]), subject.bound
+    )
+
+
+def try_vector_environment(workshop: Workshop, kind: str) -> None:
+    from liaisons.gymnasium import VectorEnvironment
+
+    subject, (settings, act) = SUBJECTS[kind], _task(workshop, kind)
+    by, value = subject.by
+    names, times = [*settings["observe"], by], SAMPLE * np.arange(1, 201)
+    settings |= {"observe": names, "randomize": {by: (value, 1.01 * value)}, "step_size": SAMPLE}
+    copies = VectorEnvironment(num_envs=2, **settings)
+    rows = [copies.reset(seed=0)[0], *(copies.step([act(t - SAMPLE)] * 2)[0] for t in times)]
+    *signals, draws = np.transpose(rows)
+    for k in range(2):
+        found = {name: values[k, 1:] for name, values in zip(names[:-1], signals, strict=True)}
+        follows(found, subject.signals(times, **{by: draws[k, 0]}), subject.bound)
 
 
 # ---- derivatives -------------------------------------------------------------------------------------------------

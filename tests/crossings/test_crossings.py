@@ -14,8 +14,8 @@ from subjects import SUBJECTS
 from crossing_table import REFUSED, Cell, Trial, cells, groups, page, trials
 from liaisons import LiaisonsError, analysis
 
-SLOW = {"wasm", "live_page"}
-"""Their FMUs take ten seconds each; quick tests try one of them, and what is refused."""
+SLOW = {"wasm", "live_page", "vector_environment"}
+"""They build FMUs of their own, which take seconds each; quick tests try one of them, and what is refused."""
 
 
 def trial(cell: Cell) -> Callable[[Workshop, str], None]:

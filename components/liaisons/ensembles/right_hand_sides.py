@@ -179,7 +179,7 @@ def right_hand_side(
     projected = None if model.project is None else _scalars(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
     conditions, begun = (_scalars(model.conditions, *point)[0] for point in ((t, y, u, k), at_start))
-    domains = [(v, bound) for v in model.inputs for bound in _domain_gaps(v, inputs[v.name]) if v.name not in symbol_of]
+    domains = [(v, bound) for v in model.inputs for bound in domain_gaps(v, inputs[v.name]) if v.name not in symbol_of]
     conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
 
@@ -223,7 +223,7 @@ def _event_instants(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:
     return _scalars(model.events, *(k, t)[: model.events.n_in()])[0]
 
 
-def _domain_gaps(variable: Variable, value: ca.SX) -> list[ca.SX]:
+def domain_gaps(variable: Variable, value: ca.SX) -> list[ca.SX]:
     """Expressions that are > 0 while a variable is in its domain; none if it does not move."""
     gaps = [value - variable.minimum] if variable.minimum is not None else []
     gaps += [variable.maximum - value] if variable.maximum is not None else []

@@ -35,17 +35,21 @@ def draw(polygons: PolyCollection, faces: list[Face]) -> None:
     polygons.set_edgecolor(colours)
 
 
-def pixels(stage: Stage, *, turns: float = 0.0, width: int = 480) -> Iterator[NDArray]:
+def pixels(
+    stage: Stage, *, turns: float = 0.0, width: int = 480, first: int = 0, ratio: float | None = None
+) -> Iterator[NDArray]:
     """Yield the frames, (height, width, 3) of bytes; even numbers, as films want.
 
     :param turns: how often the camera goes round a spatial mechanism.
+    :param first: index of the first frame.
+    :param ratio: height by width; None: that of the stage, within limits.
     """
-    height = int(width * min(max(stage.ratio, 0.4), 1.6)) // 2 * 2
+    height = int(width * (min(max(stage.ratio, 0.4), 1.6) if ratio is None else ratio)) // 2 * 2
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
     polygons = add_polygons(stage, figure.add_axes((0, 0, 1, 1)))
     canvas = FigureCanvasAgg(figure)
     count = len(stage.frames.time)
-    for k in range(count):
+    for k in range(first, count):
         draw(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
         canvas.draw()
         yield np.array(canvas.buffer_rgba())[..., :3]

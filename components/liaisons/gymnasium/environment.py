@@ -1,0 +1,177 @@
+"""One environment: a run of FMUs, step by step."""
+
+from __future__ import annotations
+
+import re
+from contextlib import ExitStack
+from functools import cached_property
+from typing import Any, final
+
+import casadi as ca
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.base.arguments import named, with_settings
+from liaisons.errors import IncompleteError, InvalidValueError, SimulationError
+from liaisons.fmu.calls import Call
+from liaisons.gymnasium.task import Task
+from liaisons.interface import start
+from liaisons.library import component
+from liaisons.pictures.drawing import pixels
+from liaisons.pictures.frames import frames
+from liaisons.pictures.stage import Stage
+from liaisons.planning import Plan, plan
+
+_START = re.compile(r"_0(?=\[|$)")
+
+
+@final
+class Environment(gymnasium.Env[Any, Any]):
+    """A mechanism or system to be learned, stepped as FMUs.
+
+    ::
+
+        environment = Environment(
+            "Pendulum", observe=["cos(theta)", "sin(theta)", "theta_dot"], act={"pivot_x_ddot": (-5, 5)},
+            reward="1 - cos(theta)", step_size=0.02, stop="abs(pivot_x) - 2", stop_time=5.0,
+            randomize={"mass": (0.8, 1.2)},
+        )
+
+    ``reset(options={"theta_0": 0.3})`` sets start values of one episode.  ``info`` has the energy balance at every
+    step; what an FMU refuses ends the episode, and ``info["failure"]`` says why.  Settings are those of :class:`Task`.
+
+    :raises LiaisonsError: for an unknown name, an empty range, or a value that the subject cannot have.
+    """
+
+    metadata = gymnasium.Env.metadata | {"render_modes": ["rgb_array"]}
+
+    @with_settings(Task)
+    def __init__(self, task: Task) -> None:
+        self.task, self.render_mode, self.action_space = task, task.render_mode, task.action_space
+        self.metadata = self.metadata | {"render_fps": round(1 / task.step_size)}
+        low, high = ({name: pair[end] for name, pair in task.randomize.items()} for end in (0, 1))
+        self._run = start(task.subject, step_size=task.step_size / 2, start_values={**task.start_values, **low})
+        with ExitStack() as stack:
+            stack.callback(self.close)
+            self._prepare(high)
+            stack.pop_all()
+
+    def _prepare(self, starts: dict[str, Any]) -> None:
+        """Prepare what a step reads and sets, and try start values."""
+        task = self.task
+        self._run.reset(starts)
+        result = self._run.result
+        self.title, self._scene = result.title, result.scene
+        self._balances = [name for name in result.names if name.rpartition(".")[2] == "energy_balance"]
+        inputs = [name for port in task.ports for name in port]
+        self._step = self._run.stepper(inputs, [])
+        if jumping := [name for name in task.act if f"{name}_power" in result.names]:
+            raise InvalidValueError(f"act: {jumping[0]} would jump; act on {jumping[0]}_dot or {jumping[0]}_ddot")
+        measures = task.measures({name: ca.SX.sym(name) for name in (*result.names, *inputs, *task.randomize)})
+        symbols = ca.vertcat(*ca.symvar(measures))
+        self._names = [x.name() for x in ca.vertsplit(symbols)]
+        self._numbers, self._measures = np.zeros(len(self._names)), np.zeros(measures.numel())
+        function = ca.Function("measures", [symbols], [ca.densify(measures)])
+        self._call = Call(function, (self._numbers,), (self._measures,))
+        self._begin({})
+        self.observation_space = Box(-np.inf, np.inf, (self._measures.size - 2,), np.float64)
+        self._ended = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """Begin an episode.
+
+        :param options: start values of it by name.
+        :raises SimulationError: for an unknown name, or a value that cannot be set.
+        """
+        super().reset(seed=seed)
+        drawn = {name: self.np_random.uniform(low, high) for name, (low, high) in self.task.randomize.items()}
+        self._begin({**drawn, **named("options", options or {})})
+        return self._measured()[:-2], self._information()
+
+    def step(self, action: ArrayLike) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
+        """Hold the acts for a step.
+
+        :returns: observation, reward, whether the episode has ended, whether it was truncated, information.
+        :raises SimulationError: for an action of another shape or outside its range, and after the end of an episode.
+        """
+        task, before, values = self.task, self._measured(), self.task.checked(action)
+        if self._ended:
+            raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
+        try:
+            middle, after = self._half_step(values), self._half_step(values)
+        except IncompleteError as error:
+            self._ended = True
+            return before[:-2], 0.0, True, False, {"failure": str(error)}
+        stopped = bool(after[-1] > 0)
+        truncated = self._run.time > task.stop_time - task.step_size / 4
+        self._ended = stopped or truncated
+        return after[:-2], task.step_size * float(middle[-2]), stopped, truncated, self._information()
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The picture now, (height, width, 3); None without ``render_mode``."""
+        if self.render_mode is None or self._scene is None:
+            return None
+        names = self._scene.picture.variables
+        self._shown.append([self._run.time, *map(self._read, names)])
+        time, *columns = np.transpose(self._shown)
+        shown = frames(self._scene.picture, time, dict(zip(names, columns, strict=True)).__getitem__, title=self.title)
+        return next(pixels(Stage(shown), first=len(time) - 1, ratio=1.0))
+
+    def close(self) -> None:
+        """Release the FMUs."""
+        self._run.close()
+
+    @cached_property
+    def optimum(self) -> Plan:
+        """The motion of largest return from the start of this episode until ``stop_time``, by :func:`liaisons.plan`.
+
+        Its cost is the integral of the negative reward, so that ``-optimum.cost`` less a return is the regret.  Acts of
+        the plan are not held; what ``stop`` forbids goes into ``goal``, as bounds.  It takes seconds, once an episode.
+
+        :raises PlanError: if there is no such motion, or acts are forces.
+        """
+        task, declared = self.task, {parameter.name for parameter in component(self.task.subject).parameters}
+        goal = {
+            "duration": task.stop_time,
+            "minimize": f"-({task.reward})",
+            "start": {_START.sub("", name): self._starts[name] for name in self._starts if name not in declared},
+            "start_values": {name: self._starts[name] for name in self._starts if name in declared},
+            **task.goal,
+            "bounds": {**task.act, **task.goal.get("bounds", {})},
+        }
+        return plan(task.subject, [port[0] for port in task.ports], **goal)
+
+    def _begin(self, starts: dict[str, Any]) -> None:
+        """Begin an episode with start values."""
+        self._run.reset(starts)
+        self._own = {name: self._run[name] for port in self.task.ports for name in port[:-1]}
+        self._starts, self._shown, self._ended = {**self.task.start_values, **starts, **self._own}, [], False
+        vars(self).pop("optimum", None)
+
+    def _half_step(self, acts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Hold the acts for half a step, and return the measures; what they move follows by polynomials."""
+        own, size, inputs = self._own, self.task.step_size / 2, list[float]()
+        for names, act in zip(self.task.ports, acts.tolist(), strict=True):
+            inputs += (held := [*(own[name] for name in names[:-1]), act])
+            value, rate, acceleration = (*held, 0.0, 0.0)[:3]
+            moved = (value + size * (rate + size / 2 * acceleration), rate + size * acceleration, acceleration)
+            own |= zip(names, moved, strict=False)
+        self._step(inputs)
+        return self._measured()
+
+    def _read(self, name: str) -> float:
+        """A variable now: what acts move is at the end of the step, where the FMU has its start."""
+        return self._own[name] if name in self._own else self._run[name]
+
+    def _measured(self) -> NDArray[np.float64]:
+        """Observations, reward and stop now."""
+        self._numbers[:] = [self._read(name) for name in self._names]
+        self._call.run()
+        return self._measures.copy()
+
+    def _information(self) -> dict[str, Any]:
+        return {name: self._run[name] for name in self._balances}

@@ -1,0 +1,106 @@
+"""Settings of environments, checked."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.base.arguments import chosen, listed, named, numbers, positive, shown
+from liaisons.base.port_names import port_names
+from liaisons.errors import InvalidValueError
+from liaisons.expressions.formulas import formula
+
+_RATE = re.compile(r"_(d{1,2})ot(?=\[|$)")
+_DOT = re.compile(r"(?<=\w)\.(?=[A-Za-z_])")
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is learned.
+
+    Formulas, ``"1 - cos(theta)"``, are text, as of :func:`liaisons.plan`; they name outputs of the subject, what is
+    acted on, and what is randomized.
+
+    :param subject: as :func:`liaisons.start` takes it: name, file or class of a component, FMU, or system.
+    :param observe: formulas.
+    :param act: inputs, and rates or accelerations of active coordinates, by name, with their ranges; they are held for
+        a step, and the coordinates follow exactly.
+    :param reward: formula of a reward per second; a step earns ``step_size`` times its value in the middle.
+    :param step_size: [s].
+    :param stop: formula that ends an episode where it is positive at the end of a step.
+    :param stop_time: truncates an episode [s].
+    :param randomize: ranges of parameters and start values by name, drawn at each reset.
+    :param start_values: parameters and start values by name.
+    :param goal: further arguments of :func:`liaisons.plan` for the optimum.
+    :param render_mode: ``"rgb_array"``, or None.
+    """
+
+    subject: Any
+    observe: Sequence[str]
+    act: Mapping[str, Sequence[float]]
+    reward: str
+    step_size: float
+    stop: str = "0"
+    stop_time: float = math.inf
+    randomize: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    start_values: Mapping[str, ArrayLike] = field(default_factory=dict)
+    goal: Mapping[str, Any] = field(default_factory=dict)
+    render_mode: str | None = None
+
+    def __post_init__(self) -> None:
+        for label, names in (("observe", listed("observe", self.observe)), ("act", named("act", self.act))):
+            if not names:
+                raise InvalidValueError(f"{label} = {shown(names)}: give one name at least")
+        for name, pair in (*self.act.items(), *named("randomize", self.randomize).items()):
+            ends = numbers(name, pair)
+            if ends.shape != (2,) or not -math.inf < ends[0] < ends[1] < math.inf:
+                raise InvalidValueError(f"range of {name} = {shown(pair)}: give (low, high), low < high")
+        positive("step_size", self.step_size)
+        if not self.stop_time > self.step_size:
+            raise InvalidValueError(f"stop_time = {self.stop_time!r}: must be greater than step_size")
+        chosen("render_mode", self.render_mode or "rgb_array", ["rgb_array"])
+        if len({port[0] for port in self.ports}) < len(self.act):
+            raise InvalidValueError(f"act = {shown(self.act)}: a coordinate is moved twice; leave one out")
+
+    @cached_property
+    def ports(self) -> list[tuple[str, ...]]:
+        """Of each act what it moves, and the rates of this up to the act itself."""
+        return [port_names(_RATE.sub("", name))[: 1 + len("".join(_RATE.findall(name)))] for name in self.act]
+
+    @cached_property
+    def action_space(self) -> Box:
+        """Ranges of the acts."""
+        return Box(*np.transpose([*self.act.values()]).astype(np.float32))
+
+    def checked(self, action: ArrayLike, *count: int) -> NDArray[np.float64]:
+        """Values of the acts.
+
+        :param count: of many actions.
+        :raises InvalidValueError: for another shape, or a value outside its range in single precision.
+        """
+        values, space = numbers("action", action), self.action_space
+        if values.shape != (shape := (*count, *space.shape)):
+            raise InvalidValueError(f"action has shape {values.shape}; give {shape}: {', '.join(self.act)}")
+        if not ((space.low <= np.float32(values)) & (np.float32(values) <= space.high)).all():
+            raise InvalidValueError(f"action = {shown(action)}: must be in the ranges {shown(dict(self.act))}")
+        return values
+
+    def measures(self, readings: Mapping[str, ca.SX]) -> ca.SX:
+        """Observations, reward and stop as a column.
+
+        :param readings: expressions of variables by name.
+        :raises FormulaError: for an error in a formula; with its position, and the nearest name.
+        """
+        symbols = {name.replace(".", "·"): expression for name, expression in readings.items()}
+        texts = (*listed("observe", self.observe), self.reward, self.stop)
+        return ca.vertcat(*(formula(_DOT.sub("·", text), symbols) for text in texts))

@@ -1,0 +1,160 @@
+"""Many environments together, as an ensemble in compiled code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.base.arguments import numbers, whole
+from liaisons.ensembles.methods import METHODS
+from liaisons.ensembles.right_hand_sides import domain_gaps, right_hand_side, settable, smooth_model
+from liaisons.ensembles.steps import compiled, packs, unpacked
+from liaisons.errors import InvalidValueError, SimulationError
+from liaisons.expressions import program
+from liaisons.gymnasium.environment import Environment
+from liaisons.gymnasium.task import Task
+from liaisons.library import component
+from liaisons.mechanics.model import Model
+
+
+@final
+class VectorEnvironment(VectorEnv[Any, Any, Any]):
+    """Copies of an :class:`Environment` of one component, integrated together, each with draws of its own.
+
+    An episode that has ended is reset by the next step.  Half a step is one of a method of eighth order; the energy
+    balance in ``info`` is what its errors have summed up to since the reset.
+
+    :raises LiaisonsError: as for :class:`Environment`, and for contacts, samples and arrays of values.
+    """
+
+    metadata = VectorEnv.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(self, *subject: Any, num_envs: int = 1, **settings: Any) -> None:
+        """Take the settings of :class:`Task`, and how many copies."""
+        subject_class = component(Task(*subject, **settings).subject)
+        model = smooth_model(subject_class, "a VectorEnvironment", "take Environment, which runs its FMU")
+        one = Environment(*subject, **settings)  # refuses what is wrong
+        one.close()
+        whole("num_envs", num_envs)
+        self.task, self.title, self.num_envs = one.task, one.title, num_envs
+        self.single_action_space, self.single_observation_space = one.action_space, one.observation_space
+        self.action_space = batch_space(one.action_space, num_envs)
+        self.observation_space = batch_space(one.observation_space, num_envs)
+        self._derive(model)
+        self._elapsed, self._balance = np.zeros((2, num_envs))
+        self._ended = np.zeros(0, dtype=bool)
+
+    def _derive(self, model: Model) -> None:
+        """Derive equations in which moved coordinates, and the time of each copy, are states."""
+        task = self.task
+        moved = [name for port in task.ports for name in port[:-1]]
+        self._names = list(dict.fromkeys([*task.act, *task.randomize, *moved]))
+        variables = settable(model, {})
+        values = {name: variable.starts[0] for name, variable in variables.items()} | dict(task.start_values)
+        shared = [name for name in task.start_values if name not in self._names]
+        self._first, self._shared = (
+            np.array([numbers(name, values[name]) for name in names]).reshape(-1, 1) for names in (self._names, shared)
+        )
+        outputs = [variable.name for variable in model.outputs]
+        found = right_hand_side(model, {}, lanes=self._names, shared=shared, record=outputs)
+        t, each, once, y = found.symbols
+        lanes, clock = dict(zip(self._names, ca.vertsplit(each), strict=True)), ca.SX.sym("clock")
+        followed = ca.vertcat(*(lanes[name] for name in moved), clock)
+        self._fixed = [row for row, name in enumerate(self._names) if name not in moved]
+        columns = each[self._fixed], once, ca.vertcat(y, followed)
+        rates, readings, conditions, projected = ca.substitute(
+            [found.rates, found.outputs, found.conditions, y if found.projected is None else found.projected],
+            [t],
+            [clock],
+        )
+        equations = replace(
+            found,
+            symbols=(t, *columns),
+            rates=ca.vertcat(rates, *(lanes[name] for port in task.ports for name in port[1:]), 1),
+            projected=None if found.projected is None else ca.vertcat(projected, followed),
+        )
+        self._advance = compiled(equations, METHODS["rk8"], self._shared)
+        self._starts = program([each, once], [ca.vertcat(found.start, *(lanes[name] for name in moved), 0)])
+        signals = dict(zip(outputs, ca.vertsplit(readings), strict=True))
+        # The model's own energy balance remembers a start, which is another one for each copy.
+        balance = (
+            signals["energy"] - signals["work"] + signals["dissipated"] if "energy_balance" in signals else ca.SX(0, 1)
+        )
+        begun = range(len(model.condition_texts) - model.start_only, len(model.condition_texts))
+        lasting = [row for row in range(conditions.numel()) if row not in begun]
+        gaps = [gap for name in moved for gap in domain_gaps(variables[name], lanes[name])]
+        last = ca.vertcat(conditions[lasting], *gaps)
+        self._program = program(columns, [task.measures(signals | lanes), balance, last])
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """Begin an episode in all copies.
+
+        :param seed: of all draws.
+        :param options: none: start values are drawn.
+        """
+        if options:
+            raise InvalidValueError(f"options = {options!r}: give ranges in randomize")
+        super().reset(seed=seed)
+        self._values, self._ended = np.repeat(self._first, self.num_envs, axis=1), np.zeros(self.num_envs, dtype=bool)
+        self._states = self._starts.evaluate([self._values, self._shared])[0]
+        self._restart(~self._ended)
+        return self._measured()[0][:-2].T, self._information()
+
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Hold the acts for a step; copies whose episode has ended are reset, and earn nothing.
+
+        :param actions: shape (copies, acts).
+        :returns: observations, rewards, whether episodes have ended, whether they were truncated, information.
+        :raises SimulationError: for actions of another shape or outside their ranges, and before the first reset.
+        """
+        acts, size, again = self.task.checked(actions, self.num_envs), self.task.step_size, self._ended
+        if not again.size:
+            raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
+        before = self._states
+        self._values[: len(self.task.act)] = acts.T
+        blocks, fixed, measured = (
+            packs(before, fill="edge"),
+            packs(self._values[self._fixed], fill="edge"),
+            [self._measured()],
+        )
+        for _ in range(2):
+            self._advance(0.0, size / 2, 1, fixed, blocks)
+            self._states = unpacked(blocks, self.num_envs)
+            measured.append(self._measured())
+        (_, begin, _), (middle, *_), (_, end, conditions) = measured
+        failed = ~(again | (np.isfinite(self._states).all(axis=0) & (conditions > 0).all(axis=0)))
+        self._states[:, failed] = before[:, failed]
+        self._balance += (end - begin).sum(axis=0)
+        self._elapsed += size
+        self._restart(again)
+        after, moving = self._measured()[0], ~(again | failed)
+        stopped = failed | (moving & (after[-1] > 0))
+        truncated = moving & (self._elapsed > self.task.stop_time - size / 4)
+        self._ended = stopped | truncated
+        rewards = size * np.where(moving, middle[-2], 0.0)
+        return after[:-2].T, rewards, stopped, truncated, self._information() | {"failure": failed}
+
+    def _restart(self, again: NDArray[np.bool_]) -> None:
+        """Begin an episode in some copies."""
+        self._values[:, again] = self._first
+        for name, (low, high) in self.task.randomize.items():
+            self._values[self._names.index(name), again] = self.np_random.uniform(low, high, again.sum())
+        self._states[:, again] = self._starts.evaluate([self._values[:, again], self._shared])[0]
+        self._elapsed[again] = self._balance[again] = 0.0
+
+    def _measured(self) -> list[NDArray[np.float64]]:
+        """Observations, reward and stop; energy balance; conditions: (rows, copies) each."""
+        return self._program.evaluate([self._values[self._fixed], self._shared, self._states])
+
+    def _information(self) -> dict[str, Any]:
+        return {"energy_balance": self._balance.copy()}
