@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
-from liaisons.base.archive import Archive, too_big, unpacked_limit
+from liaisons.base.archive import Archive, size_error, unpacked_limit
 from liaisons.base.arguments import as_path
 from liaisons.base.folders import passing_folder
 from liaisons.base.unit_definitions import UnitDefinition
@@ -148,7 +148,7 @@ def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[Ele
                 raise SimulationError(str(error).replace(str(path), name)) from error
             size += fmus[source].unpacked
             if size > unpacked_limit():
-                raise too_big(f"{archive.path} with its FMUs", size)
+                raise size_error(f"{archive.path} with its FMUs", size)
     return {component: fmus[source] for component, source in structure.sources.items()}
 
 
