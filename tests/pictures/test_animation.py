@@ -121,6 +121,7 @@ def test_keyframes_turn_the_short_way() -> None:
 @pytest.mark.parametrize("kind", _MESHES)
 def test_triangles_go_round_their_normals_counter_clockwise(kind: str) -> None:
     places, normals, corners = _MESHES[kind]()
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1)
     a, b, c = places[corners].swapaxes(0, 1)
     areas = np.cross(b - a, c - a)
     assert np.all(np.sum(areas[:, None] * normals[corners], axis=2) > 0)
