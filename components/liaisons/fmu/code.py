@@ -26,7 +26,7 @@ from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
 from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
-from liaisons.mechanics.unilateral import operators_of
+from liaisons.mechanics.unilateral import impulsive_operators
 
 _FMI_HEADERS = {
     "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -316,7 +316,7 @@ def _contact_members(model: Model, contact: ca.Function) -> dict[str, object]:
     counts = {
         "gaps": gaps,
         "frictions": len(model.contacts) - gaps,
-        "operators": len(operators_of(model)),
+        "operators": len(impulsive_operators(model)),
     }
     counts["indicators"] = len(model.contacts)
     starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
@@ -356,7 +356,7 @@ def _contact_arrays(model: Model) -> list[str]:
     return [
         *_c_array("Gap", "gap", gap_rows),
         *_c_array("DryFriction", "friction", friction_rows),
-        *_c_array("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in operators_of(model)]),
+        *_c_array("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in impulsive_operators(model)]),
         *_c_array("size_t", "indicator", [str(first + index[name]) for name in model.flat().indicators]),
     ]
 
