@@ -18,8 +18,8 @@ from liaisons.pictures.frames import RATE
 from liaisons.pictures.stage import COLOURS, Face, Stage
 
 
-def add_polygons(stage: Stage, axes: Axes) -> PolyCollection:
-    """Hide the axes and add an empty collection of polygons."""
+def add_empty_polygons(stage: Stage, axes: Axes) -> PolyCollection:
+    """Hide the axes, and add and return an empty collection of polygons."""
     axes.set_axis_off()
     axes.set(xlim=(-stage.half[0], stage.half[0]), ylim=(-stage.half[1], stage.half[1]), aspect="equal")
     polygons = PolyCollection([], linewidths=0.4)
@@ -27,7 +27,7 @@ def add_polygons(stage: Stage, axes: Axes) -> PolyCollection:
     return polygons
 
 
-def draw(polygons: PolyCollection, faces: list[Face]) -> None:
+def replace_polygons(polygons: PolyCollection, faces: list[Face]) -> None:
     """Replace the polygons of a collection."""
     polygons.set_verts([face.corners for face in faces])
     colours: Any = np.array([face.colour for face in faces])
@@ -35,18 +35,18 @@ def draw(polygons: PolyCollection, faces: list[Face]) -> None:
     polygons.set_edgecolor(colours)
 
 
-def pixels(stage: Stage, *, turns: float = 0.0, width: int = 480) -> Iterator[NDArray]:
+def rendered_frames(stage: Stage, *, turns: float = 0.0, width: int = 480) -> Iterator[NDArray]:
     """Yield the frames, (height, width, 3) of bytes; even numbers, as films want.
 
     :param turns: how often the camera goes round a spatial mechanism.
     """
     height = int(width * min(max(stage.ratio, 0.4), 1.6)) // 2 * 2
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
-    polygons = add_polygons(stage, figure.add_axes((0, 0, 1, 1)))
+    polygons = add_empty_polygons(stage, figure.add_axes((0, 0, 1, 1)))
     canvas = FigureCanvasAgg(figure)
     count = len(stage.frames.time)
     for k in range(count):
-        draw(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
+        replace_polygons(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
         canvas.draw()
         yield np.array(canvas.buffer_rgba())[..., :3]
 
@@ -56,7 +56,7 @@ def write_gif(stage: Stage, path: Path, *, turns: float, progress: Callable[[], 
     from PIL import Image
 
     images: list[Image.Image] = []
-    for frame in pixels(stage, turns=turns):
+    for frame in rendered_frames(stage, turns=turns):
         image = Image.fromarray(frame)
         images.append(image.quantize(palette=images[0], dither=Image.Dither.NONE) if images else image.quantize(64))
         progress()
@@ -70,7 +70,7 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
     """Write an MP4."""
     import imageio_ffmpeg
 
-    images = pixels(stage, turns=turns, width=720)
+    images = rendered_frames(stage, turns=turns, width=720)
     first = next(images)
     film = imageio_ffmpeg.write_frames(str(path), first.shape[1::-1], fps=RATE, output_params=["-f", "mp4"])
     film.send(None)
@@ -86,6 +86,6 @@ def write_strip(stage: Stage, path: Path, **_: object) -> None:
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     instants = np.linspace(0, len(time) - 1, count).round().astype(int)
     for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):
-        draw(add_polygons(stage, axes), stage.faces(k))
+        replace_polygons(add_empty_polygons(stage, axes), stage.faces(k))
         axes.set_title(f"{time[k]:.3g} s", fontsize=9, color=COLOURS["rod"])
     figure.savefig(path, format="png")
