@@ -18,7 +18,7 @@ from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
 from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
-from liaisons.mechanics.printing import mechanism_equations
+from liaisons.mechanics.printing import of_mechanism
 from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
 from liaisons.models.pendulum_chain import PendulumChain
 
@@ -31,7 +31,7 @@ _FIGURE = re.compile(r'<svg class="figure".*?</svg>', re.DOTALL)
 @pytest.mark.parametrize("component", [c for c in CATALOGUE if issubclass(c, Mechanism)], ids=lambda c: c.__name__)
 def test_textbook_equations_agree_with_those_that_the_fmu_solves(component) -> None:
     solved = derive(component)
-    m, printed = solved.mechanism, mechanism_equations(solved)
+    m, printed = solved.mechanism, of_mechanism(solved)
     turns = [f"{name}_dot" for turn in m.orientations for name in turn.momenta]
     rates = [*(suffixed(f"p_{q.name}", "_dot") for q in m.coordinates), *turns]
     known = dict(zip(rates, ca.vertsplit(solved.momentum_rates), strict=True))

@@ -36,7 +36,7 @@ from liaisons import (
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.language import Mechanism
 from liaisons.mechanics.equations import QUANTITIES
-from liaisons.mechanics.printing import linkage_equations
+from liaisons.mechanics.printing import of_linkage
 from liaisons.models import Arm, Sinusoid
 
 ROD = {"mass": 2.0, "inertia": (0.01, 0.2, 0.2), "centre": (0.5, 0.0, 0.0)}
@@ -177,7 +177,7 @@ def acceleration(component: type[Mechanism], expression: Any, values: dict[str, 
 def test_equations_frame_by_frame_are_those_that_the_fmu_solves() -> None:
     """Velocities outwards, momenta and weights inwards, one after the other; then p and its rate."""
     equations = derive(Arm)
-    m, printed = equations.mechanism, linkage_equations(equations, cast("Linkage", equations.mechanism))
+    m, printed = equations.mechanism, of_linkage(equations, cast("Linkage", equations.mechanism))
     state = random_state(equations, 1) | {p.name: p.start for p in m.parameters}
     values = dict(state)
     for e in printed:

@@ -61,7 +61,7 @@ def motion_of(
     try:
         model, own_values = _model(subject)
     except (SimulationError, ComponentError):
-        foreign = _subject_of_fmu_runs(subject)
+        foreign = _subject_of_runs(subject)
         if foreign is None:
             raise
         if operators:
@@ -132,8 +132,8 @@ def motion_of(
     )
 
 
-def _subject_of_fmu_runs(subject: Subject) -> System | Path | None:
-    """System or FMU that is differentiated by its runs: equations are not at hand, have contacts, or sample."""
+def _subject_of_runs(subject: Subject) -> System | Path | None:
+    """The system or FMU whose runs are differentiated, where equations are not at hand, have contacts, or sample."""
     if isinstance(subject, (System, Model)):
         return subject if isinstance(subject, System) else None
     if _is_file(subject):

@@ -26,7 +26,7 @@ from liaisons.formulas.unicode import Unicode, width, wrapped
 from liaisons.formulas.writing import formula
 from liaisons.language import Component, Mechanism
 from liaisons.mechanics import Equation, Model, assemble, derive
-from liaisons.mechanics.printing import acceleration_equations, canonical_equations, power_and_multiplier_equations
+from liaisons.mechanics.printing import of_accelerations, of_hamiltonian, of_operators
 
 _TOO_LONG = "Too long to be read: {}; the FMU's sources have them in C."
 _OF_ALL = ("hamiltonian", "canonical")
@@ -198,9 +198,9 @@ def of_component(component: type[Component]) -> DisplayedEquations:
     if not issubclass(component, Mechanism):
         return shown if shown.equations else replace(shown, notes={"signal": "It is read from a table."})
     derived, notes = derive(component), dict[str, str]()
-    further = (*power_and_multiplier_equations(derived), *acceleration_equations(derived))
+    further = (*of_operators(derived), *of_accelerations(derived))
     try:
-        further += canonical_equations(derived)
+        further += of_hamiltonian(derived)
     except ComponentError as reason:
         notes["hamiltonian"] = f"{reason}."
     order = list(LAWS)

@@ -16,8 +16,8 @@ from liaisons.language.operator import Operator
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
-from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, declared_fields
-from liaisons.mechanics.printing import operator_equations
+from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, described
+from liaisons.mechanics.printing import of_operator
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
@@ -50,7 +50,7 @@ def _operator_model(component: type[Operator], n: object) -> Model:
         "conditions": stack(map(ca.SX, limits.values())),
         **({} if next_event is None else {"draw": next_event}),
     }
-    equations = operator_equations(operator, triple[0])
+    equations = of_operator(operator, triple[0])
     table = None
     if operator.lookups:
         table = _lookup_table(operator, vectors, read)
@@ -62,7 +62,7 @@ def _operator_model(component: type[Operator], n: object) -> Model:
         "events": stack(map(ca.SX, operator.events())),
     }
     return Model(
-        **declared_fields(operator),
+        **described(operator),
         memory=(),
         **model_functions(vectors, results, merge=False),
         drawn=() if next_event is None else (NEXT_EVENT,),

@@ -18,10 +18,10 @@ from liaisons.mechanics.energy_accounting import accounting_results, memory_name
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.legendre import CHOSEN, FULL
-from liaisons.mechanics.model import Model, declared_fields, domain_conditions
+from liaisons.mechanics.model import Model, described, domain_conditions
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
-from liaisons.mechanics.printing import linkage_equations, mechanism_equations
+from liaisons.mechanics.printing import of_linkage, of_mechanism
 from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contacts_of
 
 CONSISTENT = 1e-6
@@ -89,14 +89,12 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     else:
         functions = model_functions(vectors, results)
     return Model(
-        **declared_fields(m),
+        **described(m),
         memory=memory,
         **functions,
         condition_texts=tuple(conditions),
         start_only=len(at_start),
-        equations=linkage_equations(equations, m)
-        if _is_printed_by_frames(m, equations)
-        else mechanism_equations(equations),
+        equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
         contacts=contacts,

@@ -208,7 +208,7 @@ def refuse_samples(
         raise error(f"{subject.__name__}: {task} takes no samples of inputs; {remedy}")
 
 
-def declared_fields(instance: Component) -> dict[str, Any]:
+def described(instance: Component) -> dict[str, Any]:
     """Fields of Model that come from the declarations: names, variables, documentation."""
     component = type(instance)
     return {

@@ -32,7 +32,7 @@ _TOGETHER = 3
 """Constraints whose multipliers are solved for in symbols."""
 
 
-def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:
+def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs, as equations."""
     m = equations.mechanism
     count, actives = len(m.coordinates), [s.name for s in m.actives]
@@ -57,7 +57,7 @@ def mechanism_equations(equations: Equations) -> tuple[Equation, ...]:
     )
 
 
-def linkage_equations(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
+def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     """Motion of a linkage by recursion over its frames, as equations a frame, however long the chain."""
     rows: list[Equation] = []
 
@@ -81,7 +81,7 @@ def linkage_equations(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     )
 
 
-def operator_equations(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
+def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
     """Signal and rates of the internal states, as equations."""
     names = (f"{x.name}_dot" for x in operator.internal_states)
     internal = _row_equations("internal", names, operator.internal_rate_column())
@@ -89,8 +89,8 @@ def operator_equations(operator: Operator, signal: ca.SX) -> tuple[Equation, ...
     return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
 
 
-def chain_equations(chain: Chain) -> tuple[Equation, ...]:
-    """Energies of a link, and the joint of the next one, as equations."""
+def of_chain(chain: Chain) -> tuple[Equation, ...]:
+    """Energies of a link, and the joint of the next one."""
     base = chain.base() or {}
     dissipated = ca.SX(chain.friction_coefficient()) * ca.SX(chain.kinetic_energy())
     dissipated += ca.SX(chain.dissipation_function()) + ca.SX(chain.bond_dissipation())
@@ -111,7 +111,7 @@ def _dissipation_equation(section: str, function: ca.SX) -> Iterator[Equation]:
         yield Equation(section, "D", function)
 
 
-def power_and_multiplier_equations(equations: Equations) -> tuple[Equation, ...]:
+def of_operators(equations: Equations) -> tuple[Equation, ...]:
     """Power of each operator, and multipliers of the constraints solved for, as equations."""
     m, lambdas = equations.mechanism, _solved_multipliers(equations)
     powers = _row_equations("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
@@ -129,7 +129,7 @@ def _solved_multipliers(equations: Equations) -> ca.SX | None:
     return solve_symmetric(C @ solve_symmetric(A, C.T), targets - C @ solve_symmetric(A, equations.forces))
 
 
-def acceleration_equations(equations: Equations) -> tuple[Equation, ...]:
+def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
     """Accelerations solved for, then A and h of A ẍ + h = 0; λ are symbols, drives and loads vanish."""
     m, A = equations.mechanism, equations.mass_matrix
     alone = ca.vertcat(equations.drives, equations.loads, equations.point_loads)
@@ -160,7 +160,7 @@ def _solved_accelerations(A: ca.SX, forces: ca.SX) -> ca.SX:
     return over / (A[0, 0] * A[1, 1] - A[0, 1] ** 2)
 
 
-def canonical_equations(equations: Equations) -> tuple[Equation, ...]:
+def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     """Hamiltonian H of all coordinates, prescribed ones included, and canonical equations (M eq. 36-38).
 
     :raises ComponentError: where Legendre's transformation does not exist.

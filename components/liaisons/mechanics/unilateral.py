@@ -190,10 +190,10 @@ class ContactModes:
         flags, v, alpha = stack(held), numbers["v"], STABILISATION
         target = -2 * alpha * v - alpha**2 * ca.vertcat(numbers["gap"], ca.SX.zeros(count - first, 1))
         K = ca.diag(flags) @ self._G @ P + ca.diag(1 - flags)
-        forces = P @ _solved_by_elimination(K, flags * (target - self._rows["a"] - self._G @ d)) + d
-        return forces, self._event_indicators(flags, forces)
+        forces = P @ _eliminated(K, flags * (target - self._rows["a"] - self._G @ d)) + d
+        return forces, self._watched(flags, forces)
 
-    def _event_indicators(self, flags: ca.SX, forces: ca.SX) -> ca.SX:
+    def _watched(self, flags: ca.SX, forces: ca.SX) -> ca.SX:
         """Event indicators: each falls below 0 where the mode of its contact ends."""
         numbers, first = self._numbers, len(self._gaps)
         compliance, v = ca.diag(self._G) / self._rows["acceleration_scale"], numbers["v"]
@@ -244,8 +244,8 @@ def _is_position(name: str, names: Sequence[str]) -> bool:
     return f"{part}{dot}p_{own}" in names or own.endswith(Orientation.quaternion)
 
 
-def _solved_by_elimination(K: ca.SX, right: ca.SX) -> ca.SX:
-    """Solution K⁻¹ right by Gauss's elimination without pivoting: modes are chosen so that it needs none."""
+def _eliminated(K: ca.SX, right: ca.SX) -> ca.SX:
+    """K⁻¹ right by Gauss's elimination without pivoting: modes are chosen so that it needs none."""
     n = K.shape[0]
     rows = [[K[i, j] for j in range(n)] + [right[i]] for i in range(n)]
     for i in range(n):

@@ -17,7 +17,7 @@ from liaisons.mechanics import assemble, derive
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import refuse_contacts
-from liaisons.mechanics.printing import mechanism_equations
+from liaisons.mechanics.printing import of_mechanism
 from liaisons.modelica_text.printer import identifier
 from liaisons.modelica_text.text import (
     MOTION,
@@ -80,7 +80,7 @@ def _add_laws(e: Equations, section: Section) -> None:
     section.statements += [f"der({identifier(q.name)}) = {q.name}_dot;" for q in m.coordinates]
     count, forces = len(m.coordinates), list[ca.SX]()
     accelerated = dict(zip(names[:count], rates, strict=False))
-    for law in mechanism_equations(e):
+    for law in of_mechanism(e):
         right, name = ca.substitute(law.right, inside, outside), law.left.removesuffix("_dot")
         if law.section in ("motion", "internal") or law.left in quaternions:
             section.add(f"der({name})", right)

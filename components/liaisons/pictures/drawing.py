@@ -27,7 +27,7 @@ def add_empty_polygons(stage: Stage, axes: Axes) -> PolyCollection:
     return polygons
 
 
-def replace_polygons(polygons: PolyCollection, faces: list[Face]) -> None:
+def draw(polygons: PolyCollection, faces: list[Face]) -> None:
     """Replace the polygons of a collection."""
     polygons.set_verts([face.corners for face in faces])
     colours: Any = np.array([face.colour for face in faces])
@@ -35,7 +35,7 @@ def replace_polygons(polygons: PolyCollection, faces: list[Face]) -> None:
     polygons.set_edgecolor(colours)
 
 
-def rendered_frames(stage: Stage, *, turns: float = 0.0, width: int = 480) -> Iterator[NDArray]:
+def pixels(stage: Stage, *, turns: float = 0.0, width: int = 480) -> Iterator[NDArray]:
     """Yield the frames, (height, width, 3) of bytes; even numbers, as films want.
 
     :param turns: how often the camera goes round a spatial mechanism.
@@ -46,7 +46,7 @@ def rendered_frames(stage: Stage, *, turns: float = 0.0, width: int = 480) -> It
     canvas = FigureCanvasAgg(figure)
     count = len(stage.frames.time)
     for k in range(count):
-        replace_polygons(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
+        draw(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
         canvas.draw()
         yield np.array(canvas.buffer_rgba())[..., :3]
 
@@ -56,7 +56,7 @@ def write_gif(stage: Stage, path: Path, *, turns: float, progress: Callable[[], 
     from PIL import Image
 
     images: list[Image.Image] = []
-    for frame in rendered_frames(stage, turns=turns):
+    for frame in pixels(stage, turns=turns):
         image = Image.fromarray(frame)
         images.append(image.quantize(palette=images[0], dither=Image.Dither.NONE) if images else image.quantize(64))
         progress()
@@ -70,7 +70,7 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
     """Write an MP4."""
     import imageio_ffmpeg
 
-    images = rendered_frames(stage, turns=turns, width=720)
+    images = pixels(stage, turns=turns, width=720)
     first = next(images)
     film = imageio_ffmpeg.write_frames(str(path), first.shape[1::-1], fps=RATE, output_params=["-f", "mp4"])
     film.send(None)
@@ -86,6 +86,6 @@ def write_strip(stage: Stage, path: Path, **_: object) -> None:
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     instants = np.linspace(0, len(time) - 1, count).round().astype(int)
     for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):
-        replace_polygons(add_empty_polygons(stage, axes), stage.faces(k))
+        draw(add_empty_polygons(stage, axes), stage.faces(k))
         axes.set_title(f"{time[k]:.3g} s", fontsize=9, color=COLOURS["rod"])
     figure.savefig(path, format="png")

@@ -24,10 +24,10 @@ from liaisons.mechanics.chains.sweeps import (
 )
 from liaisons.mechanics.energy_accounting import accounting_results, memory_names
 from liaisons.mechanics.functions import SIGNATURES, model_functions
-from liaisons.mechanics.model import Model, declared_fields
+from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import chain_picture
-from liaisons.mechanics.printing import chain_equations
+from liaisons.mechanics.printing import of_chain
 
 
 @cache
@@ -84,13 +84,13 @@ def chain_model(component: type[Chain], n: int) -> Model:
     functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
     whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
     return Model(
-        **declared_fields(m),
+        **described(m),
         memory=memory,
         **functions,
         programs=tuple(programs.values()),
         **model_functions(whole, {"conditions": ca.MX(0, 1), "events": ca.MX(0, 1)}),
         condition_texts=(),
-        equations=chain_equations(m),
+        equations=of_chain(m),
         picture=drawing.document,
         drawn=drawing.variables,
         draw=draw,
