@@ -45,7 +45,7 @@ from liaisons.cosim import Result
 from liaisons.jax import motion
 from liaisons.language.component import Component
 from liaisons.library import fmu_file
-from liaisons.pictures.frames import picture_frames
+from liaisons.pictures.frames import frames
 
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
 WITHIN_A_STEP = 1e-5  # a rate of 0.3 m/s taken up within h = 8 ms: 0.3 h²/12, and what the motion makes of it
@@ -465,7 +465,7 @@ def try_picture(workshop: Workshop, kind: str) -> None:
     result.animate(path)
     assert b"canvas" in path.read_bytes()
     assert result.scene is not None
-    drawn = picture_frames(
+    drawn = frames(
         result.scene.picture,
         T,
         result.scene.values(dict(zip(result.names, result.values, strict=True))).__getitem__,

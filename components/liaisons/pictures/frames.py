@@ -81,7 +81,7 @@ class Frames:
         return np.concatenate([points for shape in self.shapes for points in (shape.points, shape.corners)], axis=1)
 
 
-def picture_frames(
+def frames(
     picture: Picture, time: NDArray, signal: Signal, *, title: str, shifts: Sequence[float] | None = None
 ) -> Frames:
     """Return the shapes of a picture at some times, those of different groups side by side.

@@ -49,7 +49,7 @@ def mapped_parameters(
             yield target, (tuple(_transformed(target, value, entry) for value in values), None if suppressed else unit)
 
 
-def value_for_variable(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
+def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     """Value of a parameter in the type and the unit of a variable.
 
     :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.

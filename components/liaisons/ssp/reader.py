@@ -26,7 +26,7 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect_scalars
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
-from liaisons.ssp.assignment import Quantity, mapped_parameters, parameters, value_for_variable
+from liaisons.ssp.assignment import Quantity, fitted, mapped_parameters, parameters
 from liaisons.ssp.experiment import read_experiment
 from liaisons.ssp.structure import ElementPath, Pin, Structure, read_structure
 from liaisons.ssp.xml import STRUCTURE, path, tag, with_declared_prefixes
@@ -166,9 +166,7 @@ def _start_values(
                 fmu = fmus[component]
                 if variable in fmu.arrays or variable in fmu.variables:
                     starts[component].pop(variable, None)  # later values override
-                    starts[component][variable] = value_for_variable(
-                        _component_name(component), fmu, variable, quantity
-                    )
+                    starts[component][variable] = fitted(_component_name(component), fmu, variable, quantity)
                 else:
                     logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
     return starts
