@@ -29,7 +29,7 @@ from native_code import BY_HAND
 from liaisons import models
 from liaisons.base.compiler import FLAGS, compile_library, host
 from liaisons.fmu.code import model_code, source_files
-from liaisons.fmu.loops import PREAMBLE, loops
+from liaisons.fmu.loops import PREAMBLE, loops_code
 from liaisons.mechanics import assemble
 
 CHAINS = {"PendulumChain": (10, 30, 100, 300, 1000), "OscillatorChain": (100, 1000, 10_000, 100_000)}
@@ -155,7 +155,7 @@ def _built(name: str, n: int) -> Built:
 
     start_alone = time.process_time()
     (program,) = (program for program in model.programs if program.name == "derivatives")
-    text = "\n".join(["#include <math.h>", "#include <stddef.h>", PREAMBLE, loops(program).text])
+    text = "\n".join(["#include <math.h>", "#include <stddef.h>", PREAMBLE, loops_code(program).text])
     text = text.replace("static VECTORISED int", "VECTORISED int")
     start_of_compiler = _compilers()
     compile_library({"rates.c": text.encode()}, host())

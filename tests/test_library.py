@@ -148,8 +148,8 @@ def test_the_catalogue_keeps_its_names(own: Callable[..., Path], folder: Path) -
     class Pendulum(Constant):
         """Another one."""
 
-    for target in (Pendulum, assemble(Pendulum)):
-        with pytest.raises(ProjectError, match=r"is the FMU of the catalogue's component of this name"):
+    for target, origin in ((Pendulum, r"test_library\.py:.*Pendulum"), (assemble(Pendulum), "the model Pendulum")):
+        with pytest.raises(ProjectError, match=rf"{origin}: .* is the FMU of the catalogue's component of this name"):
             build(target)
     assert (folder / "Pendulum.fmu").read_bytes() == before
 

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from liaisons.base import processes
+
 _CHILD = """
 import ctypes, sys
 from liaisons.base import processes
@@ -69,3 +71,11 @@ with orderly_end():
 def test_orderly_end_is_that_of_one_process_only() -> None:
     done = subprocess.run([sys.executable, "-c", _ENDING], capture_output=True, timeout=30.0, check=False)
     assert (done.returncode, done.stdout) == (143, b"-15 released"), done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_children_are_the_processes_that_this_one_has_started() -> None:
+    before = processes._child_processes()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+        assert {*processes._child_processes()} == {*before, child.pid}
+        child.communicate(b"\n")

@@ -189,7 +189,7 @@ def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
     copy = process_folder() / hashlib.sha256(fmu.read_bytes() + table.tobytes()).hexdigest()[:16] / fmu.name
     if not copy.exists():
         copy.parent.mkdir()
-        copy.write_bytes(ssp.with_table(fmu, table))
+        copy.write_bytes(ssp.fmu_with_table(fmu, table))
         cache.remember(cache.digest(copy))
     return copy
 

@@ -97,7 +97,7 @@ def test_a_file_in_a_locked_folder_is_written_into(tmp_path: Path, monkeypatch: 
 
 def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPatch, fmus: Path) -> None:
     monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
-    monkeypatch.setattr(memory, "_free", lambda: 2e8)
+    monkeypatch.setattr(memory, "_free_memory", lambda: 2e8)
     pendulum = fmu_path("Pendulum")
     with monkeypatch.context() as patch:
         patch.setattr("liaisons.cosim.system.performed", lambda simulation, **_: len(simulation.times))

@@ -12,9 +12,9 @@ from liaisons.companion import (
     CITATION,
     completions,
     entries,
+    entries_of,
     is_number,
-    numbered,
-    searched,
+    search_entries,
     sections,
 )
 from liaisons.errors import ProjectError
@@ -39,7 +39,7 @@ ERRATA = {
 
 
 def citations(*names: str) -> list[str]:
-    return [entry.citation for name in names for entry in numbered(name)]
+    return [entry.citation for name in names for entry in entries_of(name)]
 
 
 def test_no_number_is_missing_and_none_is_there_twice() -> None:
@@ -71,14 +71,14 @@ def test_every_erratum_is_with_its_number() -> None:
 
 @pytest.mark.parametrize("number", ["K eq. 9", "K eq. 26", "K eq. 75", "K eq. 158", "K Ex. 10"])
 def test_a_condition_is_no_misprint(number: str) -> None:
-    (entry,) = numbered(number)
+    (entry,) = entries_of(number)
     assert entry.conditions
     assert not entry.corrections
 
 
 @pytest.mark.parametrize("number", ["K eq. 66", "K Fig. 7"])
 def test_what_is_right_is_not_called_misprinted(number: str) -> None:
-    (entry,) = numbered(number)
+    (entry,) = entries_of(number)
     assert not entry.corrections
 
 
@@ -140,7 +140,7 @@ def test_ranges_sections_and_errata_are_several_numbers() -> None:
 )
 def test_an_unknown_number_is_refused_with_the_nearest(written: str, near: str) -> None:
     with pytest.raises(ProjectError, match=re.escape(f"{written}: ")) as refused:
-        numbered(written)
+        entries_of(written)
     author = "Kneller" if written.startswith("K") else "Marle"
     assert str(refused.value) == f"{written}: {author} has no such number; nearest: {near}"
     assert "\n" not in str(refused.value)
@@ -150,11 +150,11 @@ def test_what_is_no_number_is_refused() -> None:
     for word in ("viriel", "Kepler", "kapitza", "M foo 3", "Pendulum", "M", ""):
         assert not is_number(word)
         with pytest.raises(ProjectError, match="no number of the texts"):
-            numbered(word)
+            entries_of(word)
     with pytest.raises(ProjectError, match="M 1: this section has no number"):
-        numbered("M sec. 1")
+        entries_of("M sec. 1")
     with pytest.raises(ProjectError, match="KA18: no erratum"):
-        numbered("KA18")
+        entries_of("KA18")
 
 
 @pytest.mark.parametrize(
@@ -178,15 +178,15 @@ def test_what_is_no_number_is_refused() -> None:
     ],
 )
 def test_words_find_numbers_in_both_languages(words: str, number: str) -> None:
-    assert number in [entry.citation for entry in searched(words)]
+    assert number in [entry.citation for entry in search_entries(words)]
 
 
 def test_a_phrase_comes_first_and_words_that_nothing_has_are_refused() -> None:
-    assert searched("moment cinétique")[0].french.startswith("moment cinétique")
+    assert search_entries("moment cinétique")[0].french.startswith("moment cinétique")
     with pytest.raises(ProjectError, match="has 'vriel'; did you mean viriel"):
-        searched("vriel")
+        search_entries("vriel")
     with pytest.raises(ProjectError, match="lists the sections"):
-        searched("xyzzyx")
+        search_entries("xyzzyx")
 
 
 def test_completions_are_numbers() -> None:
@@ -234,7 +234,7 @@ def test_every_citation_is_of_a_number_that_there_is() -> None:
             count += 1
             if citation not in known:
                 try:
-                    numbered(citation)
+                    entries_of(citation)
                 except ProjectError as error:
                     pytest.fail(f"{path.relative_to(ROOT)}: {error}")
     assert count > 500

@@ -8,7 +8,7 @@ import unicodedata
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from liaisons.companion import entries, numbered, unicode_text
+from liaisons.companion import entries, entries_of, unicode_text
 
 
 @pytest.mark.parametrize(
@@ -53,6 +53,6 @@ def test_every_formula_is_read(entry) -> None:
 def test_formulas_are_corrected_and_the_printed_one_is_another() -> None:
     for entry in entries():
         assert not set(entry.printed) & set(entry.formulas), entry.citation
-    (resonance,) = numbered("K122")
+    (resonance,) = entries_of("K122")
     assert unicode_text(resonance.formulas[0]) == "ωᵣₑₛ = √(ω₀² − γ²/2)"
     assert unicode_text(resonance.printed[0]) == "ωᵣₑₛ = √(ω₀² − γ²/4)"

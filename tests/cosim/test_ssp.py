@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import re
 import shutil
 import zipfile
 from ctypes import c_double
@@ -118,6 +119,9 @@ def test_portable_is_what_old_readers_take(system: System, tmp_path: Path) -> No
     # prefixes are literal, connections from element to element, no connectors of the system, no mapping
     assert all(f"<{tag}" in text for tag in ("ssd:System", "ssd:Component", "ssc:Real", "osp:FixedStepAlgorithm"))
     assert all(word in values for word in ("<ssv:ParameterSet", 'name="initialValues"', "<ssv:Real value="))
+    used, defined = re.findall(r'<ssv:Real[^>]* unit="(.*?)"', values), re.findall(r'<ssc:Unit name="(.*?)"', values)
+    assert len(set(used)) > 1
+    assert set(used) == set(defined)
     connections = [element for element in root.iter() if element.tag.endswith("}Connection")]
     assert len(connections) == 5
     assert all(c.get("startElement") and c.get("endElement") for c in connections)

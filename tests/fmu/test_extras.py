@@ -24,7 +24,7 @@ from liaisons.fmu.archive import read_member
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import SIZE, icon_members
 from liaisons.fmu.layout import Fmi
-from liaisons.fmu.reference_results import FOLDER, INTERVALS, columns, trajectory
+from liaisons.fmu.reference_results import FOLDER, INTERVALS, table_variables, trajectory
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Variable
 from liaisons.mechanics import assemble
@@ -214,7 +214,7 @@ def test_reference_results_notice_one_percent_of_everything(component) -> None:
     for name in set(names) - UNSEEN:
         other = trajectory(changed(model, name))
         assert other is not None
-        sizes = {v.name: np.max(np.abs(results[v.name])) for v in columns(model)}
+        sizes = {v.name: np.max(np.abs(results[v.name])) for v in table_variables(model)}
         moved = max(np.max(np.abs(other[column] - results[column])) / (size or 1) for column, size in sizes.items())
         assert moved > 1e-4, name  # the FMU agrees to 1e-7
 

@@ -172,7 +172,7 @@ def test_other_components_take_no_table(library: Callable[..., Library], tmp_pat
 
 def test_an_fmu_in_python_takes_no_table(fmu: Callable[..., Path]) -> None:
     with pytest.raises(SimulationError, match=r"PlannedMotion\.fmu: 120 knots need a native FMU"):
-        ssp.with_table(fmu(PlannedMotion, backend="python"), knots(120))
+        ssp.fmu_with_table(fmu(PlannedMotion, backend="python"), knots(120))
 
 
 def test_a_table_goes_through_an_archive_and_into_no_flat_system(tmp_path: Path) -> None:

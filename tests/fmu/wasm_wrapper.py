@@ -12,7 +12,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from liaisons.fmu.code import source_files
-from liaisons.fmu.wasm import EMPTY, core_module, section
+from liaisons.fmu.wasm import EMPTY, component_section, core_module
 from liaisons.mechanics.model import Model
 
 OURS = files("liaisons.fmu.wasm")
@@ -28,7 +28,7 @@ def wrapper(model: Model) -> bytes:
         path.write_bytes(module)
         for task in (["component", "embed", interfaces, "--world", "fmu"], ["component", "new"], ["strip", "--all"]):
             subprocess.run([TOOLS or "wasm-tools", *task, path, "--output", path], check=True)
-        return path.read_bytes().replace(section(module), section(EMPTY))
+        return path.read_bytes().replace(component_section(module), component_section(EMPTY))
 
 
 if __name__ == "__main__":

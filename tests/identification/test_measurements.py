@@ -12,7 +12,7 @@ from liaisons import System, identify, simulate
 from liaisons.base.units import in_si
 from liaisons.errors import IdentificationError
 from liaisons.identification.measurements import Measurements, measurements, noise_levels
-from liaisons.identification.problems import values_near
+from liaisons.identification.problems import smoothed_values
 from liaisons.library.flattening import composed
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
@@ -148,7 +148,7 @@ def test_starts_of_segments_are_those_that_were_measured_nearby(signals: tuple[s
     columns[:, 6] = np.nan
     data = Measurements(t, signals, columns, {}, "")
     for name, expected in (("theta", columns[0]), ("theta_dot", 1 + len(signals) - 6 * t)):
-        np.testing.assert_allclose(values_near(data, name, edges, t[edges]), expected[edges], atol=1e-12)
+        np.testing.assert_allclose(smoothed_values(data, name, edges, t[edges]), expected[edges], atol=1e-12)
 
 
 def test_a_constant_column_of_what_is_unknown_is_left_out(reads) -> None:

@@ -26,7 +26,7 @@ from liaisons.language import (
     rheonomic_constraint,
     unchecked,
 )
-from liaisons.mechanics import assemble, constraints, derive, gauss
+from liaisons.mechanics import accelerations_by_gauss, assemble, constraints, derive
 from liaisons.mechanics.inertia import Inertia
 
 State = dict[str, float]
@@ -139,7 +139,7 @@ def test_dalembert_gauss_and_the_null_space_give_one_motion(seed: int) -> None:
     state = random_state(seed)
     A, C = numbers(EQUATIONS.mass_matrix, state), numbers(EQUATIONS.constraints.matrix, state)
     f, c = numbers(EQUATIONS.forces, state)[:, 0], numbers(EQUATIONS.constraints.targets, state)[:, 0]
-    ways = gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
+    ways = accelerations_by_gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
     by_gauss, mu = (numbers(way, state)[:, 0] for way in ways)
     lambdas = constraints.multipliers(METRIC, EQUATIONS.forces, EQUATIONS.constraints)
     by_dalembert = EQUATIONS.evaluate("accelerations", **state)

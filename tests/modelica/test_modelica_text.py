@@ -209,6 +209,18 @@ def test_signals_move_as_the_fmu(component: type[Component], fmu: Callable[..., 
     assert {name: error for name, error in found.items() if error > BOUND} == {}
 
 
+class RestingMotion(PlannedMotion):
+    """A planned motion that stands still behind its last row."""
+
+    def interval(self, t: ca.SX, *columns: str, rests: bool = True) -> tuple[list[ca.SX], list[ca.SX]]:
+        return super().interval(t, *columns, rests=rests)
+
+
+@pytest.mark.parametrize(("component", "rests"), [(RestingMotion, "true"), (PlannedMotion, "false")])
+def test_a_motion_says_what_it_does_behind_all_rows(component: type[Component], rests: str) -> None:
+    assert {*re.findall(r"= entry\(.*, (\w+)\);", modelica(component))} == {rests}
+
+
 @pytest.mark.parametrize("component", MECHANICAL)
 def test_flanges_move_as_the_signals(component: type[MechanicalComponent]) -> None:
     """Here the tool differentiates and reduces the index; what the signals do is compared with the FMU."""

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from liaisons.check import max_error
 from liaisons.cosim import Result, simulate
-from liaisons.mechanics import gauss
+from liaisons.mechanics import accelerations_by_gauss
 from liaisons.models.cartesian_pendulum import CartesianPendulum
 from liaisons.models.pendulum import Pendulum
 
@@ -68,7 +68,7 @@ def test_multipliers_are_those_of_example_1_and_gausss_those_of_example_9(seed: 
     bracket = n.mass * (n.gravity * (n.rod - n.z) + n.x_dot**2 + n.z_dot**2) / n.rod**2
     assert n("lambda_1") == algebra(-bracket / 2, CONDITION)
     assert n("lambda_2") == algebra(0, CONDITION)
-    accelerations, mu = gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
+    accelerations, mu = accelerations_by_gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
     # Kneller's g_1 is |d| times the second derivative of |d|: its multiplier is that of the rod over l.
     assert n(mu[1]) / n.rod == algebra(bracket, CONDITION)
     explicit = [-n.x * bracket, 0, -n.mass * n.gravity + (n.rod - n.z) * bracket]

@@ -13,7 +13,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import root_scalar
 
 from liaisons.check import max_error
-from liaisons.mechanics import gauss
+from liaisons.mechanics import accelerations_by_gauss
 from liaisons.models.isokinetic_oscillator import IsokineticOscillator
 from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
 from liaisons.models.oscillator import Oscillator
@@ -35,7 +35,7 @@ def integrated(rates: Callable[[NDArray], NDArray], start: ArrayLike, times: NDA
 
 def test_isokinetic_oscillator_is_example_10() -> None:
     equations = equations_of(IsokineticOscillator)
-    accelerations, mu = gauss(equations.mass_matrix, equations.forces, equations.constraints)
+    accelerations, mu = accelerations_by_gauss(equations.mass_matrix, equations.forces, equations.constraints)
     for n in random_states(IsokineticOscillator, 10, **unloaded(IsokineticOscillator)):
         r, v = vector(n), vector(n, "{}_dot")
         v *= np.sqrt(3 * n.thermal_energy / n.mass) / np.linalg.norm(v)  # the speed fits the temperature

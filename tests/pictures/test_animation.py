@@ -18,7 +18,7 @@ from liaisons import Result, System, operator, simulate
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
-from liaisons.pictures.camera import facing
+from liaisons.pictures.camera import camera_facing
 from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import _MESHES, _material, _rotations_of_axes
 from liaisons.pictures.stage import LIGHT, Stage, rgb
@@ -121,6 +121,7 @@ def test_keyframes_turn_the_short_way() -> None:
 @pytest.mark.parametrize("kind", _MESHES)
 def test_triangles_go_round_their_normals_counter_clockwise(kind: str) -> None:
     places, normals, corners = _MESHES[kind]()
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1)
     a, b, c = places[corners].swapaxes(0, 1)
     areas = np.cross(b - a, c - a)
     assert np.all(np.sum(areas[:, None] * normals[corners], axis=2) > 0)
@@ -267,7 +268,7 @@ def test_damaged_pictures(text: bytes, message: str) -> None:
 
 @pytest.mark.parametrize("plane", ["xz", "xy", "yz", None])
 def test_the_camera_faces_the_plane(plane: str | None) -> None:
-    axes = facing(plane).axes
+    axes = camera_facing(plane).axes
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1)  # right, up, towards the eye
     if plane is not None:
@@ -279,19 +280,21 @@ def test_the_camera_faces_the_plane(plane: str | None) -> None:
 def test_what_is_in_front_is_painted_last_and_backs_of_boxes_are_not(turn: float) -> None:
     half = np.array([0.5, 1.0, 1.5])
     box = {"shape": "box", "at": [0, 0, 0], "axes": np.eye(3).tolist(), "size": (2 * half).tolist()}
-    eye = facing(None, turn).axes[2]
+    eye = camera_facing(None, turn).axes[2]
     balls = [{"shape": "ball", "at": (3 * side * eye).tolist(), "radius": 0.1} for side in (1, -1)]
     stage = Stage(frames(Picture((balls[0], box, balls[1])), np.zeros(1), lambda _: np.zeros(1), title="it"))
     behind, _, *sides, front, _ = stage.faces(0, turn)  # a ball is a disk and its light
     assert (behind.depth, front.depth) == pytest.approx((-3, 3))
     centres = [side * h * e for h, e in zip(half, np.eye(3), strict=True) for side in (1, -1)]
-    expected = sorted(facing(None, turn).project(centre)[:2].tolist() for centre in centres if centre @ eye > 0)
+    expected = sorted(camera_facing(None, turn).project(centre)[:2].tolist() for centre in centres if centre @ eye > 0)
     assert sorted(face.corners.mean(axis=0).tolist() for face in sides) == [pytest.approx(e) for e in expected]
     lit = [
         face.corners.mean(axis=0).tolist() for face in sides if max(face.colour[:3]) > 0.56 * max(rgb("box"))
     ]  # or 0.55
     towards = [
-        facing(None, turn).project(centre)[:2].tolist() for centre in centres if min(centre @ eye, centre @ LIGHT) > 0
+        camera_facing(None, turn).project(centre)[:2].tolist()
+        for centre in centres
+        if min(centre @ eye, centre @ LIGHT) > 0
     ]
     assert sorted(lit) == [pytest.approx(e) for e in sorted(towards)]
 

@@ -18,7 +18,7 @@ from liaisons.language import unilateral
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.pictures import Picture, animate
 from liaisons.pictures.animation import Values
-from liaisons.pictures.camera import facing
+from liaisons.pictures.camera import camera_facing
 from liaisons.pictures.frames import FLASH, RATE, THICKNESS, Moving, frames
 from liaisons.pictures.stage import TEETH, Stage, rgb
 
@@ -117,7 +117,7 @@ def test_a_floor_is_hatched_behind_in_the_plane() -> None:
     stage = Stage(frames(Picture((floor,)), np.zeros(1), lambda _: np.zeros(1), title="it"))
     edge, *teeth = stage.faces(0)
     assert len(teeth) == TEETH
-    middle = facing("xz").project(np.array([0, 0, 0.5]) - stage.middle[0])[:2]
+    middle = camera_facing("xz").project(np.array([0, 0, 0.5]) - stage.middle[0])[:2]
     heights = [(face.corners - middle) @ (0.6, 0.8) for face in (edge, *teeth)]
     thick = np.ptp(heights[0]) / 2
     assert [heights[0].min(), heights[0].max()] == pytest.approx([-thick, thick], abs=ROUNDING)

@@ -21,8 +21,8 @@ import pytest
 
 from liaisons import Result
 from liaisons.sweeps import JournalError, SweepError, sweep
-from liaisons.sweeps.journal import Journal, _line
-from liaisons.sweeps.measures import Measure, identity
+from liaisons.sweeps.journal import Journal, _checksummed_line
+from liaisons.sweeps.measures import Measure, measure_identity
 from liaisons.sweeps.outcome import Completed
 from liaisons.sweeps.workers import Deliver
 
@@ -123,7 +123,7 @@ def test_damaged_lines_say_nothing_and_are_done_again(tmp_path, counted, swept, 
 def test_a_whole_line_that_cannot_be_of_the_sweep_is_refused(tmp_path, content) -> None:
     path = tmp_path / "journal"
     with Journal(path, "key", 8, 1) as journal:
-        journal._write(_line(content, journal._seed))
+        journal._write(_checksummed_line(content, journal._seed))
     with pytest.raises(JournalError, match=r"journal: line 2 is none of this sweep of 8 cases; delete the line"):
         Journal(path, "key", 8, 1)
 
@@ -299,7 +299,7 @@ def test_functions_that_differ_in_defaults_or_what_they_enclose_are_others() -> 
     def by_default(result: Result, factor: float = 1.0) -> float:
         return factor * result["theta"][-1]
 
-    first = identity(by_default)
+    first = measure_identity(by_default)
     by_default.__defaults__ = (2.0,)
-    assert identity(by_default) != first
-    assert identity(of(1.0)) == identity(of(1.0))
+    assert measure_identity(by_default) != first
+    assert measure_identity(of(1.0)) == measure_identity(of(1.0))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.analysis.active import Loop, transported
+from liaisons.analysis.active import Loop, changes_round_loop
 from liaisons.analysis.phase_space import hamiltonian_field
-from liaisons.analysis.quantity import Quantity, Source, require_free
+from liaisons.analysis.quantity import Quantity, Source, require_free_coordinates
 from liaisons.analysis.submersions import dynamic_lift, submersion_of
 
 
@@ -24,9 +24,9 @@ def dynamic_holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **
         without a free coordinate.
     """
     equations = submersion_of(source)
-    require_free(equations, "a connection")
+    require_free_coordinates(equations, "a connection")
     m = equations.mechanism
     states, shape_rates = ca.vertcat(m.free.q, m.free.p), ca.SX.sym("rates", len(m.actives))
     lift = ca.vertcat(*hamiltonian_field(equations, dynamic_lift(equations, shape_rates)))
     start = Quantity(equations, states).evaluate(**values)
-    return transported(equations, loop, (states, lift, shape_rates), start, tolerance=tolerance, values=values)
+    return changes_round_loop(equations, loop, (states, lift, shape_rates), start, tolerance=tolerance, values=values)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.analysis.phase_space import poisson_bracket
-from liaisons.analysis.quantity import Quantity, Source, equations_of, require_independent, sample_states
+from liaisons.analysis.quantity import Quantity, Source, equations_of, random_states, require_independent
 from liaisons.analysis.symmetry import noether
 from liaisons.errors import ComponentError
 
@@ -26,7 +26,7 @@ class MomentumMap:
     structure: NDArray  # c with {J_a, J_b} = Σ_c c[a, b, c] J_c, in the sign of poisson_bracket; (k, k, k)
 
     def evaluate(self, **values: ArrayLike) -> dict[str, Any]:
-        """Components by name; see :meth:`Quantity.evaluate`."""
+        """Values of the components by name; see :meth:`Quantity.evaluate`."""
         return {name: component.evaluate(**values) for name, component in self.components.items()}
 
 
@@ -46,7 +46,7 @@ def momentum_map(
     equations = equations_of(source)
     require_independent(equations, "a momentum map")
     components = {name: noether(equations, field, **values) for name, field in group.items()}
-    names, states = list(components), sample_states(equations, values)
+    names, states = list(components), random_states(equations, values)
     samples = np.array([component.evaluate(**states) for component in components.values()])
     structure = np.zeros((len(names),) * 3)
     for a, first in enumerate(components.values()):

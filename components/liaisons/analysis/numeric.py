@@ -8,16 +8,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.analysis.quantity import numbers_of
+from liaisons.analysis.quantity import symbol_values
 from liaisons.base.reference_integration import integrate
 from liaisons.errors import ComponentError
 from liaisons.mechanics.equations import Equations
 
 
-def frozen(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
+def with_values(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
     """The expression with numbers for all symbols of the mechanism except the moving ones."""
     variables = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
-    numbers = numbers_of(equations, values)
+    numbers = symbol_values(equations, values)
     symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in variables}
     column = ca.DM([float(numbers[name]) for name in symbols])
     return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.SX(column))
@@ -47,8 +47,8 @@ def final_state(
     return integrate(owner, velocity, start, span, times=[duration], **tolerances, error=error)[:, -1]
 
 
-def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> NDArray:
-    """Instants of samples as an array, checked to increase and to be as many as the samples."""
+def checked_times(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> NDArray:
+    """Times of samples as an array, checked to increase and to be as many as the samples."""
     t = np.asarray(time, dtype=float)
     if t.ndim != 1 or t.size < 2 or not np.all(np.diff(t) > 0):
         raise ComponentError(f"{equations.name}: time of shape {t.shape} must hold increasing instants, 2 at least")

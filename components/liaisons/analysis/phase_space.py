@@ -9,18 +9,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.analysis.numeric import at_zero, final_state, frozen
+from liaisons.analysis.numeric import at_zero, final_state, with_values
 from liaisons.analysis.quantity import (
     Formula,
     Quantity,
     Source,
     equations_of,
-    generators,
-    require_free,
+    generator_matrix,
+    require_constants_at_rest,
+    require_free_coordinates,
     require_independent,
     require_smooth,
-    require_still,
-    turning_part,
+    rotational_products,
 )
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient
@@ -52,15 +52,15 @@ def hamilton_equations(source: Source) -> Quantity:
     """
     H = hamiltonian(source)
     require_smooth(H.equations, "Hamilton's motion")
-    require_free(H.equations, "Hamilton's motion")
+    require_free_coordinates(H.equations, "Hamilton's motion")
     return Quantity(H.equations, ca.vertcat(*hamiltonian_field(H.equations, H.expression)), conservative=True)
 
 
 def hamiltonian_field(equations: Equations, h: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Rates q̇ and ṗ of the motion that a function h(q, p) generates; (n,) and (f,)."""
-    p, G = equations.mechanism.free.p, generators(equations)
+    p, G = equations.mechanism.free.p, generator_matrix(equations)
     rates = gradient(h, p)
-    return G @ rates, -G.T @ gradient(h, equations.mechanism.free.q) - turning_part(equations, p, rates)
+    return G @ rates, -G.T @ gradient(h, equations.mechanism.free.q) - rotational_products(equations, p, rates)
 
 
 def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
@@ -79,10 +79,12 @@ def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
             "make both from one class"
         )
     require_independent(equations, "a Poisson bracket")
-    q, p, G = equations.mechanism.free.q, equations.mechanism.free.p, generators(equations)
+    q, p, G = equations.mechanism.free.q, equations.mechanism.free.p, generator_matrix(equations)
     first, second = equations.in_phase_space(u.expression), equations.in_phase_space(v.expression)
     (u_p, u_q), (v_p, v_q) = ((gradient(w, p), G.T @ gradient(w, q)) for w in (first, second))
-    return Quantity(equations, ca.dot(u_p, v_q) - ca.dot(v_p, u_q) - ca.dot(p, turning_part(equations, u_p, v_p)))
+    return Quantity(
+        equations, ca.dot(u_p, v_q) - ca.dot(v_p, u_q) - ca.dot(p, rotational_products(equations, u_p, v_p))
+    )
 
 
 def phase_velocity(source: Source) -> Quantity:
@@ -93,7 +95,7 @@ def phase_velocity(source: Source) -> Quantity:
     equations = equations_of(source)
     require_independent(equations, "phase space")
     require_smooth(equations, "a phase velocity")
-    require_free(equations, "phase space")
+    require_free_coordinates(equations, "phase space")
     q_dot = equations.mechanism.free.kinematics @ equations.velocities
     column = ca.vertcat(q_dot, equations.momentum_rates, equations.internal_rates)
     return Quantity(equations, equations.in_phase_space(column))
@@ -107,7 +109,7 @@ def divergence(source: Source) -> Quantity:
     :raises ComponentError: for constraints and contacts.
     """
     V = phase_velocity(source)
-    return Quantity(V.equations, ca.trace(ca.jacobian(V.expression, _state(V.equations))))
+    return Quantity(V.equations, ca.trace(ca.jacobian(V.expression, _state_vector(V.equations))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,19 +137,19 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     """
     V = phase_velocity(source)
     equations, owner = V.equations, V.equations.name
-    require_still(equations, values)
+    require_constants_at_rest(equations, values)
     if not (duration > 0 and np.isfinite(duration)):
         raise ComponentError(f"{owner}: duration = {duration} must be finite and > 0")
-    t, X = ca.SX.sym("t"), _state(equations)
+    t, X = ca.SX.sym("t"), _state_vector(equations)
     velocity, begin = V.expression, dict(values)
     for name, drive in values.items():
         if callable(drive):
-            sigma, sigma_dot = _prescribed(equations, name, drive, t)
+            sigma, sigma_dot = _prescribed_motion(equations, name, drive, t)
             symbols = ca.vertcat(equations.symbols[name], equations.symbols[f"{name}_dot"])
             velocity = ca.substitute(velocity, symbols, ca.vertcat(sigma, sigma_dot))
             begin |= {f"{name}{end}": at_zero(e, t) for end, e in (("", sigma), ("_dot", sigma_dot))}
     start, J = Quantity(equations, X).evaluate(**begin), ca.SX.sym("J", X.shape[0], X.shape[0])
-    velocity = frozen(equations, velocity, begin, X)
+    velocity = with_values(equations, velocity, begin, X)
     rate = ca.vertcat(velocity, ca.vec(ca.jacobian(velocity, X) @ J))
     beginning = np.concatenate([start, np.eye(start.size).ravel()])
     state = ca.vertcat(X, ca.vec(J))
@@ -158,13 +160,13 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     )
 
 
-def _state(equations: Equations) -> ca.SX:
-    """The state X = (q, p, internal states)."""
+def _state_vector(equations: Equations) -> ca.SX:
+    """State vector X = (q, p, internal states)."""
     m = equations.mechanism
     return ca.vertcat(m.free.q, m.free.p, m.internal)
 
 
-def _prescribed(equations: Equations, name: str, drive: Formula, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _prescribed_motion(equations: Equations, name: str, drive: Formula, t: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Expressions σ(t) of an active coordinate and of its rate."""
     names = [item.name for item in equations.mechanism.actives]
     if name not in names:

@@ -10,17 +10,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.analysis.numeric import eigenproblem, frozen, instants
+from liaisons.analysis.numeric import checked_times, eigenproblem, with_values
 from liaisons.analysis.phase_space import hamiltonian_field
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
     equations_of,
     require_conservative,
+    require_constants_at_rest,
     require_coordinates,
-    require_free,
+    require_free_coordinates,
     require_smooth,
-    require_still,
 )
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
@@ -66,15 +66,15 @@ def action(
     equations = equations_of(source)
     require_smooth(equations, "the action")
     require_coordinates(equations, "the action", independent=False)
-    require_still(equations, values)
+    require_constants_at_rest(equations, values)
     names = _moving_coordinates(equations, path)
     if not names:
         raise ComponentError(f"{equations.name}: the path moves no coordinate; give one and its rate")
-    t, z = _samples(equations, time, path, names)
+    t, z = _sampled_path(equations, time, path, names)
     eta = np.zeros_like(z)
     if variation is not None:
         varied = _moving_coordinates(equations, variation, among=names)
-        _, samples = _samples(equations, time, variation, varied)
+        _, samples = _sampled_path(equations, time, variation, varied)
         eta[[names.index(name) for name in varied]] = samples
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
             raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
@@ -107,18 +107,18 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
     """
     equations = equations_of(source)
     require_coordinates(equations, "the action")
-    require_free(equations, "a path of stationary action")
-    require_still(equations, values)
+    require_free_coordinates(equations, "a path of stationary action")
+    require_constants_at_rest(equations, values)
     require_conservative(equations, "a path of stationary action", values)
     names = [item.name for item in equations.mechanism.coordinates]
-    t, z = _samples(equations, time, guess, names)
+    t, z = _sampled_path(equations, time, guess, names)
     h = np.diff(t)
     free = np.ones(z.shape, dtype=bool)
     free[:, 0, [0, -1]] = False
     free = np.flatnonzero(free.ravel(order="F"))
     function = _interval_action(equations, names, values)
     for _ in range(50):
-        S, gradient, hessian, norm = _assemble(function, z, h)
+        S, gradient, hessian, norm = _total_action(function, z, h)
         curvatures = eigenproblem(hessian[np.ix_(free, free)], norm[np.ix_(free, free)])[0]
         smallest = np.min(np.abs(curvatures)) * (t[-1] - t[0]) ** 2
         if smallest < 1e-6:  # the path answers a shift of its ends by 1/smallest
@@ -148,7 +148,7 @@ def vakonomic_equations(source: Source) -> Quantity:
     """
     equations = equations_of(source)
     require_smooth(equations, "vakonomic motion")
-    require_free(equations, "vakonomic motion")
+    require_free_coordinates(equations, "vakonomic motion")
     m, constraints = equations.mechanism, equations.constraints
     if ca.depends_on(constraints.matrix, m.free.q_dot):
         raise ComponentError(f"{equations.name}: vakonomic equations need constraints that are linear in the rates")
@@ -179,7 +179,7 @@ def gauss_function(source: Source) -> Quantity:
 def _moving_coordinates(
     equations: Equations, path: Mapping[str, ArrayLike], among: list[str] | None = None
 ) -> list[str]:
-    """Names of the coordinates that a path moves, checked: free ones, and active ones with samples."""
+    """Names of the coordinates in a path, checked: free coordinates, and active ones with samples."""
     m = equations.mechanism
     free, active = [item.name for item in m.coordinates], [item.name for item in m.actives]
     movable = among or [*free, *active]
@@ -190,16 +190,16 @@ def _moving_coordinates(
     return [name for name in movable if name in path or rates[name] in path or (among is None and name in free)]
 
 
-def _samples(
+def _sampled_path(
     equations: Equations, time: ArrayLike, path: Mapping[str, ArrayLike], names: list[str]
 ) -> tuple[NDArray, NDArray]:
-    """Instants of a path, and values and rates of its coordinates, (coordinate, 2, n)."""
+    """Times of a path, and values and rates of its coordinates, (coordinate, 2, n)."""
     t = np.asarray(time, dtype=float)
     needed = [suffixed(name, end) for name in names for end in ("", "_dot")]
     for name in needed:
         if name not in path:
             raise ComponentError(f"{equations.name}: the path lacks {name}; give coordinates and rates")
-        t = instants(equations, time, np.shape(path[name]))
+        t = checked_times(equations, time, np.shape(path[name]))
         if not np.all(np.isfinite(path[name])):
             raise ComponentError(f"{equations.name}: {name} must be finite at all instants")
     return t, np.array([path[name] for name in needed], dtype=float).reshape(len(names), 2, -1)
@@ -218,8 +218,8 @@ def _interval_action(equations: Equations, names: list[str], values: Mapping[str
     count, h = len(names), ca.SX.sym("h")
     ends = ca.SX.sym("ends", 4 * count)
     symbols = ca.vertcat(*(equations.symbols[suffixed(name, end)] for end in ("", "_dot") for name in names))
-    L = frozen(equations, equations.lagrangian, values, symbols)
-    A = frozen(equations, equations.mass_matrix, values, symbols)
+    L = with_values(equations, equations.lagrangian, values, symbols)
+    A = with_values(equations, equations.mass_matrix, values, symbols)
     S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
         q, v = _hermite(ca.vertsplit(ends, count), h, node)
@@ -242,8 +242,8 @@ def _action_by_interval(
         yield piece, float(S[0, 0]), slope[:, 0], curvature, weight
 
 
-def _assemble(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-    """Action of the whole path, its gradient and Hessian, and the norm."""
+def _total_action(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
+    """Action of the whole path, its gradient and Hessian, and the norm of a variation."""
     gradient, hessian, norm = np.zeros(z.size), np.zeros((z.size, z.size)), np.zeros((z.size, z.size))
     total = 0.0
     for piece, S, slope, curvature, weight in _action_by_interval(function, z, h):

@@ -58,7 +58,7 @@ class Quantity:
                 "set them to 0, or take phase_velocity()"
             )
         equations, free = self.equations, self.equations.mechanism.free
-        numbers = numbers_of(equations, values)
+        numbers = symbol_values(equations, values)
         missing = [i for i, p in enumerate(ca.vertsplit(free.p)) if str(p) not in values]
         expression = self.expression
         if len(missing) < free.p.shape[0] and values.keys().isdisjoint(map(str, ca.vertsplit(free.q_dot))):
@@ -123,7 +123,7 @@ def equations_of(source: Source) -> Equations:
 _derived = cache(derive)
 
 
-def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
+def symbol_values(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
     """Number or array for each symbol, in the order of ``equations.symbols``; see :meth:`Quantity.evaluate`."""
     m, numbers = equations.mechanism, equations.numbers(values)
     for name, value in values.items():
@@ -181,18 +181,18 @@ def _applied_forces(equations: Equations) -> ca.SX:
 
 def require_conservative(equations: Equations, purpose: str, values: Mapping[str, ArrayLike]) -> None:
     """Raise a ComponentError for friction, drives and loads that are not 0 at these values."""
-    if largest(equations, ca.norm_1(_applied_forces(equations)), ca.SX(1), values):
+    if largest_relative_value(equations, ca.norm_1(_applied_forces(equations)), ca.SX(1), values):
         raise ComponentError(f"{equations.name}: {purpose} has no friction, drives and loads; set them to 0")
 
 
-def require_free(equations: Equations, purpose: str) -> None:
+def require_free_coordinates(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError where all coordinates are prescribed."""
     if not equations.mechanism.free.q_dot.shape[0]:
         raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all are prescribed")
 
 
-def require_still(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
-    """Raise a ComponentError for an active coordinate that is constant and has a rate."""
+def require_constants_at_rest(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
+    """Raise a ComponentError for a rate other than 0 of an active coordinate that is declared constant."""
     for name in map(str, ca.vertsplit(equations.mechanism.active.s_dot)):
         if np.any(values.get(name, 0)):
             raise ComponentError(
@@ -201,8 +201,8 @@ def require_still(equations: Equations, values: Mapping[str, ArrayLike]) -> None
             )
 
 
-def generators(equations: Equations) -> ca.SX:
-    """G, (n, f): dq = G ε for a shift of each coordinate, and a turn about each axis of the inertial frame, by ε.
+def generator_matrix(equations: Equations) -> ca.SX:
+    """Matrix G, (n, f), of dq = G ε for shifts ε of coordinates and rotations ε about the inertial axes.
 
     These are the directions to which the momenta p are conjugate.
     """
@@ -210,15 +210,15 @@ def generators(equations: Equations) -> ca.SX:
     return free.kinematics @ free.frame.T
 
 
-def turning_part(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
-    """Products u × v of the components along the axes of orientations, 0 for those along coordinates; (f,)."""
+def rotational_products(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
+    """Cross products u × v of the components along each orientation's axes, 0 along coordinates; (f,)."""
     count = len(equations.mechanism.coordinates)
     axes = (slice(count + 3 * i, count + 3 * i + 3) for i in range(len(equations.mechanism.orientations)))
     crossed = [ca.cross(u[part], v[part]) for part in axes]
     return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
 
 
-def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+def random_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
     """Random states about the start, the same ones at each call; ``values`` are taken as they are."""
     m, rng = equations.mechanism, np.random.default_rng(0)
     centres = m.start_values()
@@ -235,9 +235,9 @@ def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
 
 
 @cache
-def _constrained_states(equations: Equations, values: tuple[tuple[str, float], ...]) -> dict[str, ArrayLike]:
+def _random_constrained_states(equations: Equations, values: tuple[tuple[str, float], ...]) -> dict[str, ArrayLike]:
     """Random states projected onto the constraints; those that do not converge are left out."""
-    states = sample_states(equations, dict(values))
+    states = random_states(equations, dict(values))
     constraints, free = equations.constraints, equations.mechanism.free
     if equations.projection is None or not constraints.matrix.shape[0]:
         return states
@@ -255,11 +255,11 @@ def _constrained_states(equations: Equations, values: tuple[tuple[str, float], .
     return selected | dict(values)
 
 
-def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, Any]) -> float:
-    """Largest |expression| at random states on the constraints, relative to ``scale``; 0.0 where it is rounding."""
+def largest_relative_value(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, Any]) -> float:
+    """Largest absolute value of an expression at random states, relative to ``scale``; 0.0 where it is rounding."""
     if arrays := [name for name, value in values.items() if np.ndim(value)]:
         raise ComponentError(f"{equations.name}: {arrays[0]} must be one number here, not an array")
-    states = _constrained_states(equations, tuple(values.items()))
+    states = _random_constrained_states(equations, tuple(values.items()))
     pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
     size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
     return 0.0 if size <= _ROUNDING * reference else float(size / reference)

@@ -34,33 +34,33 @@ def submersion_of(source: Source) -> Equations:
 
 
 def horizontal_lift(equations: Equations) -> ca.SX:
-    """Γ, (f, a): ẋ = Γ u has the least kinetic energy of all that have these rates u of the active coordinates."""
+    """Horizontal lift Γ, (f, a): ẋ = Γ u has the least kinetic energy for the rates u of the active coordinates."""
     require_quadratic(equations, "a connection")
-    m, C = equations.mechanism, _slopes(equations)[0]
+    m, C = equations.mechanism, _constraint_jacobians(equations)[0]
     mixed = ca.jacobian(equations.momenta, m.active.s_dot)
-    free = -_inverse(equations, mixed)
+    free = -_solve_mass_matrix(equations, mixed)
     if not C.shape[0]:
         return free
-    away = -_slopes(equations)[1] - C @ free
-    return free + _across(equations, away)
+    away = -_constraint_jacobians(equations)[1] - C @ free
+    return free + _least_energy_velocity(equations, away)
 
 
 def vertical_velocity(equations: Equations) -> ca.SX:
-    """ẋ of a momentum p at u = 0 (f,): A⁻¹ (p − b) less its part across the constraints, the same for p + Cᵀ ν."""
-    free, C = equations.mechanism.free, _slopes(equations)[0]
-    loose = _inverse(equations, free.frame.T @ free.p - momenta_at_rest(equations))
-    return loose if not C.shape[0] else loose - _across(equations, C @ loose)
+    """Velocity ẋ for momentum p at u = 0 (f,): A⁻¹ (p − b) projected onto the constraints."""
+    free, C = equations.mechanism.free, _constraint_jacobians(equations)[0]
+    loose = _solve_mass_matrix(equations, free.frame.T @ free.p - momenta_at_rest(equations))
+    return loose if not C.shape[0] else loose - _least_energy_velocity(equations, C @ loose)
 
 
 def momenta_at_rest(equations: Equations) -> ca.SX:
-    """b of p = A ẋ + B u + b, which a magnetic field makes (f,)."""
+    """Momentum b of p = A ẋ + B u + b at rest, which a magnetic field makes (f,)."""
     m = equations.mechanism
     rates = ca.vertcat(m.free.q_dot, m.active.s_dot)
     return ca.substitute(equations.momenta, rates, ca.SX.zeros(rates.shape))
 
 
 def lifted_mass(equations: Equations) -> ca.SX:
-    """Θ, (a, a): twice the kinetic energy of the horizontal velocity is Θ(u, u) (M eq. 50, 51)."""
+    """Effective mass Θ, (a, a): Θ(u, u) is twice the kinetic energy of the horizontal velocity (M eq. 50, 51)."""
     m, lift = equations.mechanism, horizontal_lift(equations)
     metric = ca.hessian(equations.lagrangian, ca.vertcat(m.free.q_dot, m.active.s_dot))[0]
     whole = ca.vertcat(lift, ca.SX.eye(len(m.actives)))
@@ -77,25 +77,25 @@ def fibre_hamiltonian(equations: Equations) -> ca.SX:
 
 
 def dynamic_lift(equations: Equations, u: ca.SX) -> ca.SX:
-    """Function p·Γ u, of which the field on V*M lifts rates u by the dynamic connection (M eq. 53) [J]."""
+    """Function p·Γ u that generates the lift of rates u by the dynamic connection on V*M (M eq. 53) [J]."""
     free = equations.mechanism.free
     return ca.dot(free.frame.T @ free.p - momenta_at_rest(equations), horizontal_lift(equations) @ u)
 
 
-def _slopes(equations: Equations) -> tuple[ca.SX, ca.SX]:
-    """C (c, f) and D (c, a) of the rates of the holonomic constraints, C ẋ + D u."""
+def _constraint_jacobians(equations: Equations) -> tuple[ca.SX, ca.SX]:
+    """Jacobians C (c, f) and D (c, a) of the holonomic constraints' rates C ẋ + D u."""
     m, constraints = equations.mechanism, equations.constraints
     rates = constraints.rate_residuals
     return ca.jacobian(rates, m.free.q_dot), ca.jacobian(rates, m.active.s_dot)
 
 
-def _inverse(equations: Equations, right: ca.SX) -> ca.SX:
-    """A⁻¹ right."""
+def _solve_mass_matrix(equations: Equations, right: ca.SX) -> ca.SX:
+    """Solution A⁻¹ right of the linear system with the mass matrix."""
     return solve_symmetric(equations.mass_matrix, right)
 
 
-def _across(equations: Equations, rates: ca.SX) -> ca.SX:
-    """Velocity A⁻¹ Cᵀ (C A⁻¹ Cᵀ)⁻¹ rates: of all at which C ẋ has these values, that of the least kinetic energy."""
-    C = _slopes(equations)[0]
-    towards = _inverse(equations, C.T)
+def _least_energy_velocity(equations: Equations, rates: ca.SX) -> ca.SX:
+    """Velocity A⁻¹ Cᵀ (C A⁻¹ Cᵀ)⁻¹ rates, of least kinetic energy among all with C ẋ = rates."""
+    C = _constraint_jacobians(equations)[0]
+    towards = _solve_mass_matrix(equations, C.T)
     return towards @ solve_symmetric(C @ towards, rates)

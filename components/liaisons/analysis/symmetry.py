@@ -10,17 +10,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.analysis.numeric import instants
+from liaisons.analysis.numeric import checked_times
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
     equations_of,
-    generators,
-    largest,
+    generator_matrix,
+    largest_relative_value,
+    random_states,
     require_conservative,
     require_coordinates,
     require_smooth,
-    sample_states,
 )
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
@@ -46,8 +46,8 @@ def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
     return {
         item.name: Quantity(equations, equations.momenta[k])
         for k, item in enumerate(m.coordinates)
-        if largest(equations, gradient(L, m.free.q[k]), scale, values) == 0
-        and not _forces_along(equations, ca.SX.eye(m.free.q_dot.shape[0])[:, k], values)
+        if largest_relative_value(equations, gradient(L, m.free.q[k]), scale, values) == 0
+        and not _working_forces_text(equations, ca.SX.eye(m.free.q_dot.shape[0])[:, k], values)
     }
 
 
@@ -73,24 +73,31 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
         if name not in sizes:
             raise ComponentError(f"{owner}: a symmetry moves free coordinates, not {name!r}{suggestion(name, sizes)}")
     symbols = {str(symbol): symbol for symbol in ca.vertsplit(ca.vertcat(m.free.q, m.active.s, m.parameter_column))}
-    shifts = {name: _components(owner, name, components.get(name, (0.0,) * size), size) for name, size in sizes.items()}
+    shifts = {
+        name: _checked_components(owner, name, components.get(name, (0.0,) * size), size)
+        for name, size in sizes.items()
+    }
     xi = stack(scalar(type(m), f"noether[{name!r}]", part, symbols) for name, parts in shifts.items() for part in parts)
-    p, G, slope = m.free.frame @ equations.momenta, generators(equations), gradient(equations.lagrangian, m.free.q)
+    p, G, slope = (
+        m.free.frame @ equations.momenta,
+        generator_matrix(equations),
+        gradient(equations.lagrangian, m.free.q),
+    )
     change_of_rates = m.dot(xi) * p
     terms = ca.dot(ca.fabs(xi), ca.fabs(G).T @ ca.fabs(slope)) + ca.sum1(ca.fabs(change_of_rates))
-    change = largest(equations, ca.dot(xi, G.T @ slope) + ca.sum1(change_of_rates), terms, values)
+    change = largest_relative_value(equations, ca.dot(xi, G.T @ slope) + ca.sum1(change_of_rates), terms, values)
     if change:
         raise ComponentError(
             f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in components.items())} is no symmetry: it changes L "
             f"by {change:.2g} of its terms; choose a field that leaves T and V as they are"
         )
-    if forces := _forces_along(equations, xi, values):
+    if forces := _working_forces_text(equations, xi, values):
         raise ComponentError(f"{owner}: the field {forces} what it would conserve; choose one along which none works")
     return Quantity(equations, ca.dot(xi, p))
 
 
-def _forces_along(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLike]) -> str:
-    """Words on the forces beside those of L that do work along ξ; empty if none does."""
+def _working_forces_text(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLike]) -> str:
+    """Text that names the forces beside those of L that do work along ξ; empty if none does."""
     m = equations.mechanism
     rows = ca.vertcat(equations.constraints.matrix, ca.jacobian(m.contact_rates(), m.free.q_dot))
     names = [*_liaison_names(m), *(item.name for item in m.dry_frictions)]
@@ -98,12 +105,14 @@ def _forces_along(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLik
     moved = [
         name
         for name, row in zip(names, ca.vertsplit(rows), strict=True)
-        if largest(equations, row @ direction, ca.norm_2(row) * size, values)
+        if largest_relative_value(equations, row @ direction, ca.norm_2(row) * size, values)
     ]
     if moved:
         return f"moves {', '.join(moved)}, whose forces change"
-    p_dot, slope = equations.momentum_rates, generators(equations).T @ gradient(equations.lagrangian, m.free.q)
-    if largest(equations, ca.dot(xi, p_dot - slope), (ca.norm_2(p_dot) + ca.norm_2(slope)) * size, values):
+    p_dot, slope = equations.momentum_rates, generator_matrix(equations).T @ gradient(equations.lagrangian, m.free.q)
+    if largest_relative_value(
+        equations, ca.dot(xi, p_dot - slope), (ca.norm_2(p_dot) + ca.norm_2(slope)) * size, values
+    ):
         return "moves against friction, drives or loads, which change"
     return ""
 
@@ -113,8 +122,8 @@ def _liaison_names(m: Mechanism) -> list[str]:
     return [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)]
 
 
-def _components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
-    """Components of a field along a coordinate or an orientation, checked by their number."""
+def _checked_components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
+    """Components of a vector field along a coordinate or an orientation, checked by their number."""
     parts = tuple(value) if isinstance(value, (tuple, list)) else (value,)
     if len(parts) != size:
         raise ComponentError(f"{owner}: the field gives {len(parts)} components for {name}; it must give {size}")
@@ -167,10 +176,10 @@ def similarity(source: Source, **values: float) -> Similarity:
         require_smooth(equations, "similarity")
     require_conservative(equations, "similarity", values)
     names = [item.name for item in (*m.coordinates, *m.actives) if item.unit == "m" and item.name not in values]
-    _require_lengths(equations, names, values)
+    _require_homogeneous_energy(equations, names, values)
     rates = ca.vertcat(m.free.q_dot, m.active.s_dot)
     V, lengths = equations.potential_energy, stack(m.symbols[name] for name in names)
-    degree = _degree(equations, V, ca.jtimes(V, lengths, lengths), values)
+    degree = _homogeneity_degree(equations, V, ca.jtimes(V, lengths, lengths), values)
     if degree is None:
         raise ComponentError(
             f"{owner}: the potential is not homogeneous in {', '.join(names)}: it has a length of its own; "
@@ -180,7 +189,10 @@ def similarity(source: Source, **values: float) -> Similarity:
         raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
     residuals = ca.vertcat(equations.constraints.residuals, *(getattr(m, item.name) for item in m.unilaterals))
     for name, own in zip(_liaison_names(m), ca.vertsplit(residuals), strict=True):
-        if ca.depends_on(own, rates) or _degree(equations, own, ca.jtimes(own, lengths, lengths), values) is None:
+        if (
+            ca.depends_on(own, rates)
+            or _homogeneity_degree(equations, own, ca.jtimes(own, lengths, lengths), values) is None
+        ):
             raise ComponentError(
                 f"{owner}: {name} does not scale with {', '.join(names)} alone; set a length of its own to 0, or "
                 "describe the mechanism without it"
@@ -189,9 +201,11 @@ def similarity(source: Source, **values: float) -> Similarity:
     return Similarity(degree, tuple(dict.fromkeys([*moved, *_liaison_names(m)])))
 
 
-def _degree(equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str, ArrayLike]) -> float | None:
+def _homogeneity_degree(
+    equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str, ArrayLike]
+) -> float | None:
     """Degree k with change = k own (Euler) at random states; NaN where both vanish, None where no k fits."""
-    changes, owns = Quantity(equations, ca.vertcat(change, own)).evaluate(**sample_states(equations, values))
+    changes, owns = Quantity(equations, ca.vertcat(change, own)).evaluate(**random_states(equations, values))
     square = float(owns @ owns)
     degree = float(changes @ owns) / square if square else np.nan
     rest = np.max(np.abs(changes - degree * owns)) if square else 0.0
@@ -231,7 +245,7 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
     require_coordinates(equations, "the virial")
     m = equations.mechanism
     names = [item.name for item in m.coordinates if item.unit == "m"]
-    _require_lengths(equations, names, values)
+    _require_homogeneous_energy(equations, names, values)
     rows = [k for k, item in enumerate(m.coordinates) if item.name in names]
     r, T, V = m.free.q[rows], equations.kinetic_energy, equations.potential_energy
     force = equations.momentum_rates[rows] - gradient(T, r)
@@ -240,24 +254,24 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
         if name not in motion:
             raise ComponentError(f"{equations.name}: the motion lacks {name}; give coordinates and rates")
     samples = quantities.evaluate(**dict(motion), **values)
-    t = instants(equations, time, samples.shape[1:])
+    t = checked_times(equations, time, samples.shape[1:])
     tau = t[-1] - t[0]
     spline = make_interp_spline(t, samples[:3], k=min(3, t.size - 1), axis=1)
     kinetic, potential, mean = spline.integrate(t[0], t[-1]) / tau
     return Virial(float(kinetic), float(potential), float(mean), float((samples[3, -1] - samples[3, 0]) / tau))
 
 
-def _require_lengths(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
+def _require_homogeneous_energy(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
     """Raise a ComponentError unless T is of degree 2 in the lengths and their rates, and L = T - V."""
     m, T = equations.mechanism, equations.kinetic_energy
     lengths_and_rates = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))
     excess = ca.jtimes(T, lengths_and_rates, lengths_and_rates) - 2 * T if names else T
-    if largest(equations, excess, T, values) != 0:
+    if largest_relative_value(equations, excess, T, values) != 0:
         lengths = ", ".join(names) or "(none)"
         raise ComponentError(
             f"{equations.name}: the kinetic energy is not of degree 2 in the lengths {lengths}; "
             "set the parameters that are lengths to 0, or use coordinates in metres"
         )
     magnetic = equations.lagrangian - T + equations.potential_energy
-    if largest(equations, magnetic, T, values) != 0:
+    if largest_relative_value(equations, magnetic, T, values) != 0:
         raise ComponentError(f"{equations.name}: L is not T - V; forces that depend on velocities have no degree")

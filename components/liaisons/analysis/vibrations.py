@@ -8,8 +8,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.analysis.numeric import eigenproblem, frozen
-from liaisons.analysis.quantity import Source, equations_of, numbers_of, require_coordinates, require_free
+from liaisons.analysis.numeric import eigenproblem, with_values
+from liaisons.analysis.quantity import (
+    Source,
+    equations_of,
+    require_coordinates,
+    require_free_coordinates,
+    symbol_values,
+)
 from liaisons.errors import ComponentError
 
 _ROUNDS = 50  # Newton doubles the digits each round; what has not converged by then does not
@@ -85,14 +91,14 @@ def _linearized(source: Source, values: dict[str, float]) -> tuple[dict[str, flo
         raise ComponentError(
             f"{equations.name}: an equilibrium is at rest, which leaves out {', '.join(moving)}; simulate the mechanism"
         )
-    require_free(equations, "an equilibrium")
+    require_free_coordinates(equations, "an equilibrium")
     at_rest = ca.substitute(
         ca.horzcat(f, -ca.jacobian(f, m.free.q), equations.mass_matrix, -ca.jacobian(f, m.free.q_dot)),
         still,
         ca.SX.zeros(still.shape),
     )
-    function = ca.Function("at_rest", [m.free.q], [ca.densify(frozen(equations, at_rest, values, m.free.q))])
-    names, numbers = [item.name for item in m.coordinates], numbers_of(equations, values)
+    function = ca.Function("at_rest", [m.free.q], [ca.densify(with_values(equations, at_rest, values, m.free.q))])
+    names, numbers = [item.name for item in m.coordinates], symbol_values(equations, values)
     q = np.array([float(numbers[name]) for name in names])
 
     def evaluate() -> list[NDArray]:
@@ -105,14 +111,14 @@ def _linearized(source: Source, values: dict[str, float]) -> tuple[dict[str, flo
             break
         step = np.linalg.lstsq(K, force[:, 0], rcond=_ZERO)[0]
         q = q + step
-        if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(q))) and _balanced(K, force[:, 0], step):
+        if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(q))) and _is_balanced(K, force[:, 0], step):
             _, K, M, B = evaluate()
             return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2, B
     guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
     raise ComponentError(f"{equations.name}: no equilibrium found from the guess {guess}; start nearer to one")
 
 
-def _balanced(K: NDArray, force: NDArray, step: NDArray) -> bool:
+def _is_balanced(K: NDArray, force: NDArray, step: NDArray) -> bool:
     """Whether a step of Newton balances the forces: along a zero mode a constant force is never balanced."""
     left = np.max(np.abs(force - K @ step))
     return bool(left <= 1e-9 * (np.max(np.abs(K)) * (1 + np.max(np.abs(step))) + 1e-300))

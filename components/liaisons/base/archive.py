@@ -46,16 +46,16 @@ def unpacked_limit() -> int:
         raise SimulationError(f"{LIMIT_VARIABLE} = {text!r}: give a number of bytes, for example 4e9") from None
 
 
-def too_big(what: str, size: int) -> SimulationError:
-    """The error for an archive above the limit."""
+def size_error(what: str, size: int) -> SimulationError:
+    """Error for an archive above the limit of size."""
     return SimulationError(
         f"{what} takes {size} bytes unpacked, more than the limit of {unpacked_limit()}; if you trust it, raise the "
         f"limit by --unpacked-limit or {LIMIT_VARIABLE}"
     )
 
 
-def plain_file(path: Path) -> os.stat_result:
-    """Status of a regular file.
+def regular_file_status(path: Path) -> os.stat_result:
+    """Status of a file, checked to be a regular one.
 
     :raises SimulationError: if it is missing, no regular file, or cannot be accessed.
     """
@@ -83,15 +83,15 @@ class Archive:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        plain_file(path)
-        with ExitStack() as stack, self._reading(Exception):  # anything in an untrusted file
-            self._zip = stack.enter_context(ZipFile(stack.enter_context(_Portions(path))))
-            self._members = self._checked()
+        regular_file_status(path)
+        with ExitStack() as stack, self._translated_errors(Exception):  # anything in an untrusted file
+            self._zip = stack.enter_context(ZipFile(stack.enter_context(_LimitedReader(path))))
+            self._members = self._checked_members()
             self.names = [name for name in self._members if not name.endswith("/")]
             self.folders = [name for name in self._members if name.endswith("/")]
             self.size = sum(member.file_size for member in self._members.values())
             if self.size > unpacked_limit():
-                raise too_big(str(path), self.size)
+                raise size_error(str(path), self.size)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Archive:
@@ -103,7 +103,7 @@ class Archive:
     @contextmanager
     def open(self, name: str) -> Iterator[IO[bytes]]:
         """Open a file of the archive."""
-        with self._reading(*_DAMAGE), self._zip.open(self._members[name]) as file:
+        with self._translated_errors(*_DAMAGE), self._zip.open(self._members[name]) as file:
             yield file
 
     def size_of(self, name: str) -> int:
@@ -124,15 +124,15 @@ class Archive:
         """
         for name in self._members:
             if name.endswith("/"):
-                with self._reading():
+                with self._translated_errors():
                     (folder / name).mkdir(parents=True, exist_ok=True)
             elif not name.startswith(without):
                 self.copy(name, folder / name)
         return folder
 
     @contextmanager
-    def _reading(self, *damage: type[Exception]) -> Iterator[None]:
-        """Raise errors of the file as SimulationError."""
+    def _translated_errors(self, *damage: type[Exception]) -> Iterator[None]:
+        """Raise the archive's errors of reading as SimulationError."""
         try:
             yield
         except LiaisonsError:
@@ -143,34 +143,38 @@ class Archive:
             kind = "damaged" if "CRC" in str(error) else "truncated, damaged, or no archive at all"
             raise SimulationError(f"{self.path}: {kind} ({error}); build or copy it again") from None
 
-    def _checked(self) -> dict[str, ZipInfo]:
+    def _checked_members(self) -> dict[str, ZipInfo]:
+        """Members of the archive by name, checked for unsafe paths, methods and duplicates."""
         members: dict[str, ZipInfo] = {}
         listed = self._zip.infolist()
         if len(listed) > _MOST_MEMBERS:
             raise SimulationError(f"{self.path}: has {len(listed)} files inside; no more than {_MOST_MEMBERS} are read")
         for member in listed:
-            reason = _objection(member)
+            reason = _refusal_reason(member)
             other = members.get(member.filename, member)
             if (other.CRC, other.file_size) != (member.CRC, member.file_size):  # some tools write the same file twice
                 reason = "is there twice"
             if reason:
-                raise SimulationError(f"{self.path}: {_short(member.orig_filename)} inside {reason}; export it anew")
+                raise SimulationError(
+                    f"{self.path}: {_shortened(member.orig_filename)} inside {reason}; export it anew"
+                )
             members[member.filename] = member
         return members
 
 
 @final
-class _Portions(io.FileIO):
+class _LimitedReader(io.FileIO):
     """A file with limited reads: a too long directory is not read into memory."""
 
     def read(self, size: int | None = -1, /) -> bytes:
+        """Read bytes, unless more are asked for than a directory may have."""
         if size is not None and size > _LONGEST_DIRECTORY:
             raise BadZipFile(f"a directory of {size} bytes")
         return super().read(size) or b""
 
 
-def _objection(member: ZipInfo) -> str:
-    """The reason to refuse a member; empty if there is none."""
+def _refusal_reason(member: ZipInfo) -> str:
+    """Reason to refuse a member; empty if there is none."""
     name = member.orig_filename
     if not name or "\0" in name:
         return "is no name of a file"
@@ -185,5 +189,6 @@ def _objection(member: ZipInfo) -> str:
     return ""
 
 
-def _short(name: str) -> str:
+def _shortened(name: str) -> str:
+    """Name in quotes, cut to 80 characters for messages."""
     return repr(name if len(name) <= 80 else f"{name[:77]}...")

@@ -14,7 +14,7 @@ _remembered: set[str] = set()  # by this process, also if the cache cannot be wr
 
 
 def folder() -> Path:
-    """Folder for caches of this user."""
+    """Path of the cache folder of this user."""
     if sys.platform == "win32":
         root = os.environ.get("LOCALAPPDATA")
     elif sys.platform == "darwin":
@@ -42,7 +42,7 @@ def knows(key: str) -> bool:
 def remember(key: str) -> None:
     """Store a digest; where the cache cannot be written, for this process only."""
     _remembered.add(key)
-    path = _file()
+    path = _digests_file()
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     lines = [line for line in _stored_digests() if line != key][1 - _MOST :]
     with suppress(OSError):
@@ -54,14 +54,14 @@ def remember(key: str) -> None:
             part.unlink(missing_ok=True)
 
 
-def _file() -> Path:
-    """File of the stored digests."""
+def _digests_file() -> Path:
+    """Path of the file of stored digests."""
     return folder() / "fmus-that-run"
 
 
 def _stored_digests() -> list[str]:
     """Stored digests, the newest last."""
     try:
-        return _file().read_text(encoding="ascii").splitlines()
+        return _digests_file().read_text(encoding="ascii").splitlines()
     except (OSError, ValueError):  # ValueError: not ours
         return []

@@ -21,7 +21,7 @@ lacks of the data at the end.
 
 
 def upper_coefficients(begin: Data, end: Data, size: Any) -> list[Any]:
-    """Coefficients of the powers m ... 2m - 1 of θ, which runs from 0 to 1 over the interval.
+    """Upper coefficients, of the powers m ... 2m - 1 of θ, which runs from 0 to 1 over the interval.
 
     Those of lower powers are the Taylor polynomial's.
 

@@ -36,7 +36,9 @@ def knots(
     :raises SimulationError: if these are no numbers, of unequal count, or not ascending.
     """
     named = zip(_COLUMNS, (times, values, rates, accelerations), strict=True)
-    columns = {name: _column(name, column) for name, column in named if column is not None or name in _COLUMNS[:2]}
+    columns = {
+        name: _checked_column(name, column) for name, column in named if column is not None or name in _COLUMNS[:2]
+    }
     t = columns["times"]
     for name, column in columns.items():
         if column.size != t.size or t.size < 2:
@@ -55,15 +57,15 @@ def knots(
         beside = (columns[name][part] if name in columns else None for name in _COLUMNS[2:])
         smooth = join == "quintic" or part.size == 1
         own = t[part], columns["values"][part]
-        parts.append(_smooth(*own, *beside) if smooth else _piecewise(*own, join))
+        parts.append(_spline_knots(*own, *beside) if smooth else _jumping_knots(*own, join))
     table = np.concatenate(parts, axis=1)
     jumps = np.flatnonzero(np.diff(table[0]) == 0) + 1
-    agree = _agree(table, jumps)
+    agree = _agree_with_previous(table, jumps)
     table[1:, jumps] = np.where(agree, table[1:, jumps - 1], table[1:, jumps])
     return np.delete(table, jumps[agree.all(axis=0)], axis=1)
 
 
-def _agree(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _agree_with_previous(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Whether the knots of columns ``later`` agree with those before them to rounding, shape (3, n)."""
     span = table[0, -1] - table[0, 0]
     powers = span ** np.arange(3)[:, None] if span > 0 else np.ones((3, 1))  # so that all rows have the unit of a value
@@ -72,7 +74,8 @@ def _agree(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bo
     return np.abs(rows[:, later] - rows[:, later - 1]) <= ROUNDING * scale
 
 
-def _column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
+def _checked_column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
+    """Column as an array of finite numbers, checked."""
     try:
         numbers = np.asarray(column, dtype=float)
     except (TypeError, ValueError):
@@ -82,9 +85,10 @@ def _column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
     return numbers
 
 
-def _smooth(
+def _spline_knots(
     times: NDArray, values: NDArray, rates: NDArray | None, accelerations: NDArray | None
 ) -> NDArray[np.float64]:
+    """Knots of times and values, whose missing rates and accelerations come from a spline."""
     from scipy.interpolate import make_interp_spline  # slow to load
 
     def derivative(column: NDArray, order: int) -> NDArray[np.float64]:
@@ -96,7 +100,7 @@ def _smooth(
     return np.array([times, values, derivative(values, 1) if rates is None else rates, accelerations])
 
 
-def _piecewise(times: NDArray, values: NDArray, join: Join) -> NDArray[np.float64]:
+def _jumping_knots(times: NDArray, values: NDArray, join: Join) -> NDArray[np.float64]:
     """Knots at both ends of each interval of a piecewise polynomial, whose derivatives jump between intervals."""
     from scipy.interpolate import PchipInterpolator, PPoly  # slow to load
 

@@ -27,33 +27,33 @@ def loaded(sources: tuple[Path, ...], without: str) -> CDLL | None:
         target = host()
         key = sha256(repr((contents, target, FLAGS)).encode()).hexdigest()[:16]
         path = cache.folder() / f"{sources[0].stem}-{key}{target.extension}"
-        if not _whole(path):
-            path = _written(path, compile_library(contents, target))
+        if not _is_complete(path):
+            path = _write_file(path, compile_library(contents, target))
         return CDLL(str(path))
     except (BuildError, OSError) as error:
         logger.info("%s: %s", without, error)
         return None
 
 
-def _whole(path: Path) -> bool:
-    """Whether the file is complete; to load part of one would end this process."""
+def _is_complete(path: Path) -> bool:
+    """Whether a library file agrees with its stored digest: loading a part would end this process."""
     with suppress(OSError):
-        return _seal(path).read_text(encoding="ascii", errors="replace") == cache.digest(path)
+        return _digest_path(path).read_text(encoding="ascii", errors="replace") == cache.digest(path)
     return False
 
 
-def _seal(path: Path) -> Path:
-    """The file with the digest of a library."""
+def _digest_path(path: Path) -> Path:
+    """Path of the file with the digest of a library."""
     return path.with_suffix(".sha256")
 
 
-def _written(path: Path, content: bytes) -> Path:
-    """A file of this content: here, or where this cannot be written, in a folder that lasts as long as the process."""
+def _write_file(path: Path, content: bytes) -> Path:
+    """Write a file, in a passing folder of the process if its own path cannot be written, and return its path."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as part:
             part.write_bytes(content)
-        with replacing(_seal(path)) as part:
+        with replacing(_digest_path(path)) as part:
             part.write_text(sha256(content).hexdigest(), encoding="ascii")
     except (OSError, SimulationError):
         path = process_folder() / path.name

@@ -23,15 +23,15 @@ def check_memory(start_time: float, stop_time: float, step_size: float, signals:
     """
     points = (stop_time - start_time) / step_size + 1
     needed = points * (_POINT + _SIGNAL * signals)
-    if needed > _ALWAYS_FREE and needed > (free := _free()):
+    if needed > _ALWAYS_FREE and needed > (free := _free_memory()):
         raise SimulationError(
             f"steps of {step_size:g} s from {start_time:g} to {stop_time:g} s are {points:.3g} points, and "
-            f"{signals} signal{'s' * (signals != 1)} at each of them {_shown(needed)} where {_shown(free)} of memory "
-            "are free: store less by larger steps, an earlier end, or fewer signals to record"
+            f"{signals} signal{'s' * (signals != 1)} at each of them {_size_text(needed)} where {_size_text(free)} "
+            "of memory are free: store less by larger steps, an earlier end, or fewer signals to record"
         )
 
 
-def _free() -> float:
+def _free_memory() -> float:
     """Free memory [B] on Linux, all memory on macOS, else a guess."""
     with suppress(OSError, AttributeError, TypeError):  # Linux
         return 1024.0 * int(re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text())[1])  # type: ignore[index]
@@ -40,6 +40,7 @@ def _free() -> float:
     return 8e9
 
 
-def _shown(size: float) -> str:
+def _size_text(size: float) -> str:
+    """Size in bytes as text with a decimal prefix: ``"2.5 GB"``."""
     power = int(min(log10(max(size, 1)) / 3, 7))
     return f"{size / 1000**power:.3g} {' kMGTPEZ'[power]}B"

@@ -36,7 +36,7 @@ def die_with_parent(parent: int) -> None:
     :param parent: ``os.getpid()`` of the parent, taken there: it may have ended before this is called.
     """
     if not (sys.platform == "linux" and _set_death_signal()):
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+        threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
     if sys.platform != "win32" and os.getppid() != parent:
         os._exit(1)
 
@@ -47,7 +47,7 @@ def _set_death_signal() -> bool:
 
 
 def _process_control(option: int, value: int) -> bool:
-    """Call prctl; whether it succeeded."""
+    """Call prctl; return whether it succeeded."""
     return ctypes.CDLL(None).prctl(option, ctypes.c_ulong(value)) == 0
 
 
@@ -80,7 +80,7 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
         close()
         code = _wait_for(child)
         if code < 0:
-            _die_of(-code)
+            _die_by_signal(-code)
         os._exit(code)
     finally:
         os._exit(1)
@@ -90,18 +90,18 @@ def _wait_for(child: int) -> int:
     """Wait for a child or SIGTERM, kill all other descendants, and return the exit code of the child."""
     statuses: dict[int, int] = {}
     while child not in statuses and signal.sigwait(_ENDINGS) != signal.SIGTERM:
-        statuses |= _reap()
+        statuses |= _reap_children()
     end = time.monotonic() + _GRACE
-    while (left := _children()) and time.monotonic() < end:
+    while (left := _child_processes()) and time.monotonic() < end:
         for process in left:
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)  # no effect on one that is ending
         time.sleep(_MOMENT)
-        statuses |= _reap()
+        statuses |= _reap_children()
     return os.waitstatus_to_exitcode(statuses.get(child, 1))
 
 
-def _die_of(number: int) -> None:
+def _die_by_signal(number: int) -> None:
     """End this process by a signal, without a core dump."""
     _process_control(_SET_DUMPABLE, 0)
     if number != signal.SIGKILL:
@@ -110,7 +110,7 @@ def _die_of(number: int) -> None:
     os.kill(os.getpid(), number)
 
 
-def _reap() -> dict[int, int]:
+def _reap_children() -> dict[int, int]:
     """Collect the statuses of children that have ended, by process id."""
     statuses: dict[int, int] = {}
     with suppress(ChildProcessError):
@@ -119,7 +119,7 @@ def _reap() -> dict[int, int]:
     return statuses
 
 
-def _children() -> list[int]:
+def _child_processes() -> list[int]:
     """Process ids of the children of this process, from /proc."""
     children = []
     for entry in os.scandir("/proc"):
@@ -131,7 +131,7 @@ def _children() -> list[int]:
     return children
 
 
-def _end_with(parent: int) -> None:
+def _end_with_parent(parent: int) -> None:
     """End this process when its parent ends."""
     if sys.platform == "win32":
         kernel = ctypes.WinDLL("kernel32")
@@ -159,7 +159,7 @@ def orderly_end() -> Iterator[None]:
     read, write = os.pipe()
     os.set_blocking(write, False)
     before = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
-    _restore_after_fork()
+    _register_fork_handlers()
     _handled.update(numbers)
     for number in numbers:
         signal.signal(number, _raise_exit)
@@ -189,26 +189,26 @@ def _end_after_grace(pipe: int) -> None:
 
 
 @lru_cache(maxsize=1)
-def _restore_after_fork() -> None:
-    """Register that forked processes, which share the pipe, restore their signals."""
-    os.register_at_fork(before=_block, after_in_parent=_unblock, after_in_child=_restore)
+def _register_fork_handlers() -> None:
+    """Register the handlers by which forks, sharing the pipe, block and restore their signals."""
+    os.register_at_fork(before=_block_signals, after_in_parent=_unblock_signals, after_in_child=_restore_signals)
 
 
-def _block() -> None:
+def _block_signals() -> None:
     """Block the handled signals before a fork."""
     signal.pthread_sigmask(signal.SIG_BLOCK, _handled)
 
 
-def _unblock() -> None:
+def _unblock_signals() -> None:
     """Unblock the handled signals after a fork."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _handled)
 
 
-def _restore() -> None:
+def _restore_signals() -> None:
     """Restore the handled signals in a forked process."""
     if _handled:
         signal.set_wakeup_fd(-1)
         for number in _handled:
             signal.signal(number, signal.SIG_DFL)
-        _unblock()
+        _unblock_signals()
         _handled.clear()

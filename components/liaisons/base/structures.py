@@ -25,12 +25,12 @@ class Record(Structure):
             setattr(self, name, target.ctypes.data if isinstance(target, np.ndarray) else addressof(target))
 
     def save(self) -> tuple[bytes, list[tuple[NDArray[Any], NDArray[Any]]]]:
-        """The fields and what the arrays contain, for :meth:`restore`."""
+        """Save the values of the fields and of the arrays, for :meth:`restore`."""
         arrays = [array for array in vars(self).get("targets", {}).values() if isinstance(array, np.ndarray)]
         return bytes(self), [(array, array.copy()) for array in arrays]
 
     def restore(self, saved: tuple[bytes, list[tuple[NDArray[Any], NDArray[Any]]]]) -> None:
-        """Return to fields and contents; the arrays are those that they were then."""
+        """Restore saved fields, and the values of the arrays in place."""
         content, arrays = saved
         memmove(addressof(self), content, len(content))
         for array, numbers in arrays:

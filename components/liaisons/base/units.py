@@ -81,7 +81,7 @@ def parse(name: str) -> Unit:
                 f"at most one '/', e.g. 'kg.m2/s' (known symbols: {', '.join(_SYMBOLS)})"
             )
         power = sign * int(match[2] or 1)
-        for base, exponent in _exponents(match[1]).items():
+        for base, exponent in _base_exponents(match[1]).items():
             exponents[base] = exponents.get(base, 0) + power * exponent
     ordered = tuple((base, exponents[base]) for base in BASE if exponents.get(base))
     return Unit(name, ordered, _DISPLAY.get(name, ()))
@@ -104,7 +104,7 @@ def in_si(name: str, unit: str) -> float:
     return size
 
 
-def _exponents(symbol: str) -> dict[str, int]:
+def _base_exponents(symbol: str) -> dict[str, int]:
     """Exponents of a symbol by base units."""
     if symbol in _DERIVED:
         return dict(parse(_DERIVED[symbol]).exponents)
@@ -143,7 +143,7 @@ def written(exponents: Powers) -> str:
     def factors(sign: int) -> str:
         """Symbols with exponents of one sign."""
         pairs = zip(BASE, exponents, strict=False)
-        return ".".join(base + _exponent(abs(power)) for base, power in pairs if power * sign > 0)
+        return ".".join(base + _exponent_text(abs(power)) for base, power in pairs if power * sign > 0)
 
     top, bottom = factors(1), factors(-1)
     return f"{top or '1'}/{bottom}" if bottom else top or "1"
@@ -156,7 +156,7 @@ def quotient(numerator: str, denominator: str) -> str:
     return written(product([(powers(numerator), 1), (powers(denominator), -1)]))
 
 
-def _exponent(power: int | Fraction) -> str:
+def _exponent_text(power: int | Fraction) -> str:
     """Exponent as text, empty for 1."""
     if power == 1:
         return ""
@@ -176,20 +176,20 @@ def rate(name: str) -> str:
 
 def force(name: str) -> str:
     """Unit of the generalised force on a coordinate with this unit: force × coordinate is an energy."""
-    return _FORCE.get(name) or _over("J", name)
+    return _FORCE.get(name) or _quotient_name("J", name)
 
 
 def momentum(name: str) -> str:
     """Unit of the momentum ∂L/∂q̇ of a coordinate with this unit: momentum × rate is an energy."""
-    return _MOMENTUM.get(name) or _over("J.s", name)
+    return _MOMENTUM.get(name) or _quotient_name("J.s", name)
 
 
 def multiplier_unit(name: str) -> str:
     """Unit of the Lagrange multiplier of a constraint on rates in this unit: their product is a power."""
-    return _MULTIPLIER.get(name) or _over("W", name)
+    return _MULTIPLIER.get(name) or _quotient_name("W", name)
 
 
-def _over(numerator: str, name: str) -> str:
+def _quotient_name(numerator: str, name: str) -> str:
     """Name of the quotient of two units."""
     top, slash, bottom = name.partition("/")
     return f"{numerator}.{bottom}/{top}" if slash else f"{numerator}/{top}"

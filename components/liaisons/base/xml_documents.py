@@ -42,7 +42,7 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
         depth -= 1
         end(tag)
 
-    parser = XMLParser(target=SimpleNamespace(start=opened, end=closed, doctype=_refuse_type))
+    parser = XMLParser(target=SimpleNamespace(start=opened, end=closed, doctype=_refuse_document_type))
     try:
         size = 0
         while portion := file.read(_PORTION):
@@ -66,7 +66,7 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
 
 
 def tree(file: IO[bytes]) -> Element:
-    """The elements of a document with their attributes, without texts.
+    """Read a document as a tree of elements with attributes, without texts.
 
     :raises ValueError: as :func:`parse`, and for too many elements and attributes.
     """
@@ -83,5 +83,6 @@ def tree(file: IO[bytes]) -> Element:
     return builder.close()
 
 
-def _refuse_type(*_: object) -> None:
+def _refuse_document_type(*_: object) -> None:
+    """Raise a ValueError for a declaration of a document type."""
     raise ValueError("it declares a document type (<!DOCTYPE ...>); leave that out")

@@ -129,7 +129,7 @@ def compare(first: Result, second: Result) -> Comparison:
     differences = []
     for name in names:
         (one, one_by), (other, other_by) = (
-            _interpolated(result, name, times, exact=exact) for result in (first, second)
+            _interpolated_values(result, name, times, exact=exact) for result in (first, second)
         )
         if np.dtype(object) in {one.dtype, other.dtype}:  # strings: the same or not
             one, other = np.ones(one.shape), (one == other).astype(float)
@@ -178,26 +178,26 @@ def _common_times(first: Result, second: Result) -> tuple[Floats, bool]:
     one, other = (r.time[(r.time >= begin) & (r.time <= end)] for r in (first, second))
     few, many = sorted((one, other), key=len)
     rounding = 1e-9 * max(1.0, abs(end))  # of equal points: sums of steps round, each by half a unit in the last place
-    if np.all(np.abs(many[_nearest(many, few)] - few) <= rounding):
+    if np.all(np.abs(many[_nearest_indices(many, few)] - few) <= rounding):
         return few, True
     return np.union1d(one, other), False
 
 
-def _nearest(points: Floats, times: Floats) -> NDArray[np.intp]:
-    """Index of the sorted point nearest to each time."""
+def _nearest_indices(points: Floats, times: Floats) -> NDArray[np.intp]:
+    """Indices of the sorted points nearest to the times."""
     after = np.clip(np.searchsorted(points, times), 1, max(1, len(points) - 1))
     if len(points) == 1:
         return np.zeros(len(times), dtype=np.intp)
     return np.where(times - points[after - 1] <= points[after] - times, after - 1, after)
 
 
-def _interpolated(result: Result, name: str, times: Floats, *, exact: bool) -> tuple[Floats, Method]:
-    """Values of a signal at times, and how they were interpolated."""
+def _interpolated_values(result: Result, name: str, times: Floats, *, exact: bool) -> tuple[Floats, Method]:
+    """Values of a signal at times, and the method of their interpolation."""
     values = result[name]
     if values.ndim == 1 or values.shape[0] != len(result.time):
         values = values.reshape(len(result.time), -1)
     if exact:
-        return values[_nearest(result.time, times)], "same points"
+        return values[_nearest_indices(result.time, times)], "same points"
     if values.dtype == object:
         return values[np.searchsorted(result.time, times, side="right") - 1], "same points"
     from scipy.interpolate import CubicHermiteSpline, interp1d  # takes half a second

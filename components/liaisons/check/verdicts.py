@@ -61,11 +61,13 @@ def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reaso
 
     :raises ValidityError: for a negative error or a tolerance that is no bound.
     """
-    return Verdict(claim, _number(claim, "error", error), _number(claim, "tolerance", tolerance), unit, reason)
+    return Verdict(
+        claim, _checked_number(claim, "error", error), _checked_number(claim, "tolerance", tolerance), unit, reason
+    )
 
 
-def _number(claim: str, name: str, value: object) -> float:
-    """One number, checked, of an argument of a verdict."""
+def _checked_number(claim: str, name: str, value: object) -> float:
+    """Number in an argument of a verdict, checked."""
     array = numbers(f"{claim!r}: {name}", value, ValidityError)
     if array.size != 1:
         raise ValidityError(f"{claim!r}: {name} = {shown(value)}: give one number")

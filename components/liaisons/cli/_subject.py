@@ -72,7 +72,7 @@ def simulation(
     start, stop, step, tolerance = span
     begin = (own.start_time or 0.0) if start is None else start
     system.filled()
-    experiment = ssp.chosen(system, begin, stop, step)
+    experiment = ssp.effective_experiment(system, begin, stop, step)
     end, size = experiment.stop_time, experiment.step_size
     if end is None or size is None:
         if single:

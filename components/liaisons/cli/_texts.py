@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from liaisons.companion import Entry, is_number, numbered
+from liaisons.companion import Entry, entries_of, is_number
 from liaisons.library import catalogue_names
 
 
@@ -15,7 +15,7 @@ def scenarios_of(name: str) -> list[str]:
     """
     if not is_number(name):
         return [name]
-    chosen = numbered(name)
+    chosen = entries_of(name)
     scenarios = dict.fromkeys(scenario for entry in chosen for scenario in entry.scenarios)
     if not scenarios:
         tests = [verification_command(check) for entry in chosen for check in entry.by]
@@ -30,7 +30,7 @@ def component_of(name: str) -> tuple[str, str | None]:
     """
     if not is_number(name):
         return name, None
-    for entry in numbered(name):
+    for entry in entries_of(name):
         if component := next(iter(components(entry)), "Pendulum" if entry.part else ""):
             return component, entry.part or None
     raise typer.BadParameter(f"{name}: no component has it; `liaisons text {name}` says where it lives")

@@ -25,9 +25,9 @@ def identify(
     Prints values with standard errors, and verdicts; writes the figure (.png), the film with the measured motion as a
     ghost (.gif) and the residuals (_residuals.csv).  Exit status 1 when a verdict fails.
     """
-    from liaisons.identification import identified
+    from liaisons.identification import identify_from_file
 
-    result = identified(fit)
+    result = identify_from_file(fit)
     folder = output or Path()
     folder.mkdir(parents=True, exist_ok=True)
     figure, film, residuals = (folder / f"{fit.stem}{end}" for end in (".png", ".gif", "_residuals.csv"))

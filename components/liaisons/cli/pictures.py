@@ -115,7 +115,7 @@ def show(
     from liaisons.base.compiler import INSTALLATION, zig_compiler
     from liaisons.cli._subject import resolved, simulation
     from liaisons.cosim.running.run import performed
-    from liaisons.live import default_path
+    from liaisons.live import default_page_path
     from liaisons.live import show as write_page
 
     fmu, *others = with_prescribed(fmus, prescribe)
@@ -126,7 +126,7 @@ def show(
         page = interface.show(fmu, *others, path=output, start_values=dict(starts)).path
     else:
         shown, rest = resolved(fmu, starts)
-        page = output or default_path(shown)
+        page = output or default_page_path(shown)
         if live and not inputs:
             write_page(shown, page, start_values=rest)
         else:

@@ -15,9 +15,9 @@ from liaisons.companion import (
     TITLES,
     Entry,
     completions,
+    entries_of,
     is_number,
-    numbered,
-    searched,
+    search_entries,
     sections,
     unicode_text,
 )
@@ -54,10 +54,10 @@ def text(
         show({"section": s.citation, "is about": s.says, "in the text": s.french} for s in sections())
         return 0
     if not is_number(name):
-        rows = {entry.group_citation: entry for entry in searched(name)}
+        rows = {entry.group_citation: entry for entry in search_entries(name)}
         show({"number": number, "says": e.says, "in the text": e.french} for number, e in rows.items())
         return 0
-    print("\n\n".join("\n".join(_lines(entry, latex=latex)) for entry in numbered(name)))
+    print("\n\n".join("\n".join(_lines(entry, latex=latex)) for entry in entries_of(name)))
     return 0
 
 

@@ -36,29 +36,31 @@ CITATION = re.compile(rf"\b(?P<text>[KM]) (?:(?P<kind>eq|Ex|Fig|prop)\. )?(?P<nu
 
 def is_number(name: str) -> bool:
     """Whether a name is written as a number of the texts, or of the errata."""
-    match = _NUMBER.fullmatch(_plain(name))
-    return bool(_ERRATUM.fullmatch(_plain(name)) or (match and (not match["kind"] or _kind(match["kind"]))))
+    match = _NUMBER.fullmatch(_without_accents(name))
+    return bool(
+        _ERRATUM.fullmatch(_without_accents(name)) or (match and (not match["kind"] or _kind_of(match["kind"])))
+    )
 
 
-def numbered(name: str) -> tuple[Entry, ...]:
-    """The entries of a number, a range, a section or an erratum.
+def entries_of(name: str) -> tuple[Entry, ...]:
+    """Entries of a number, a range, a section or an erratum.
 
     :param name: ``"K122"``, ``"Kneller 122"``, ``"M eq. 27"``, ``"M 8.4"``, ``"K120-124"``, ``"M sec. 5"``, ``"KA2"``.
     :raises ProjectError: if there is no such number; the message has the nearest ones.
     """
-    word = _plain(name)
+    word = _without_accents(name)
     if _ERRATUM.fullmatch(word):
         chosen = [e for e in entries() if word.upper() in {*e.corrections, *e.conditions, *e.remarks}]
         if not chosen:
             raise ProjectError(f"{name}: no erratum has this number; KA1 to KC13 are of Kneller, MA1 to MC7 of Marle")
         return tuple(chosen)
     match = _NUMBER.fullmatch(word)
-    if match is None or (match["kind"] and not _kind(match["kind"])):
+    if match is None or (match["kind"] and not _kind_of(match["kind"])):
         raise ProjectError(f"{name}: this is no number of the texts; write K122, 'M eq. 27', 'K Ex. 9', 'M 8.4' or M27")
-    text, kind = match["text"][0].upper(), _kind(match["kind"] or "")
+    text, kind = match["text"][0].upper(), _kind_of(match["kind"] or "")
     first, last, rest = match["first"], match["last"], match["rest"]
     if rest:
-        chosen = [e for e in entries() if e.text == text and _plain(e.number).startswith(f"{first}, {rest}")]
+        chosen = [e for e in entries() if e.text == text and _without_accents(e.number).startswith(f"{first}, {rest}")]
     elif kind in {"", "sections"} and (kind or "." in first) and not last:
         exact = [e for e in entries() if (e.text, e.kind, e.number) == (text, "examples", first) and not kind]
         within = [s for s in sections() if (s.text, s.number) == (text, first)]
@@ -66,21 +68,21 @@ def numbered(name: str) -> tuple[Entry, ...]:
         if within and not chosen:
             raise ProjectError(f"{within[0].citation}: this section has no number")
     else:
-        chosen = _between(text, kind or ("examples" if "." in first else "equations"), first, last or first)
+        chosen = _entries_between(text, kind or ("examples" if "." in first else "equations"), first, last or first)
     if not chosen:
-        author, nearest = TITLES[text].partition(",")[0], _nearest(text, kind, first, last or first)
+        author, nearest = TITLES[text].partition(",")[0], _nearest_citations(text, kind, first, last or first)
         raise ProjectError(f"{name}: {author} has no such number; nearest: {nearest}")
     return tuple(chosen)
 
 
-def searched(words: str) -> tuple[Entry, ...]:
-    """The entries that have all of some words, in English or French; those that have them as a phrase come first.
+def search_entries(words: str) -> tuple[Entry, ...]:
+    """Entries that contain all of some words, in English or French, those with the exact phrase first.
 
     :param words: beginnings of words; accents and capitals do not matter; names of components and scenarios, too.
     :raises ProjectError: if there is none; the message has words that are near.
     """
-    beginnings = _plain(words).split()
-    texts = {entry: _searchable(entry) for entry in entries()}
+    beginnings = _without_accents(words).split()
+    texts = {entry: _searchable_text(entry) for entry in entries()}
     chosen = [e for e, text in texts.items() if all(re.search(rf"\b{re.escape(word)}", text) for word in beginnings)]
     if not chosen:
         vocabulary = {word for text in texts.values() for word in re.findall(r"\w{3,}", text)}
@@ -88,53 +90,56 @@ def searched(words: str) -> tuple[Entry, ...]:
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `liaisons text` lists the sections"
         raise ProjectError(f"no number of the texts has {words!r}{hint}")
     phrase = " ".join(beginnings)
-    return tuple(sorted(chosen, key=lambda entry: phrase not in _plain(f"{entry.french} / {entry.says}")))
+    return tuple(sorted(chosen, key=lambda entry: phrase not in _without_accents(f"{entry.french} / {entry.says}")))
 
 
 def completions() -> list[str]:
-    """Every number in its shortest form: K122, M8.4, KEx.9."""
+    """All numbers in their shortest form, for completion on the command line: K122, M8.4, KEx.9."""
     short = (entry.citation.replace("eq. ", "").replace(" ", "") for entry in entries() if "," not in entry.number)
     return list(dict.fromkeys(short))
 
 
-def _kind(name: str) -> str:
+def _kind_of(name: str) -> str:
+    """Kind of entry that a name begins with, such as ``"examples"``; empty for a plain number."""
     return next((kind for beginning, kind in _BEGINNINGS.items() if name.startswith(beginning)), "")
 
 
-def _plain(text: str) -> str:
-    """Small letters without accents."""
+def _without_accents(text: str) -> str:
+    """Text in small letters, without accents."""
     apart = unicodedata.normalize("NFD", text.casefold())
     return " ".join("".join(x for x in apart if not unicodedata.combining(x)).split())
 
 
-def _between(text: str, kind: str, first: str, last: str) -> list[Entry]:
-    """Entries from a number to another one."""
+def _entries_between(text: str, kind: str, first: str, last: str) -> list[Entry]:
+    """Entries of a kind from one number to another; none unless both exist."""
     span = [e for e in entries() if (e.text, e.kind) == (text, kind)]
-    low, high = _order(first), _order(last)
-    heads = [_order(entry.number) for entry in span]
+    low, high = _sort_key(first), _sort_key(last)
+    heads = [_sort_key(entry.number) for entry in span]
     whole = low in heads and high in heads
     return [entry for entry, head in zip(span, heads, strict=True) if low <= head <= high] if whole else []
 
 
-def _order(number: str) -> tuple[int, ...]:
+def _sort_key(number: str) -> tuple[int, ...]:
+    """Integers in a number, by which numbers are sorted: (8, 4) for "8.4"."""
     return tuple(map(int, re.findall(r"\d+", number.partition(",")[0])))
 
 
-def _nearest(text: str, kind: str, *numbers: str) -> str:
-    """The numbers of a kind that are nearest to those of some numbers that do not exist."""
+def _nearest_citations(text: str, kind: str, *numbers: str) -> str:
+    """Citations of the two existing numbers nearest to one that does not exist."""
     if kind == "sections" or (not kind and "." in numbers[0]):
         near = [(section.number, section.citation) for section in sections() if section.text == text]
     else:
         near = [(e.number, e.citation) for e in entries() if (e.text, e.kind) == (text, kind or "equations")]
-    target = _order(next((number for number in numbers if number not in dict(near)), numbers[0]))
+    target = _sort_key(next((number for number in numbers if number not in dict(near)), numbers[0]))
 
     def distance(item: tuple[str, str]) -> list[int]:
-        return [abs(a - b) for a, b in zip_longest(_order(item[0]), target, fillvalue=0)]
+        return [abs(a - b) for a, b in zip_longest(_sort_key(item[0]), target, fillvalue=0)]
 
     return ", ".join(citation for _, citation in sorted(near, key=distance)[:2])
 
 
-def _searchable(entry: Entry) -> str:
+def _searchable_text(entry: Entry) -> str:
+    """Text of an entry that searches look through, in small letters without accents."""
     titles = [f"{section.french} {section.says}" for section in sections() if section.contains(entry)][-1:]
     notes = [*entry.corrections.values(), *entry.conditions.values(), *entry.remarks.values()]
-    return _plain(" / ".join([entry.says, entry.french, *titles, *notes, *entry.lives, *entry.scenarios]))
+    return _without_accents(" / ".join([entry.says, entry.french, *titles, *notes, *entry.lives, *entry.scenarios]))

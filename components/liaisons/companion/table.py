@@ -27,7 +27,7 @@ class TextSection:
 
     @property
     def citation(self) -> str:
-        """As it is cited: "K 2.1"."""
+        """Citation of the section: "K 2.1"."""
         return f"{self.text} {self.number}"
 
     def contains(self, entry: Entry) -> bool:
@@ -72,30 +72,32 @@ class Entry:
 
     @property
     def citation(self) -> str:
-        """As it is cited: "K eq. 10", "K Ex. 9", "M 8.1"."""
-        return self._cited(self.number)
+        """Citation of the number: "K eq. 10", "K Ex. 9", "M 8.1"."""
+        return self._citation_of(self.number)
 
     @property
     def group_citation(self) -> str:
-        """As the range is cited: "K eq. 10-13"."""
-        return self._cited(self.group)
+        """Citation of the range that the number belongs to: "K eq. 10-13"."""
+        return self._citation_of(self.group)
 
     @property
     def anchor(self) -> str:
-        """Where it stands on the page ``reference/texts``."""
+        """Anchor of the entry's row on the page ``reference/texts``."""
         return f"{self.text}-{self.kind}-{self.number.replace(', ', '-').replace(' ', '-')}"
 
     @property
     def scenarios(self) -> tuple[str, ...]:
-        """Scenarios among what verifies it."""
+        """Names of the scenarios that verify the entry."""
         return tuple(check for check in self.by if "::" not in check)
 
-    def _cited(self, number: str) -> str:
+    def _citation_of(self, number: str) -> str:
+        """Citation of a number of this kind: "K Ex. 9"."""
         return f"{self.text} {'' if '.' in number and self.kind == 'examples' else KINDS[self.kind]}{number}"
 
 
 @cache
-def _table() -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
+def _parsed_table() -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
+    """Contents of ``texts.toml``: text, kind, number, row."""
     return tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 
 
@@ -104,10 +106,10 @@ def entries() -> tuple[Entry, ...]:
     """Every number of both texts, in the order of the table."""
     return tuple(
         entry
-        for text, kinds in _table().items()
+        for text, kinds in _parsed_table().items()
         for kind in KINDS
         for group, row in kinds.get(kind, {}).items()
-        for entry in _split(text, kind, group, row)
+        for entry in _entries_of_row(text, kind, group, row)
     )
 
 
@@ -117,13 +119,13 @@ def sections() -> tuple[TextSection, ...]:
     spans = ("equations", "examples")
     return tuple(
         TextSection(text, number, row["says"], row["french"], *(tuple(row.get(span, ())) for span in spans))
-        for text, kinds in _table().items()
+        for text, kinds in _parsed_table().items()
         for number, row in kinds["sections"].items()
     )
 
 
-def _split(text: str, kind: str, group: str, row: Mapping[str, Any]) -> Iterator[Entry]:
-    """Yield the entries of a line of the table: those of a range have a formula each."""
+def _entries_of_row(text: str, kind: str, group: str, row: Mapping[str, Any]) -> Iterator[Entry]:
+    """Yield the entries of a row of the table: for a range one entry a number, with a formula each."""
     content: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in row.items()}
     first, _, last = group.partition("-")
     if not (first.isdecimal() and last.isdecimal()):

@@ -41,17 +41,17 @@ def unicode_text(latex: str) -> str:
     text = latex
     for command, plain in _PLAIN.items():
         text = text.replace(command, plain)
-    text, changed = _COMMAND.sub(_symbol, text), 1
+    text, changed = _COMMAND.sub(_command_symbol, text), 1
     while changed:
-        text, changed = _GROUP.subn(_written, text)
+        text, changed = _GROUP.subn(_group_text, text)
     if "\\" in text:
         raise ValueError(f"{latex}: a command is none that the formulas of the table use")
     text = re.sub(r"(?<=[(\[⟨]) | (?=[)\]⟩,])", "", re.sub(r" +", " ", text)).translate(_LAST)
     return unicodedata.normalize("NFC", text.strip())
 
 
-def _symbol(command: re.Match[str]) -> str:
-    """The sign of a command; the command where it has arguments."""
+def _command_symbol(command: re.Match[str]) -> str:
+    """Unicode symbol of a command; the command itself where it has arguments."""
     name, size = command["name"], "CAPITAL" if command["name"][0].isupper() else "SMALL"
     blank = "" if name in {"partial", "delta", "Delta"} else command["blank"]
     if name in _SIGNS or name in _WORDS:
@@ -62,12 +62,12 @@ def _symbol(command: re.Match[str]) -> str:
         return command[0]
 
 
-def _written(group: re.Match[str]) -> str:
-    """A fraction, script, root, letter with an accent, or what a group holds."""
+def _group_text(group: re.Match[str]) -> str:
+    """Text of a fraction, script, root, accented letter, or group in brackets."""
     if group["sign"]:
-        return _script(group["sign"], (group["script"] or group["single"]).replace(" ", ""))
+        return _script_text(group["sign"], (group["script"] or group["single"]).replace(" ", ""))
     if group["above"]:
-        text = f"{_enclosed(group['above'], '+-/')}/{_enclosed(group['below'], '+-/ ')}"
+        text = f"{_in_brackets(group['above'], '+-/')}/{_in_brackets(group['below'], '+-/ ')}"
         return _FRACTIONS.get(text, text)
     name, inside = group["name"], group["inside"] or group["bare"]
     if name in _ACCENTS:
@@ -79,7 +79,8 @@ def _written(group: re.Match[str]) -> str:
     raise ValueError(f"\\{name} is no command that the formulas of the table use")
 
 
-def _script(sign: str, text: str) -> str:
+def _script_text(sign: str, text: str) -> str:
+    """Text as superscript or subscript; after a mark where Unicode lacks a character."""
     small = text.translate(_ABOVE if sign == "^" else _BELOW)
     if not set(text) & set(small):
         return small
@@ -88,8 +89,8 @@ def _script(sign: str, text: str) -> str:
     return f"{beside}{text}" if whole else f"{beside}({text})"
 
 
-def _enclosed(text: str, loose: str) -> str:
-    """Above or below a stroke: in brackets if one of some signs is outside of brackets."""
+def _in_brackets(text: str, loose: str) -> str:
+    """Numerator or denominator, in brackets if an operator of ``loose`` stands outside of brackets."""
     outside, changed = text, 1
     while changed:
         outside, changed = re.subn(r"[(\[][^()\[\]]*[)\]]", "", outside)

@@ -59,7 +59,9 @@ class Sensitivities:
 
         :raises UnknownSignalError: with the nearest name.
         """
-        rows, columns = (_indices(name, names) for name, names in ((signal, self.signals.names), (value, self.names)))
+        rows, columns = (
+            _name_indices(name, names) for name, names in ((signal, self.signals.names), (value, self.names))
+        )
         array = self.derivatives[rows][:, :, columns].swapaxes(0, 1)
         lone = [
             axis for axis, name, names in ((1, signal, self.signals.names), (2, value, self.names)) if name in names
@@ -68,7 +70,7 @@ class Sensitivities:
 
     def unit(self, signal: str, value: str) -> str:
         """Unit of a derivative; empty where one of the two has none."""
-        first = self.names[_indices(value, self.names)[0]]
+        first = self.names[_name_indices(value, self.names)[0]]
         return quotient(self.signals.units[signal], self.units[first])
 
     def to_result(self) -> Result:
@@ -144,7 +146,7 @@ def sensitivities(
     motion = motion_of(
         subject,
         by,
-        _times(start_time, stop_time, step_size, times),
+        _recorded_times(start_time, stop_time, step_size, times),
         start_time=start_time,
         record=record,
         operators=operators,
@@ -190,7 +192,7 @@ def gradient(
     motion = motion_of(
         subject,
         by,
-        _times(start_time, stop_time, step_size, times),
+        _recorded_times(start_time, stop_time, step_size, times),
         start_time=start_time,
         record=record,
         operators=operators,
@@ -201,7 +203,7 @@ def gradient(
     columns = ca.MX.sym("signals", len(motion.times), len(motion.signals))
     signals_by_name = _Signals({"time": ca.DM(motion.times)})
     for name in dict.fromkeys((*motion.signals, *(split(name)[0] for name in motion.signals))):
-        signals_by_name[name] = columns[:, _indices(name, motion.signals)]
+        signals_by_name[name] = columns[:, _name_indices(name, motion.signals)]
     value = cost(signals_by_name)
     try:
         number = ca.MX(value)
@@ -230,7 +232,7 @@ class _Signals(dict[str, Any]):
         raise UnknownSignalError(f"gradient: {name!r} is not recorded{suggestion(name, self)}; name it in record=[...]")
 
 
-def _indices(name: str, names: tuple[str, ...]) -> list[int]:
+def _name_indices(name: str, names: tuple[str, ...]) -> list[int]:
     """Indices of a name, or of the elements of an array, among names."""
     indices = [number for number, other in enumerate(names) if name in (other, split(other)[0])]
     if not indices:
@@ -238,7 +240,9 @@ def _indices(name: str, names: tuple[str, ...]) -> list[int]:
     return [names.index(name)] if name in names else indices
 
 
-def _times(start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None) -> ArrayLike:
+def _recorded_times(
+    start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None
+) -> ArrayLike:
     """Times to be recorded, from the settings of a run [s]."""
     if times is not None:
         if stop_time is not None or step_size is not None:

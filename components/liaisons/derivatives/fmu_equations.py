@@ -91,7 +91,7 @@ class FmuEquations:
             self._put, self._in = self._prepared_calls("setter", self.inputs)
             self._get, self._out = self._prepared_calls("getter", self.unknowns)
             read_inputs, inputs_now = self._prepared_calls("getter", self.inputs)
-            self._perform(read_inputs)
+            self._perform_calls(read_inputs)
             self.x, nominals = self._instance.continuous_states
             if not len(rates) == len(self.states) == len(self.x):
                 raise SimulationError(f"{path}: names {len(self.states)} of its {len(self.x)} states; ask its maker")
@@ -129,22 +129,22 @@ class FmuEquations:
         buffer = (c_double * len(variables))()
         return [getattr(self._instance, action)(variables, buffer)] * bool(variables), np.ctypeslib.as_array(buffer)
 
-    def _perform(self, calls: Iterable[Call]) -> None:
-        """Perform prepared calls."""
+    def _perform_calls(self, calls: Iterable[Call]) -> None:
+        """Perform prepared calls of the FMU, and check their statuses."""
         for call in calls:
             if (status := call()) and status != WARNING:
                 assert call.failure is not None
                 raise call.failure(call.action, status, f" at t = {self.time:.10g} s")
 
     def __call__(self, time: float, x: Floats, u: Floats) -> Floats:
-        """Rates and outputs at a time [s], where the FMU is from now on, shape (unknowns,).
+        """Rates and outputs at a time [s], which remains the point of the FMU, shape (unknowns,).
 
         :raises RefusedError: if the FMU discards them.
         """
         self.time = time
         self._instance.go_to(time, x)
         self._in[:] = u
-        self._perform([*self._put, *self._get])
+        self._perform_calls([*self._put, *self._get])
         return self._out.copy()
 
     def directional(self, directions: Floats) -> Floats:
@@ -162,13 +162,15 @@ class FmuEquations:
         derive = self._instance.directional([self.unknowns[i] for i in calculated], self.knowns, seed, values)
         for k, direction in enumerate(directions.T if calculated else ()):
             seed[:] = direction.tolist()
-            self._perform([derive])
+            self._perform_calls([derive])
             result[calculated, k] = values
         return result
 
     def differences(self) -> Floats:
         """Extrapolated differences by each state and input, shape (unknowns, knowns)."""
-        columns = [extrapolated(partial(self._displaced, k), DIFFERENCES, size)[0] for k, size in enumerate(self.sizes)]
+        columns = [
+            extrapolated(partial(self._values_displaced, k), DIFFERENCES, size)[0] for k, size in enumerate(self.sizes)
+        ]
         return np.array(columns).reshape(len(self.knowns), len(self.unknowns)).T
 
     def jacobian(self) -> Floats:
@@ -180,7 +182,7 @@ class FmuEquations:
         jacobian = self.directional(np.eye(len(self.knowns)))
         for k, (known, size, column) in enumerate(zip(self.knowns, self.sizes, jacobian.T, strict=True)):
             with suppress(RefusedError):  # at the edge of its domain
-                sides = [(self._displaced(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
+                sides = [(self._values_displaced(k, h) - values) / (h * size) for h in (_COMPARED, -_COMPARED)]
                 (low, high), largest = np.sort(sides, axis=0), np.abs(sides).max(axis=0)
                 allowed = high - low + _AGREEMENT * largest + _NOISE * (np.abs(values) / size + np.abs(column).max())
                 right = (low - allowed <= column) & (column <= high + allowed)
@@ -192,8 +194,8 @@ class FmuEquations:
                     )
         return jacobian
 
-    def _displaced(self, k: int, by: float) -> Floats:
-        """Rates and outputs with one state or input changed by so many times its size."""
+    def _values_displaced(self, k: int, by: float) -> Floats:
+        """Rates and outputs with one state or input displaced by a multiple of its size."""
         moved = np.concatenate([self.x, self.u])
         moved[k] += by * self.sizes[k]
         return self(self.time, *np.split(moved, [len(self.x)]))

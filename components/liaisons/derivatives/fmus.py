@@ -84,11 +84,11 @@ class FmuMotion:
 
     def __call__(self, values: ArrayLike) -> Floats:
         """Signals, (signals, times)."""
-        return self._evaluated(values, derive=False)[0]
+        return self._signals_and_derivatives(values, derive=False)[0]
 
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         """Signals, and their derivatives by the values, (signals, times, values); not-a-number beside events."""
-        return self._evaluated(values)
+        return self._signals_and_derivatives(values)
 
     def adjoint(self, values: ArrayLike, weights: ArrayLike | Callable[[Floats], ArrayLike]) -> tuple[Floats, Floats]:
         """Signals, and derivatives of their weighted sum by the values, (values,)."""
@@ -113,14 +113,16 @@ class FmuMotion:
         return self
 
     def result(self, values: Mapping[str, Any], record: Sequence[str]) -> Result:
-        """A run of the FMUs with further start values."""
+        """Result of a run of the FMUs with further start values."""
         parts, title = self.system.filled(), self.name
         starts = {owner: dict(part.starts) for owner, part in parts.items()}
         for name, value in {**self.starts, **values}.items():
             owner, variable = owned(title, parts, "value", name, single=self.single)
             starts[owner][variable] = value
         functions = input_functions(title, parts, self.inputs, single=self.single)
-        settings = SimulationSettings(times=self._instants(), tolerance=self.tolerance, record=record, inputs=functions)
+        settings = SimulationSettings(
+            times=self._integration_times(), tolerance=self.tolerance, record=record, inputs=functions
+        )
         parts = {owner: replace(part, starts=valid(owner, part.fmu, starts[owner])) for owner, part in parts.items()}
         return performed(checked(title, parts, self.system.connections, settings, single=self.single))
 
@@ -131,25 +133,27 @@ class FmuMotion:
         return FmuEquations(part.fmu.path, starts, inputs=self.inputs, outputs=self.signals, time=self.start_time)
 
     def _values_by_name(self, values: Floats) -> dict[str, float]:
-        """Values by name."""
+        """Values as a dictionary by their names."""
         return dict(zip(self.names, values.tolist(), strict=True))
 
-    def _instants(self) -> Floats:
-        """Start, recorded times, and ends of polynomials between them [s]."""
+    def _integration_times(self) -> Floats:
+        """Start, recorded times, and breaks of the inputs' polynomials between them [s]."""
         ends = [x for polynomial in self.inputs.values() for x in polynomial.x]
         asked = np.array([self.start_time, *self.times])
         apart = [t for t in ends if np.abs(asked - t).min() > _ROUNDING * abs(t)]
         points = np.unique([*asked, *apart])
         return points[(self.start_time <= points) & (points <= self.times[-1])]
 
-    def _evaluated(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats]:
-        """Signals, and their derivatives by the values."""
+    def _signals_and_derivatives(self, values: ArrayLike, *, derive: bool = True) -> tuple[Floats, Floats]:
+        """Signals, and their derivatives by the values unless these are not asked for."""
         numbers = np.asarray(values, dtype=float)
         changes = np.diag(np.where(numbers == 0, 1.0, np.abs(numbers)))[: len(numbers) * derive]
-        return (self._by_runs if self.method == "differences" else self._by_equations)(numbers, changes)
+        return (self._runs_and_differences if self.method == "differences" else self._variational_solution)(
+            numbers, changes
+        )
 
-    def _by_runs(self, values: Floats, changes: Floats) -> tuple[Floats, Floats]:
-        """Signals, and differences of runs; not-a-number where an event lies between the runs."""
+    def _runs_and_differences(self, values: Floats, changes: Floats) -> tuple[Floats, Floats]:
+        """Signals, and their derivatives by differences of runs; not-a-number where an event lies between the runs."""
         discrete = self._discrete_variables()
 
         def run(values: Floats) -> Floats:
@@ -217,7 +221,7 @@ class FmuMotion:
         listed_times = ", ".join(f"{time:g}" for time in times[:3]) + more
         logger.warning("%s: derivatives are not-a-number at t = %s s: %s", self.name, listed_times, text)
 
-    def _by_equations(self, values: Floats, changes: Floats) -> tuple[Floats, Floats]:
+    def _variational_solution(self, values: Floats, changes: Floats) -> tuple[Floats, Floats]:
         """Signals, and their derivatives from the variational equations."""
         with ExitStack() as stack:
             equations = stack.enter_context(self.equations(values))
@@ -254,7 +258,7 @@ class FmuMotion:
 
             z, recorded = np.transpose([equations.x, *by_values(lambda fmu: fmu.x)]), {}
             tolerances = {"rtol": self.tolerance, "atol": self.tolerance * equations.sizes.min()}
-            for begin, end in pairwise([self.start_time, *self._instants().tolist()]):
+            for begin, end in pairwise([self.start_time, *self._integration_times().tolist()]):
                 if begin < end:
                     moving, span = partial(rates, end=end), (begin, end)
                     states_on_way = integrate(self.name, moving, z.ravel(), span, **tolerances, error=SimulationError)
@@ -319,10 +323,10 @@ def input_functions(
     for name, polynomial in polynomials.items():
         owner, variable = owned(title, parts, "input", name, single=single)
         is_port = Port(parts[owner], variable).triple() is not None
-        functions[name] = partial(_triple, polynomial) if is_port else polynomial
+        functions[name] = partial(_value_and_rates, polynomial) if is_port else polynomial
     return functions
 
 
-def _triple(polynomial: PPoly, t: float) -> tuple[Any, ...]:
-    """Value, rate and acceleration of a polynomial."""
+def _value_and_rates(polynomial: PPoly, t: float) -> tuple[Any, ...]:
+    """Value, rate and acceleration of a polynomial at a time [s]."""
     return tuple(polynomial(t, order) for order in range(3))

@@ -78,7 +78,7 @@ def motion_of(
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
     values: dict[str, float] = {}
     for name, value in {**own_values, **named("start_values", start_values or {})}.items():
-        elements = _elements(model, name, variables)
+        elements = _variables_of(model, name, variables)
         if isinstance(value, OperatorFmu):
             raise SimulationError(f"{name}: name its operator in operators={{{name!r}: {value.fmu.stem!r}}}")
         array = numbers(name, value)
@@ -89,7 +89,7 @@ def motion_of(
         if not (np.isfinite(value) and variables[name].allows(value)):
             domain = variables[name].domain() or "finite"
             raise SimulationError(f"{model.name}: {name} = {value:g}: must be {domain}")
-    names = dict.fromkeys(element for name in listed("by", by) for element in _elements(model, name, variables))
+    names = dict.fromkeys(element for name in listed("by", by) for element in _variables_of(model, name, variables))
     shared = [name for name in values if name not in names]
 
     outputs = {variable.name: variable for variable in model.outputs}
@@ -106,9 +106,12 @@ def motion_of(
     )
     breaks = np.unique([x for polynomial in driven.values() for x in polynomial.x] or [start_time])
     columns = [np.full(len(breaks), number) for number in (*(values[name] for name in shared), start_time)]
-    columns += [breaks, *(_coefficients(polynomial, breaks) for polynomial in driven.values())]
+    columns += [breaks, *(_interval_coefficients(polynomial, breaks) for polynomial in driven.values())]
     table = np.ascontiguousarray(np.column_stack(columns))
-    sides = ([_coefficients(p, np.nextafter(breaks, end))[:, :2] for end in (-np.inf, np.inf)] for p in driven.values())
+    sides = (
+        [_interval_coefficients(p, np.nextafter(breaks, end))[:, :2] for end in (-np.inf, np.inf)]
+        for p in driven.values()
+    )
     jumped = [np.abs(after - before) > ROUNDING_OF_INPUTS * (1 + np.abs(before)) for before, after in sides]
     jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
     own = {name: variables[name] for name in names}
@@ -160,7 +163,7 @@ def _element_names(name: str, names: Iterable[str]) -> list[str]:
     return [element for element in names if element != name and split(element)[0] == name] or [name]
 
 
-def _elements(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
+def _variables_of(model: Model, name: str, variables: Mapping[str, Variable]) -> list[str]:
     """Names of the variables that a name stands for: itself, or the elements of an array.
 
     :raises ComponentError: if there are none.
@@ -187,7 +190,7 @@ def _refuse_inputs(model: Model, driven: Mapping[str, Any], moving: Mapping[str,
             raise SimulationError(f"inputs: {name} = {polynomial!r}: give a PPoly of degree {DEGREE} at most")
 
 
-def _coefficients(polynomial: PPoly, breaks: Floats) -> Floats:
+def _interval_coefficients(polynomial: PPoly, breaks: Floats) -> Floats:
     """Coefficients of the polynomial in the time since each break, (breaks, DEGREE + 1), the constant ones first."""
     factors = np.cumprod([1.0, *range(1, DEGREE + 1)])
     rows = [polynomial(breaks, order) if order < len(polynomial.c) else 0 * breaks for order in range(DEGREE + 1)]

@@ -17,7 +17,7 @@ import numpy as np
 from liaisons.errors import BuildError
 from liaisons.expressions.algebra import stack
 from liaisons.fmu.dependencies import coupled_count, shown_states
-from liaisons.fmu.description import sources
+from liaisons.fmu.description import source_names
 from liaisons.fmu.functions import DIFFERENTIATED, function_code, function_definition
 from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_index, scalar_count
@@ -26,7 +26,7 @@ from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
 from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
-from liaisons.mechanics.unilateral import operators_of
+from liaisons.mechanics.unilateral import impulsive_operators
 
 _FMI_HEADERS = {
     "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -52,7 +52,7 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
-    model_c, *c_files = sources(fmi)
+    model_c, *c_files = source_names(fmi)
     files = (*_HEADERS, *["knots.h"] * bool(model.table), *c_files)
     return {
         "buildDescription.xml": _build_description(model, fmi),
@@ -66,8 +66,8 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     """Return ``model.c``: the functions of the model, then the tables that core.h declares."""
     adjoint = fmi == "3"
     loops = loop_functions(model.programs, coupled_count(model), adjoint=adjoint) if model.programs else {}
-    rates = [] if loops else _rates(model)
-    members = _members(model, adjoint=adjoint)
+    rates = [] if loops else _rate_functions(model)
+    members = _model_functions(model, adjoint=adjoint)
     row_functions = _row_functions(model, members, rates)
     if model.table and model.table.has_events:
         del members["instants"], members["draw"]
@@ -78,7 +78,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     motions = [[function.name() for function in pair] for pair in rates] or [_MOTION] * len(_ACTIVITIES)
     most = _MOST_WITH_TABLE if model.table else _MOST
     fields = {
-        **_fields(model, guid),
+        **_struct_members(model, guid),
         **({} if arrays else {"by_number": 1}),
         "coupled": rates[-1][1].numel_out(0) if rates else coupled_count(model),
         "most_arguments": max([most, *(function.sz_arg() for function in functions)]),
@@ -97,7 +97,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             "#include <math.h>",
             "",
             '#include "core.h"',
-            *_table_sizes(model),
+            *_table_declarations(model),
             "",
             "#ifdef __GNUC__",
             '#pragma GCC diagnostic ignored "-Wunused-parameter"',
@@ -114,10 +114,13 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     )
 
 
-def _members(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
+def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Return the functions that are not generated as loops, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
-    functions |= {"outputs_function": _outputs(model), "contact": model.contact and _with_one_result(model.contact)}
+    functions |= {
+        "outputs_function": _output_function(model),
+        "contact": model.contact and _with_one_result(model.contact),
+    }
     functions["draw"] = (model.table and model.table.draw) or model.draw
     loops = {program.name for program in model.programs}
     members = {
@@ -137,7 +140,7 @@ def _with_one_result(function: ca.Function) -> ca.Function:
     return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
 
 
-def _outputs(model: Model) -> ca.Function:
+def _output_function(model: Model) -> ca.Function:
     """Return (t, y, u, k, m) → z; of a table with the two rows of each lookup in place of k."""
     return model.outputs_function if model.table is None else model.table.outputs_function
 
@@ -173,7 +176,7 @@ def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> lis
     return [line for name, statement in statements.items() for line in function_definition(name, [statement])]
 
 
-def _table_sizes(model: Model) -> list[str]:
+def _table_declarations(model: Model) -> list[str]:
     """Return C declarations of the sizes of a table, and the inclusion of knots.h."""
     if model.table is None:
         return []
@@ -194,8 +197,8 @@ def _table_sizes(model: Model) -> list[str]:
 # ---- derivatives -----------------------------------------------------------------------------------------------
 
 
-def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
-    """Return the rates of all states, and of the coupled ones only, for each of :data:`_ACTIVITIES`.
+def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
+    """Return functions of the rates, of all states and of the coupled ones, for each of :data:`_ACTIVITIES`.
 
     Without the terms of inputs that are 0 then.  Of maps they are all one.
     """
@@ -225,7 +228,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 
 def _effects_of_inputs(model: Model) -> dict[str, int]:
-    """Return what each input acts on where it is not 0: a bit set of _LOADS and _MOVES, by name."""
+    """Return by name what an input acts on where it is not 0, as bits of _LOADS and _MOVES."""
     effects = {variable.name: _LOADS for variable in model.inputs}
     for coordinate in model.active:
         effects |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}
@@ -251,7 +254,9 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
         )
         (derivatives,) = (ca.forward if forward else ca.reverse)(results, arguments, [seeds])
         vectors = signature.results if forward else argument_vectors
-        dense = [_densified(x, _variable_sizes(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)]
+        dense = [
+            _dense_blocks(x, _variable_sizes(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)
+        ]
         # What maps share is shared already, and cse is slow on them.
         dense = list(ca.cse(dense)) if all(isinstance(x, ca.SX) for x in dense) else dense
         title = f"{signature.member}_{direction}"
@@ -259,7 +264,7 @@ def _directional_derivatives(model: Model, direction: str) -> dict[str, ca.Funct
     return functions
 
 
-def _densified(vector: Any, counts: Sequence[int]) -> Any:
+def _dense_blocks(vector: Any, counts: Sequence[int]) -> Any:
     """Return the vector with its zeros; block by block, because CasADi tabulates all indices of a mixed one."""
     if vector.is_dense() or len(counts) < 2:
         return ca.densify(vector)
@@ -277,7 +282,7 @@ def _variable_sizes(model: Model, vector: str) -> list[int]:
 # ---- tables: one row a variable, however many numbers it holds --------------------------------------------------
 
 
-def _fields(model: Model, guid: str) -> dict[str, object]:
+def _struct_members(model: Model, guid: str) -> dict[str, object]:
     """Return the members of the struct ``Model``: texts, numbers and names of tables."""
     tables = ("variables", "starts", "active", "state", "dimensions", "condition_texts")
     return {
@@ -301,17 +306,17 @@ def _fields(model: Model, guid: str) -> dict[str, object]:
         **({"columns": model.table.columns} if model.table else {}),
         **({"drawn": scalar_count(model.drawn)} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
-        **(_contact_fields(model, model.contact) if model.contact else {}),
+        **(_contact_members(model, model.contact) if model.contact else {}),
     }
 
 
-def _contact_fields(model: Model, contact: ca.Function) -> dict[str, object]:
+def _contact_members(model: Model, contact: ca.Function) -> dict[str, object]:
     """Return the members of the struct ``Model`` that contacts need."""
     gaps = sum(not contact.friction for contact in model.contacts)
     counts = {
         "gaps": gaps,
         "frictions": len(model.contacts) - gaps,
-        "operators": len(operators_of(model)),
+        "operators": len(impulsive_operators(model)),
     }
     counts["indicators"] = len(model.contacts)
     starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
@@ -351,7 +356,7 @@ def _contact_arrays(model: Model) -> list[str]:
     return [
         *_c_array("Gap", "gap", gap_rows),
         *_c_array("DryFriction", "friction", friction_rows),
-        *_c_array("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in operators_of(model)]),
+        *_c_array("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in impulsive_operators(model)]),
         *_c_array("size_t", "indicator", [str(first + index[name]) for name in model.flat().indicators]),
     ]
 
@@ -366,7 +371,7 @@ def _c_arrays(model: Model) -> list[str]:
         mismatch = mismatch_index(model, a)
         active.append(_initializer(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
     return [
-        *_c_array("Variable", "variables", _variables(model)),
+        *_c_array("Variable", "variables", _variable_initializers(model)),
         *_c_array(
             "Start", "starts", [_initializer(index, _c_number(value)) for index, value in _differing_starts(model)]
         ),
@@ -386,7 +391,7 @@ def _c_array(kind: str, name: str, rows: Sequence[str]) -> list[str]:
     return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
 
 
-def _variables(model: Model) -> list[str]:
+def _variable_initializers(model: Model) -> list[str]:
     """Return a C initializer for each variable."""
     variables = (*model.variables, TIME)
     indices, states, activities = index_ranges(variables), index_ranges(shown_states(model)), _effects_of_inputs(model)
@@ -459,7 +464,7 @@ def _fmi_header(name: str) -> bytes:
 
 def _build_description(model: Model, fmi: Fmi) -> bytes:
     """Return buildDescription.xml."""
-    files = (line for name in sources(fmi) for line in element("SourceFile", {"name": name}))
+    files = (line for name in source_names(fmi) for line in element("SourceFile", {"name": name}))
     inside = [*element("SourceFileSet", {"language": "C99"}, files), *element("Library", {"name": "m"})]
     configuration = element("BuildConfiguration", {"modelIdentifier": model.name}, inside)
     # FMI 2.0 took the file over without a version of its own.

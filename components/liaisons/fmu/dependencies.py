@@ -28,19 +28,19 @@ _LINKS = 12
 
 def running_dependencies(model: Model) -> Pattern:
     """Return which outputs depend on which of time, states, inputs and parameters."""
-    m = _shortened(model)
+    m = _with_few_links(model)
     groups = {0: (TIME,), 1: shown_states(m), 2: m.inputs, 3: m.parameters}
     return _variable_pattern(m.outputs_function, m.outputs, groups)
 
 
 def initial_dependencies(model: Model) -> Pattern:
     """Return which outputs depend on which of time, inputs and parameters at initialization."""
-    m = _shortened(model)
+    m = _with_few_links(model)
     return _variable_pattern(initial_outputs(m), m.outputs, {0: (TIME,), 1: m.inputs, 2: m.parameters})
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
-def _shortened(model: Model) -> Model:
+def _with_few_links(model: Model) -> Model:
     """Return the model of a chain with few links; any other model, or one without arrays, itself."""
     if not (model.programs and any(variable.dimension for variable in model.outputs)):
         return model
@@ -91,7 +91,7 @@ def _variable_pattern(
 
 def coupled_count(model: Model) -> int:
     """Return how many of the first numbers of y the rates depend on; those behind are integrals along the motion."""
-    m, states = _shortened(model), shown_states(model)
+    m, states = _with_few_links(model), shown_states(model)
     columns = _variable_pattern(m.derivatives, shown_states(m), {1: shown_states(m)}).nonzero()[1]
     return scalar_count(states[: columns.max(initial=-1) + 1])
 
@@ -106,7 +106,7 @@ def states_that_jump(model: Model) -> set[str]:
     """Return names of the states that an impact or a jump of the inputs changes, such as the work."""
     if model.contacts:  # momenta and work by impacts, coordinates by rounding
         return {state.name for state in model.states if state.name.rpartition(".")[2] != "dissipated"}
-    m = _shortened(model)
+    m = _with_few_links(model)
     states = shown_states(m)
     pattern = _variable_pattern(m.jump, states, {1: states, 2: m.inputs})
     pattern[np.diag_indices(len(states))] = False

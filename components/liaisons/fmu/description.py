@@ -70,7 +70,7 @@ LOG_CATEGORIES = {
 }
 
 
-def sources(fmi: Fmi) -> tuple[str, ...]:
+def source_names(fmi: Fmi) -> tuple[str, ...]:
     """Return the names of the C files that make up a binary."""
     return (*_SOURCES, f"fmi{fmi}.c")
 
@@ -82,16 +82,16 @@ def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports.
     """
     attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": str(len(model.contacts))}
-    return document(element("fmiModelDescription", attributes, _parts(model, backend)))
+    return document(element("fmiModelDescription", attributes, _root_children(model, backend)))
 
 
-def _parts(model: Model, backend: Backend) -> Iterator[str]:
-    """Yield the children of the root."""
+def _root_children(model: Model, backend: Backend) -> Iterator[str]:
+    """Yield the lines of the root's children."""
     if backend == "native":
         no_step_events = {} if model.indicators else {"completedIntegratorStepNotNeeded": "true"}
         kinds = {"ModelExchange": no_step_events | _MODEL_EXCHANGE, "CoSimulation": _CO_SIMULATION}
         for kind, capabilities in kinds.items():
-            files = chain.from_iterable(element("File", {"name": name}) for name in sources("2"))
+            files = chain.from_iterable(element("File", {"name": name}) for name in source_names("2"))
             yield from element(kind, {"modelIdentifier": model.name, **capabilities}, element("SourceFiles", {}, files))
     else:
         yield from element("CoSimulation", {"modelIdentifier": model.name, **_CO_SIMULATION_IN_PYTHON})
@@ -99,8 +99,8 @@ def _parts(model: Model, backend: Backend) -> Iterator[str]:
     if backend == "native":  # pythonfmu's wrapper gives what is fatal no category: who asks for categories misses it
         yield from log_categories()
     yield from default_experiment(model)
-    yield from element("ModelVariables", {}, _variables(model, backend))
-    yield from element("ModelStructure", {}, _structure(model))
+    yield from element("ModelVariables", {}, _model_variables(model, backend))
+    yield from element("ModelStructure", {}, _model_structure(model))
 
 
 # ---- elements of both versions of FMI --------------------------------------------------------------------------
@@ -125,10 +125,10 @@ def unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
     """Yield the units of variables, with base units and display units."""
     names = sorted({variable.unit for variable in variables} - {units.ANY})
     if names:
-        yield from element("UnitDefinitions", {}, chain.from_iterable(map(_unit, names)))
+        yield from element("UnitDefinitions", {}, chain.from_iterable(map(_unit_definition, names)))
 
 
-def _unit(name: str) -> Iterator[str]:
+def _unit_definition(name: str) -> Iterator[str]:
     """Yield the definition of a unit."""
     unit = units.parse(name)
     base = element("BaseUnit", {base: str(exponent) for base, exponent in unit.exponents})
@@ -217,7 +217,7 @@ def nominals(model: Model) -> dict[str, list[float]]:
     return {state.name: [next(usable) for _ in range(state.count)] for state in shown_states(model)}
 
 
-def unknowns(
+def model_structure_groups(
     model: Model,
     titles: Sequence[str],
     attribute: str,
@@ -226,7 +226,7 @@ def unknowns(
     running: Knowns,
     starting: Knowns,
 ) -> Iterator[list[str]]:
-    """Yield the elements of outputs, of derivatives, of unknowns at initialization, and of event indicators.
+    """Yield, group by group, the elements of outputs, derivatives, initial unknowns and event indicators.
 
     :param titles: names of the elements of each group.
     :param attribute: holds the reference of an unknown.
@@ -265,15 +265,15 @@ def unknowns(
 # ---- variables -------------------------------------------------------------------------------------------------
 
 
-def _variables(model: Model, backend: Backend) -> Iterator[str]:
+def _model_variables(model: Model, backend: Backend) -> Iterator[str]:
     """Yield the variables, arrays element by element."""
-    references_of = _references(model)
+    references_of = _value_references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model) | states_moved_along(model) if backend == "native" else set()
     references = size_references(model)
     for dimension in model.dimensions:
         attributes = size_attributes(dimension, references[dimension.name], "local", "constant")
-        yield from _scalar(attributes, "Integer", {"start": str(dimension.count)})
+        yield from _scalar_variable(attributes, "Integer", {"start": str(dimension.count)})
     for variable in model.variables:
         reinit = {"reinit": "true"} if variable.name in jumping else {}
         common = real_attributes(variable, 1.0)
@@ -283,20 +283,22 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
             real = real | start_attribute(scalar) | reinit
             if variable.derivative_of:
                 real["derivative"] = str(references_of[variable.derivative_of][i])
-            yield from _scalar(general_attributes(scalar, reference), variable.type, real)
+            yield from _scalar_variable(general_attributes(scalar, reference), variable.type, real)
     for reference, setting in settings(model, "2").items():
         if backend == "native" or setting is RECONSTRUCTION:
-            yield from _scalar(general_attributes(setting.variable, reference), "Integer", integer_attributes(setting))
+            yield from _scalar_variable(
+                general_attributes(setting.variable, reference), "Integer", integer_attributes(setting)
+            )
 
 
-def _references(model: Model) -> dict[str, range]:
+def _value_references(model: Model) -> dict[str, range]:
     """Return the value references of each variable's elements."""
     first = first_reference(model)
     ranges = index_ranges(model.variables)
     return {name: range(first + indices.start, first + indices.stop) for name, indices in ranges.items()}
 
 
-def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]) -> Iterator[str]:
+def _scalar_variable(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]) -> Iterator[str]:
     """Yield a ScalarVariable with the element of its type."""
     yield from element("ScalarVariable", attributes, element(kind, of_kind))
 
@@ -304,13 +306,15 @@ def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]
 # ---- model structure -------------------------------------------------------------------------------------------
 
 
-def _structure(model: Model) -> Iterator[str]:
-    """Yield the groups of unknowns."""
+def _model_structure(model: Model) -> Iterator[str]:
+    """Yield the groups of unknowns in ModelStructure."""
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
     states, parameters, inputs = shown_states(model), model.parameters, model.inputs
     running = (*states, *inputs), jacobian_sparsity(model.outputs_function, (1, 2)) if sparse else None
     starting = (*parameters, *inputs), jacobian_sparsity(initial_outputs(model), (2, 1)) if sparse else None
-    groups = unknowns(model, ["Unknown"] * 3, "index", _references(model), running=running, starting=starting)
+    groups = model_structure_groups(
+        model, ["Unknown"] * 3, "index", _value_references(model), running=running, starting=starting
+    )
     for title, lines in zip(("Outputs", "Derivatives", "InitialUnknowns"), groups, strict=True):
         if lines:
             yield from element(title, {}, lines)

@@ -14,13 +14,13 @@ from liaisons.fmu.description import (
     general_attributes,
     integer_attributes,
     log_categories,
+    model_structure_groups,
     nominals,
     real_attributes,
     root_attributes,
     size_attributes,
     start_attribute,
     unit_definitions,
-    unknowns,
 )
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
@@ -47,11 +47,11 @@ def model_description3(model: Model, *, token: str, arrays: bool = True) -> byte
     """
     attributes = root_attributes(model, "3.0", instantiationToken=token)
     model = model if arrays else replace(model.flat(), programs=())
-    return document(element("fmiModelDescription", attributes, _parts(model)))
+    return document(element("fmiModelDescription", attributes, _root_children(model)))
 
 
-def _parts(model: Model) -> Iterator[str]:
-    """Yield the children of the root."""
+def _root_children(model: Model) -> Iterator[str]:
+    """Yield the lines of the root's children."""
     identifier = {"modelIdentifier": model.name}
     instants = {"mightReturnEarlyFromDoStep": "true"} if model.events.numel_out(0) or model.indicators else {}
     completes = {"needsCompletedIntegratorStep": "true"} if model.indicators else {}
@@ -60,16 +60,16 @@ def _parts(model: Model) -> Iterator[str]:
     yield from unit_definitions((*model.variables, TIME))
     yield from log_categories()
     yield from default_experiment(model)
-    yield from element("ModelVariables", {}, _variables(model))
-    yield from element("ModelStructure", {}, _structure(model))
+    yield from element("ModelVariables", {}, _model_variables(model))
+    yield from element("ModelStructure", {}, _model_structure(model))
 
 
 # ---- variables -------------------------------------------------------------------------------------------------
 
 
-def _variables(model: Model) -> Iterator[str]:
+def _model_variables(model: Model) -> Iterator[str]:
     """Yield the structural sizes, the variables, the time and the settings."""
-    reference = _references(model)
+    reference = _value_references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model) | states_moved_along(model)
     reference_of_size = size_references(model)
@@ -103,7 +103,7 @@ def _dimension_attributes(size: Dimension, references: Mapping[str, int]) -> dic
     return {"valueReference": str(references[size.name])} if size.name in references else {"start": str(size.count)}
 
 
-def _references(model: Model) -> dict[str, int]:
+def _value_references(model: Model) -> dict[str, int]:
     """Return the value reference of each variable."""
     return {variable.name: i for i, variable in enumerate((*model.variables, TIME), first_reference(model))}
 
@@ -111,11 +111,11 @@ def _references(model: Model) -> dict[str, int]:
 # ---- model structure -------------------------------------------------------------------------------------------
 
 
-def _structure(model: Model) -> Iterator[str]:
-    """Yield the unknowns."""
+def _model_structure(model: Model) -> Iterator[str]:
+    """Yield the unknowns in ModelStructure."""
     running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(running_dependencies(model))
     starting = (TIME, *model.inputs, *model.parameters), csr_array(initial_dependencies(model))
     titles = ("Output", "ContinuousStateDerivative", "InitialUnknown", "EventIndicator")
-    references = {name: [reference] for name, reference in _references(model).items()}
-    groups = unknowns(model, titles, "valueReference", references, running=running, starting=starting)
+    references = {name: [reference] for name, reference in _value_references(model).items()}
+    groups = model_structure_groups(model, titles, "valueReference", references, running=running, starting=starting)
     yield from chain.from_iterable(groups)

@@ -28,13 +28,13 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
     return picture | {
         "documentation/index.html": index_page(model),
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(model, fmi),
-        "documentation/licenses/license.txt": _license(),
+        "documentation/licenses/license.txt": _licence_text(),
         **reference_members(model, trajectory(model), fmi),
     }
 
 
 @cache
-def _license() -> bytes:
+def _licence_text() -> bytes:
     """Return the licences of the parts of an FMU."""
     distribution = metadata.distribution("liaisons")
     texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]

@@ -73,7 +73,7 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
         most=_LONGEST,
         late=_STATES,
     )
-    parts = [_joined(part) for part in parts]
+    parts = [_joined_declarations(part) for part in parts]
     if len(parts) == 1:
         return function_definition(function.name(), [*clear, *parts[0]]), 0
     names = [f"{function.name()}_{i}" for i in range(len(parts))]
@@ -87,8 +87,8 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
     return lines + function_definition(function.name(), [*clear, calls, call]), space
 
 
-def _joined(lines: Iterable[str]) -> list[str]:
-    """Statements with the declarations that follow each other in one, which takes half of the text."""
+def _joined_declarations(lines: Iterable[str]) -> list[str]:
+    """Return statements with successive declarations joined in one, which takes half of the text."""
     joined: list[str] = []
     for declares, group in groupby(lines, lambda line: line.startswith(_DECLARATION)):
         if declares:

@@ -44,14 +44,14 @@ class Jumps:
     moved: NDArray[np.bool_]  # (states,) may move in a jump that has a limit
 
     @property
-    def limited(self) -> NDArray[np.bool_]:
-        """Which prescribed numbers can jump alone as the limit of a fast motion; (a,)."""
+    def have_limit(self) -> NDArray[np.bool_]:
+        """Whether each prescribed number can jump alone as the limit of a fast motion; (a,)."""
         return ~np.diag(self.mixes)
 
     @property
     def move_states(self) -> bool:
         """Whether some jump moves states."""
-        return bool(np.any(self.limited & (self.moves | self.mixes.any(axis=1))))
+        return bool(np.any(self.have_limit & (self.moves | self.mixes.any(axis=1))))
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
@@ -73,15 +73,15 @@ def jump_effects(model: Model) -> Jumps:
         resting = sample.u.copy()
         resting[[rate for rate, _ in numbers]] = 0
         for i, (rate, acceleration) in enumerate(numbers):
-            moves[i] |= sample.changes(resting, rate).any()
+            moves[i] |= sample.changed_rates(resting, rate).any()
             # Rates depend on accelerations that make constraint forces: momenta are no states of motion then.
-            mixes[i, i] |= sample.changes(sample.u, acceleration).any()
+            mixes[i, i] |= sample.changed_rates(sample.u, acceleration).any()
             for j, (second_rate, _) in enumerate(numbers[: i + 1]):
-                mixes[i, j] |= sample.changes(sample.u, rate, second_rate).any()
+                mixes[i, j] |= sample.changed_rates(sample.u, rate, second_rate).any()
                 mixes[j, i] = mixes[i, j]
     for sample in samples:
         for i in np.flatnonzero(~np.diag(mixes)):
-            moved[:size] |= sample.changes(sample.u, numbers[i][0])
+            moved[:size] |= sample.changed_rates(sample.u, numbers[i][0])
     return Jumps(moves, mixes, moved)
 
 
@@ -107,8 +107,8 @@ class _Sample:
     steps: NDArray  # of order 1, to change u by
     sizes: NDArray  # of the coupled states
 
-    def changes(self, u: NDArray, *indices: int) -> NDArray[np.bool_]:
-        """Return which rates have a term with these inputs as factors: an alternating sum exceeds rounding errors."""
+    def changed_rates(self, u: NDArray, *indices: int) -> NDArray[np.bool_]:
+        """Whether each rate has a term with these inputs as factors: an alternating sum exceeds rounding errors."""
         terms = []
         for count in range(len(indices) + 1):
             for chosen in combinations(indices, count):
@@ -127,15 +127,15 @@ def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
     for _ in range(_TRIES):
         u, k = (_random_numbers(random, variables) for variables in (model.inputs, model.parameters))
         t = float(random.uniform(0.1, 1))
-        y, memory = map(_flattened, model.start.call([t, u, k]))
+        y, memory = map(_to_array, model.start.call([t, u, k]))
         x = random.normal(size=len(model.contacts))
-        sizes = np.abs(_flattened(model.nominals.call([t, y, u, k])[0]))
+        sizes = np.abs(_to_array(model.nominals.call([t, y, u, k])[0]))
         y = y + random.normal(size=y.size) * sizes
         if model.project is not None:
-            y = _flattened(model.project.call([t, y, u, k])[0])
+            y = _to_array(model.project.call([t, y, u, k])[0])
         vectors = {"t": t, "y": y, "u": u, "k": k, "m": memory, "x": x}
-        margins = _flattened(results_of("conditions", model.conditions, vectors)[0])[:lasting]
-        rates = partial(_rates, model, vectors)
+        margins = _to_array(results_of("conditions", model.conditions, vectors)[0])[:lasting]
+        rates = partial(_state_rates, model, vectors)
         if np.all(margins > 0) and np.all(np.isfinite(np.concatenate([y, sizes, rates(u)]))):
             steps = random.uniform(0.5, 1.5, u.size)
             samples.append(_Sample(rates, u, steps, sizes[:coupled_states]))
@@ -144,10 +144,10 @@ def _valid_samples(model: Model, coupled_states: int) -> list[_Sample]:
     return samples
 
 
-def _rates(model: Model, vectors: Mapping[str, Any], u: NDArray) -> NDArray:
-    """Rates of the states, with contact forces that do not depend on the inputs."""
+def _state_rates(model: Model, vectors: Mapping[str, Any], u: NDArray) -> NDArray:
+    """Return the rates of the states, with contact forces that do not depend on the inputs."""
     name = "forced_motion" if model.contacts else "derivatives"
-    return _flattened(results_of(name, getattr(model, name), {**vectors, "u": u})[0])
+    return _to_array(results_of(name, getattr(model, name), {**vectors, "u": u})[0])
 
 
 def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]) -> NDArray:
@@ -163,6 +163,6 @@ def _random_numbers(random: np.random.Generator, variables: tuple[Variable, ...]
     return np.array(numbers)
 
 
-def _flattened(value: ca.DM) -> NDArray:
+def _to_array(value: ca.DM) -> NDArray:
     """Return a column of CasADi as an array, (n,)."""
     return np.array(value, dtype=float).ravel()

@@ -71,7 +71,7 @@ def _component_table(model: Model, guid: str) -> bytes:
         "domains": [(*allowed_range(variable), variable.domain() or "finite") for variable in settable],
         "fixed": [variable.variability == "fixed" for variable in settable],
         "never_0": [first + value for value, _, _ in active if not model.inputs[value].allows(0.0)],
-        "warnings": _warnings(model),
+        "warnings": _mismatch_warnings(model),
         "condition_texts": model.condition_texts,
         "lasting": len(model.condition_texts) - model.start_only,
         "numbers": initial_numbers(model),
@@ -80,12 +80,12 @@ def _component_table(model: Model, guid: str) -> bytes:
     return json.dumps(document, indent=1, allow_nan=False).encode()
 
 
-def _warnings(model: Model) -> list[tuple[int, list[str]]]:
+def _mismatch_warnings(model: Model) -> list[tuple[int, list[str]]]:
     """Return the index of the mismatch of each prescribed coordinate, and two texts: contradiction, jump."""
     effects = jump_effects(model)
     stay = "coordinates and momenta stay as they are" if model.project is None else _PROJECTED
     warnings = []
-    for s, limited in zip(model.active, effects.move_states & effects.limited, strict=True):
+    for s, limited in zip(model.active, effects.move_states & effects.have_limit, strict=True):
         contradiction = (
             f"{s.value}, {s.rate} and {s.acceleration} contradict each other: at t = {{t:.9g}}, after a step, "
             f"{s.value} is off by {{mismatch:.6g}} from what they said"

@@ -58,14 +58,14 @@ def allowed_range(variable: Variable) -> tuple[float, float]:
 
 def initial_numbers(model: Model) -> dict[str, list[float]]:
     """Return the numbers of a new instance, by name."""
-    inputs, zero = [_start(variable) for variable in model.inputs], [0.0]
+    inputs, zero = [_start_value(variable) for variable in model.inputs], [0.0]
     states, prescribed = zero * model.start.numel_out(0), zero * len(model.active)
     return {
         **dict.fromkeys(("t", "H", "x", "h", "earliest", "latest"), zero),
         "mode": [float(_EXTRAPOLATE)],
         "tolerance": [model.experiment.tolerance],
         "jumped": zero,
-        "k": [_start(variable) for variable in model.parameters],
+        "k": [_start_value(variable) for variable in model.parameters],
         "given": inputs,
         "z": zero * len(model.outputs),
         "drawn": zero * len(model.drawn),
@@ -79,7 +79,8 @@ def initial_numbers(model: Model) -> dict[str, list[float]]:
     }
 
 
-def _start(variable: Variable) -> float:
+def _start_value(variable: Variable) -> float:
+    """Return the start value of the first element of a variable."""
     return float(variable.starts[0])
 
 
@@ -180,7 +181,7 @@ def _mismatch_and_jump(
     n: SimpleNamespace,
     active: list[list[int]],
 ) -> dict[str, ca.MX]:
-    """Return how σ differs from its rates over the last step, or the next one if inputs are interpolated."""
+    """Return expressions of how σ differs from its rates over a step, and of the jump that follows."""
     if not active:
         return {"target": n.given}
     values, rates, accelerations = map(list, zip(*active, strict=True))

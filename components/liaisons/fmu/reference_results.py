@@ -64,15 +64,16 @@ class Trajectory:
     values: NDArray
 
     @cached_property
-    def _outputs(self) -> dict[str, range]:
+    def _output_ranges(self) -> dict[str, range]:
+        """Indices of each output's elements, by name."""
         return index_ranges(self.model.outputs)
 
     def __contains__(self, name: str) -> bool:
-        return name in self._outputs
+        return name in self._output_ranges
 
     def __getitem__(self, name: str) -> NDArray:
         """Values of an output, shape (n, count)."""
-        return self.values[:, self._outputs[name]]
+        return self.values[:, self._output_ranges[name]]
 
 
 class _GivenUpError(Exception):
@@ -206,7 +207,7 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
         if inputs:
             table = _csv_table(results.times, inputs, fmi)
             add("text/csv", f"{model.name}_in.csv", "testcase", "Inputs of the reference results", table)
-        shown = {v: _rounded(results[v.name]) for v in columns(model)}
+        shown = {v: _rounded(results[v.name]) for v in table_variables(model)}
         about = "Results of the default experiment, integrated independently of the FMU"
         add("text/csv", f"{model.name}_out.csv", "result", about, _csv_table(results.times, shown, fmi))
         own = [f"parameters of {model.name}.ssv"] * bool(starts) + [f"inputs of {model.name}_in.csv"] * bool(inputs)
@@ -238,7 +239,7 @@ def _parameter_set(starts: Mapping[str, float]) -> bytes:
     return document(element("ssv:ParameterSet", attributes, element("ssv:Parameters", {}, parameters)))
 
 
-def columns(model: Model) -> list[Variable]:
+def table_variables(model: Model) -> list[Variable]:
     """Return the variables in the table: states, energy, operators' forces, signals; no long arrays."""
     states = [state.name for state in model.states if state.name not in _BOOKED]
     forces = [f"{active.value}_force" for active in model.active]

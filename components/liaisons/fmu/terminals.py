@@ -34,10 +34,10 @@ _TEXTS = {
 def terminals_and_icons(model: Model, fmi: Fmi) -> bytes:
     """Return terminalsAndIcons.xml, the same bytes for the same arguments."""
     ports = model.ports if fmi == "3" else tuple(_scalar_ports(model))
-    return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _root_content(ports)))
+    return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _root_children(ports)))
 
 
-def _root_content(ports: tuple[Terminal, ...]) -> Iterator[str]:
+def _root_children(ports: tuple[Terminal, ...]) -> Iterator[str]:
     """Yield the children of the root: the place of the icon, and the terminals."""
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     graphics = [

@@ -1,6 +1,6 @@
 """Estimates of parameters from measurements, with covariances and the verdicts that verify them."""
 
 from liaisons.identification.fits import Fit
-from liaisons.identification.identifying import identified, identify
+from liaisons.identification.identifying import identify, identify_from_file
 
-__all__ = ["Fit", "identified", "identify"]
+__all__ = ["Fit", "identify", "identify_from_file"]

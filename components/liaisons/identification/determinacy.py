@@ -55,13 +55,13 @@ class NullSpace:
 
     @property
     def undetermined(self) -> NDArray[np.bool_]:
-        """Which unknowns take part in a null direction, shape (unknowns,)."""
+        """Whether each unknown takes part in a null direction, shape (unknowns,)."""
         return np.linalg.norm(self.directions, axis=1) > _INVOLVED
 
     @property
     def dependent(self) -> list[int]:
         """Indices of the unknowns that have to be held to determine all others: the last ones possible."""
-        return _independent(self.directions)
+        return _last_basis(self.directions)
 
 
 def _scales(values: Floats) -> Floats:
@@ -77,29 +77,37 @@ def sentences(null_space: NullSpace, nearby: NullSpace, names: Sequence[str], me
     :param measured: names of the signals.
     """
     linked: Any = connected_components(np.abs(null_space.directions @ null_space.directions.T) > _INVOLVED)
-    blocks, signals = linked[1], _joined(measured)
+    blocks, signals = linked[1], _list_text(measured)
     absent: list[str] = []
     for block in dict.fromkeys(blocks[null_space.undetermined]):
         members = np.flatnonzero(blocks == block).tolist()
         own = [names[i] for i in members]
-        combinations = _combinations(null_space, nearby, members, own)
+        combinations = _determined_combinations(null_space, nearby, members, own)
         if combinations:
             verb = "are" if "combinations" in combinations[0] or len(combinations) > 1 else "is"
-            yield f"of {_joined(own)} only {_joined(combinations)} {verb} determined by {signals}"
+            yield f"of {_list_text(own)} only {_list_text(combinations)} {verb} determined by {signals}"
         else:
             absent += own
     if absent:
-        yield f"{_joined(absent)}: not determined at all by {signals}"
+        yield f"{_list_text(absent)}: not determined at all by {signals}"
 
 
-def _combinations(null_space: NullSpace, nearby: NullSpace, members: list[int], names: list[str]) -> list[str]:
-    """Determined combinations of some unknowns: products, else sums, else their number."""
-    for written in (_product, _sum):
+def _determined_combinations(
+    null_space: NullSpace, nearby: NullSpace, members: list[int], names: list[str]
+) -> list[str]:
+    """Combinations that are determined, of some unknowns, as texts: products, else sums, else their number."""
+    for written in (_product_text, _sum_text):
         rows = [
-            _integer_rows(space.directions[members] * (_scales(space.values)[members, None] if written is _sum else 1))
+            _integer_rows(
+                space.directions[members] * (_scales(space.values)[members, None] if written is _sum_text else 1)
+            )
             for space in (null_space, nearby)
         ]
-        if None not in rows and rows[0] == rows[1] and (written is _sum or (null_space.values[members] != 0).all()):
+        if (
+            None not in rows
+            and rows[0] == rows[1]
+            and (written is _sum_text or (null_space.values[members] != 0).all())
+        ):
             return [written(row, names) for row in rows[0] or []]
     count = len(members) - np.linalg.matrix_rank(null_space.directions[members], tol=_INVOLVED)
     return [f"{count} combination{'s' if count > 1 else ''} near these values"] if count else []
@@ -109,7 +117,7 @@ def _integer_rows(directions: Floats) -> list[tuple[int, ...]] | None:
     """Integer exponents orthogonal to the null directions; None unless there are small ones."""
     basis = null_space(directions.T, rcond=_INVOLVED)
     rows = []
-    for row in (basis @ np.linalg.inv(basis[_independent(basis)])).T.tolist():
+    for row in (basis @ np.linalg.inv(basis[_last_basis(basis)])).T.tolist():
         fractions = [Fraction(x).limit_denominator(_LARGEST_EXPONENT) for x in row]
         common = math.lcm(*(fraction.denominator for fraction in fractions))
         whole = [int(fraction * common) for fraction in fractions]
@@ -124,7 +132,7 @@ def _integer_rows(directions: Floats) -> list[tuple[int, ...]] | None:
     return rows
 
 
-def _independent(rows: Floats) -> list[int]:
+def _last_basis(rows: Floats) -> list[int]:
     """Indices of the last rows that form a basis of all rows."""
     chosen: list[int] = []
     for i in reversed(range(len(rows))):
@@ -133,7 +141,7 @@ def _independent(rows: Floats) -> list[int]:
     return sorted(chosen)
 
 
-def _product(exponents: tuple[int, ...], names: list[str]) -> str:
+def _product_text(exponents: tuple[int, ...], names: list[str]) -> str:
     """Text of a product of powers: ``"gravity/length"``."""
 
     def factors(sign: int) -> list[str]:
@@ -149,7 +157,7 @@ def _product(exponents: tuple[int, ...], names: list[str]) -> str:
     return "*".join(top) + (f"/{below}" if len(bottom) == 1 else f"/({below})" if bottom else "")
 
 
-def _sum(weights: tuple[int, ...], names: list[str]) -> str:
+def _sum_text(weights: tuple[int, ...], names: list[str]) -> str:
     """Text of a weighted sum: ``"x_0 - 2*offset"``."""
     terms = [
         ("-" if n < 0 else "+", name if abs(n) == 1 else f"{abs(n)}*{name}")
@@ -160,6 +168,6 @@ def _sum(weights: tuple[int, ...], names: list[str]) -> str:
     return first[1] + "".join(f" {sign} {text}" for sign, text in rest)
 
 
-def _joined(words: Sequence[str]) -> str:
+def _list_text(words: Sequence[str]) -> str:
     """Text of a list: ``"a, b and c"``."""
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]])) if words else ""

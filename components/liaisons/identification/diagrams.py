@@ -57,7 +57,7 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
         own = [(e, table, row) for e, table in tables for row in e.measurements.signals if name in {row, split(row)[0]}]
         for i, (experiment, table, row) in enumerate(own):
             color, times = f"C{i}", table.time
-            dense, curve, low, high = _curve(fit.estimate, experiment, row)
+            dense, curve, low, high = _fitted_curve(fit.estimate, experiment, row)
             above.fill_between(dense, low, high, color=color, alpha=0.2)
             above.plot(dense, curve, color=color)
             label = f"{row}, {Path(experiment.measurements.title).name}"
@@ -67,7 +67,7 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
         above.set_ylabel(f"{name} [{units[name]}]")
         above.legend(frameon=False, fontsize="small")
         below.set(xlabel="time [s]", ylabel=f"residual [{units[name]}]")
-    return _saved(figure, path)
+    return _save_figure(figure, path)
 
 
 def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path: Path | str | None = None) -> Figure:
@@ -94,7 +94,7 @@ def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path
     labels = [f"{problem.names[i]} [{problem.units[i]}]" for i in pair]
     diagram.set(xlabel=labels[0], ylabel=labels[1])
     diagram.legend(frameon=False)
-    return _saved(figure, path)
+    return _save_figure(figure, path)
 
 
 def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float | None = None) -> float:
@@ -141,7 +141,9 @@ def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
     return tables
 
 
-def _curve(estimate: ParameterEstimate, experiment: MeasuredMotion, name: str) -> tuple[Floats, Floats, Floats, Floats]:
+def _fitted_curve(
+    estimate: ParameterEstimate, experiment: MeasuredMotion, name: str
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Times, fitted values, and both ends of the confidence band."""
     data = experiment.measurements
     row = data.signals.index(name)
@@ -153,8 +155,8 @@ def _curve(estimate: ParameterEstimate, experiment: MeasuredMotion, name: str) -
     return times, signals[row], signals[row] - half, signals[row] + half
 
 
-def _saved(figure: Figure, path: Path | str | None) -> Figure:
-    """The figure, which is saved if there is a path."""
+def _save_figure(figure: Figure, path: Path | str | None) -> Figure:
+    """Save a figure if there is a path, and return the figure."""
     if path is not None:
         save(figure, as_path("path", path))
     return figure

@@ -13,7 +13,7 @@ from scipy.stats import norm, t
 
 from liaisons.errors import LiaisonsError
 from liaisons.identification.determinacy import NullSpace, sentences
-from liaisons.identification.minimising import Minimum, influence, minimise
+from liaisons.identification.minimising import Minimum, loss_derivatives, minimise
 from liaisons.identification.problems import FittingProblem, Floats, Objective
 
 _SECOND_POINT_DISTANCE = 0.02
@@ -76,7 +76,7 @@ class ParameterEstimate:
         if not self.has_noise_estimate:
             return covariance
         residuals, derivatives = self.linearization
-        slope, curvature = influence(self.objective.loss, residuals)
+        slope, curvature = loss_derivatives(self.objective.loss, residuals)
         scale = np.linalg.norm(derivatives[:, own], axis=0)
         Q, R = np.linalg.qr(derivatives[:, own] / scale)  # JᵀJ would lose half of the digits
         root = np.linalg.inv(R) / scale[:, None]
@@ -134,7 +134,7 @@ class ParameterEstimate:
 
     @property
     def has_noise_estimate(self) -> bool:
-        """Whether the noise is an argument, or residuals are left to estimate it from."""
+        """Whether the noise is an argument, or can be estimated from residuals."""
         return self.problem.noise is not None or self.degrees_of_freedom > 0
 
     def intervals(self, probability: float) -> Floats:

@@ -20,7 +20,7 @@ from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
 from liaisons.identification.minimising import LOSSES
-from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, values_near
+from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, smoothed_values
 from liaisons.identification.searching import estimated
 from liaisons.language import Variable
 from liaisons.library import Target
@@ -116,12 +116,12 @@ def identify(
     levels = None if noise is None else tuple(noise_levels(noise, experiment) for experiment in experiments)
     limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
-    started = {p.name: output for p in model.parameters if (output := _started_output(p.name)) in outputs}
+    started = {p.name: output for p in model.parameters if (output := _output_with_start(p.name)) in outputs}
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
     for experiment, columns in zip(experiments, unknowns.columns, strict=True):
         for name, column in columns.items():
             if name in started and name not in starts and experiment.times[0] == start_time:
-                near = values_near(experiment, started[name], [0], start[[column]])
+                near = smoothed_values(experiment, started[name], [0], start[[column]])
                 start[column] = np.clip(near, *limits[:, column])[0]
     problem = FittingProblem(
         subject=subject,
@@ -149,7 +149,7 @@ def identify(
     return fit
 
 
-def identified(path: Path | str) -> Fit:
+def identify_from_file(path: Path | str) -> Fit:
     """Run :func:`liaisons.identify` with the arguments of a TOML file.
 
     ::
@@ -261,8 +261,8 @@ class _Unknowns:
             yield Prior(i, mean, deviation)
 
 
-def _started_output(name: str) -> str:
-    """Name of the output that starts at a parameter: ``"theta[1]"`` for ``"theta_0[1]"``; else empty."""
+def _output_with_start(name: str) -> str:
+    """Name of the output whose start value is a parameter: ``"theta[1]"`` for ``"theta_0[1]"``; else empty."""
     base, _ = split(name)
     return base.removesuffix("_0") + name[len(base) :] if base.endswith("_0") else ""
 

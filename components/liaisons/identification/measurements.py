@@ -88,7 +88,7 @@ def measurements(
     for one in data if isinstance(data, (list, tuple)) else [data]:
         title, columns, rows = _table(one)
         with _prefixed_errors(title):
-            values = _by_name(columns, flat, ignored, rows)
+            values = _columns_by_name(columns, flat, ignored, rows)
             times = values.pop("time", np.empty(0))
             with _prefixed_errors("column time"):
                 if times.size < 2:
@@ -103,7 +103,7 @@ def measurements(
             for name in signals:
                 if np.isnan(values[name]).all():
                     raise ValueError(f"column {name}: all values are missing")
-            inputs = dict(_inputs(flat, times, values, unknown, smoothing, rows))
+            inputs = dict(_driven_inputs(flat, times, values, unknown, smoothing, rows))
         experiments.append(Measurements(times, signals, np.array([values[name] for name in signals]), inputs, title))
     return tuple(experiments)
 
@@ -136,13 +136,13 @@ def _prefixed_errors(label: str) -> Iterator[None]:
 
 
 def _refuse_rows(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
-    """Raise an error that names the first wrong row."""
+    """Raise an error that names the first of the rows that are marked as wrong."""
     if wrong.any():
         raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
 
 
-def _number(cell: object, row: str) -> float:
-    """The number in a cell; not-a-number for an empty one."""
+def _cell_number(cell: object, row: str) -> float:
+    """Number in a cell; not-a-number for an empty one."""
     try:
         return float(str(cell) or "nan")
     except ValueError as error:
@@ -154,8 +154,8 @@ def _is_among(name: str, chosen: Iterable[str]) -> bool:
     return not {name, split(name)[0]}.isdisjoint(chosen)
 
 
-def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
-    """``time`` and the columns of variables by name, in SI units."""
+def _columns_by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
+    """Times and columns of variables by name, in SI units."""
     units = {"time": "s"} | {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
     values: dict[str, Floats] = {}
     for heading, below, cells in columns:
@@ -168,13 +168,13 @@ def _by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequ
             if name in values or name not in units:
                 words = "is there twice" if name in values else f"is no variable{suggestion(name, units)}"
                 raise ValueError(f"it {words}; ignore=[...] leaves columns out")
-            numbers = np.array([_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
+            numbers = np.array([_cell_number(cell, row) for cell, row in zip(cells, rows, strict=True)])
             _refuse_rows(np.isinf(numbers), rows, "finite numbers only")
             values[name] = numbers * (in_si(unit, units[name]) if unit and units[name] else 1.0)
     return values
 
 
-def _inputs(  # noqa: PLR0917
+def _driven_inputs(  # noqa: PLR0917
     model: Model,
     times: Floats,
     values: Mapping[str, Floats],

@@ -18,7 +18,7 @@ _COST_ROUNDING = 1e-14
 """Relative rounding error of the cost; a predicted decrease below it ends the search."""
 
 
-def _huber(z: Floats) -> Floats:
+def _huber_loss(z: Floats) -> Floats:
     """Huber's loss of squared residuals, its first and its second derivative."""
     outside = np.maximum(z, 1)
     return np.where(
@@ -29,7 +29,7 @@ def _huber(z: Floats) -> Floats:
 LOSSES: Mapping[str, Callable[[Floats], Floats]] = {
     "linear": lambda z: np.array([z, np.ones_like(z), np.zeros_like(z)]),
     "soft_l1": lambda z: np.array([2 * ((1 + z) ** 0.5 - 1), (1 + z) ** -0.5, -((1 + z) ** -1.5) / 2]),
-    "huber": _huber,
+    "huber": _huber_loss,
     "cauchy": lambda z: np.array([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2]),
 }
 """Name -> function of squared residuals that returns the loss, its first and its second derivative."""
@@ -88,7 +88,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         """Derivatives of the residuals; end the search where the cost can only fall by rounding, or at the deadline."""
         values = all_values(unknowns)
         residuals, derivatives = objective(values)
-        gradient, curvature = influence(objective.loss, residuals)
+        gradient, curvature = loss_derivatives(objective.loss, residuals)
         weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
         lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
         least = cost(residuals)
@@ -119,7 +119,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
     return Minimum(all_values(solution.x), float(solution.cost), message)
 
 
-def influence(loss: str, residuals: Floats) -> tuple[Floats, Floats]:
+def loss_derivatives(loss: str, residuals: Floats) -> tuple[Floats, Floats]:
     """First and second derivative of half the loss by the residual."""
     squares = residuals**2
     _, slope, curvature = LOSSES[loss](squares)

@@ -41,7 +41,7 @@ class MeasuredMotion:
     deviations: Floats
 
     def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
+        """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
         values, motion = unknowns[list(self.columns)], self.motion
         if self.offset is not None:
             motion = motion.at(self.measurements.times + unknowns[self.offset])
@@ -126,7 +126,7 @@ class Objective:
         return residuals + self.shift, derivatives
 
     def rounded(self, unknowns: Floats) -> Floats:
-        """The unknowns; those that are negligible beside their start values become 0."""
+        """Unknowns with those that are negligible beside their start values replaced by 0."""
         typical = np.where(self.start == 0, 1.0, np.abs(self.start))
         return np.where(np.abs(unknowns) < _NEGLIGIBLE * typical, 0.0, unknowns)
 
@@ -218,8 +218,8 @@ class FittingProblem:
         )
         return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
 
-    def segments(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
-        """The objective of multiple shooting: segments with start values of their own, joined by links.
+    def multiple_shooting(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
+        """Objective of multiple shooting, segments with start values of their own and links, and its first unknowns.
 
         :returns: objective, and its unknowns: start values of all segments but the first are appended.  A time offset
             is constant.
@@ -235,7 +235,7 @@ class FittingProblem:
             rows = tuple(record.index(output) for output in self.starts.values())
             whole = self._measured_motion(data, own, unknowns, level, record=record).forward(unknowns)[0]
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
-            states = np.array([values_near(data, record[row], edges, whole[row, edges]) for row in rows])
+            states = np.array([smoothed_values(data, record[row], edges, whole[row, edges]) for row in rows])
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):
                 if start in own and data.times[0] == self.start_time:
@@ -261,7 +261,7 @@ class FittingProblem:
         return objective, values
 
 
-def values_near(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
+def smoothed_values(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
     """Values of an output or its rate at some times, from parabolas fitted to measurements nearby.
 
     :param edges: indices of the times.

@@ -32,7 +32,7 @@ _DEVIATION_PER_MEDIAN = 1.4826
 
 
 def estimated(problem: FittingProblem, segments: int | None = None) -> ParameterEstimate:
-    """The best estimate of the unknowns.
+    """Search for the estimate: the unknowns that minimise the objective.
 
     :param segments: of multiple shooting; 1: single shooting; None: single shooting, then multiple shooting with more
         and more segments until residuals are near the noise.
@@ -52,11 +52,11 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
             continue
         if best is None or minimum.cost < best.cost:
             best = minimum
-        if not _is_poor(objective, best):
+        if not _is_far_above_noise(objective, best):
             break
     if best is None:
         raise failure or AssertionError
-    estimate = _refined(problem, best, levels)
+    estimate = _estimate_with_residual_noise(problem, best, levels)
     return replace(  # to verify it takes time of its own
         estimate,
         problem=replace(problem, deadline=math.inf),
@@ -76,14 +76,14 @@ def _initial_noise(problem: FittingProblem) -> tuple[Floats, ...]:
     return tuple(np.array([levels[name] for name in data.signals]) for data in problem.measurements)
 
 
-def _is_poor(objective: Objective, minimum: Minimum) -> bool:
+def _is_far_above_noise(objective: Objective, minimum: Minimum) -> bool:
     """Whether the median residual is far above the noise."""
     return _DEVIATION_PER_MEDIAN * float(np.median(np.abs(objective(minimum.values)[0]))) > _POOR_FIT
 
 
 def _multiple_shooting(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:
     """Start values from multiple shooting, whose links are tightened step by step."""
-    objective, values = problem.segments(problem.start, levels, count)
+    objective, values = problem.multiple_shooting(problem.start, levels, count)
     held = objective.null_space(values).dependent
     for factor in _LINK_DEVIATIONS:
         links = tuple(replace(link, deviations=factor * link.deviations) for link in objective.links)
@@ -102,14 +102,16 @@ def _minimum_of_determined(objective: Objective, start: Floats) -> tuple[Minimum
         start, held = minimum.values, fewer
 
 
-def _refined(problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]) -> ParameterEstimate:
-    """The estimate with step sizes and noise of the estimate before, when neither changes any more."""
+def _estimate_with_residual_noise(
+    problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]
+) -> ParameterEstimate:
+    """Estimate repeated with its own step sizes and noise until neither changes any more."""
     rounds = 0
     while True:
         rounds += 1
         objective = problem.objective(minimum.values, levels)
         before, (minimum, held) = minimum, _minimum_of_determined(objective, minimum.values)
-        estimate = _with_unknowns_at_bounds(ParameterEstimate(problem, objective, minimum, held))
+        estimate = _moved_to_bounds(ParameterEstimate(problem, objective, minimum, held))
         scales = np.fmax(np.abs(minimum.values), estimate.standard_errors)
         settled = np.all(np.abs(minimum.values - before.values) <= _CONVERGED * scales)
         if problem.noise is None:
@@ -120,8 +122,8 @@ def _refined(problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]
             return estimate
 
 
-def _with_unknowns_at_bounds(estimate: ParameterEstimate) -> ParameterEstimate:
-    """The estimate with unknowns at a nearby bound where the cost falls towards it."""
+def _moved_to_bounds(estimate: ParameterEstimate) -> ParameterEstimate:
+    """Estimate with unknowns moved to a nearby bound where the cost falls towards it."""
     values, (low, high) = estimate.values, estimate.objective.limits
     gradient = np.einsum("r,ri->i", *estimate.linearization)
     errors = estimate.standard_errors

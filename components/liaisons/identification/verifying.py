@@ -24,7 +24,7 @@ _REPLAY_TOLERANCE = 1e-6
 
 
 def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator[Verdict]:
-    """Yield all verdicts on an estimate.
+    """Yield all verdicts on an estimate: replay, determinacy, residual tests, variances, finer steps.
 
     :param replays: results of the FMUs at the fitted values.
     """

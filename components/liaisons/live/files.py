@@ -13,7 +13,7 @@ from liaisons.base.files import replacing
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
 from liaisons.live.page import live_page
-from liaisons.results.notebook import framed
+from liaisons.results.notebook import sandboxed_frame
 
 _HEIGHT = 1040
 """Height of a page in a notebook [px]."""
@@ -36,10 +36,11 @@ class LivePage:
         return str(self.path)
 
     def _repr_html_(self) -> str:
-        return framed(self.path.read_bytes(), _HEIGHT)
+        """HTML by which a notebook displays the page."""
+        return sandboxed_frame(self.path.read_bytes(), _HEIGHT)
 
 
-def default_path(subject: Path | System) -> Path:
+def default_page_path(subject: Path | System) -> Path:
     """Return the default path of the page of an FMU or a system: ``NAME.html`` in the working directory."""
     name = subject.name if isinstance(subject, System) else subject.stem
     return Path(re.sub(r"[^\w .=-]", "_", name) + ".html")
@@ -68,7 +69,7 @@ def show(
     if isinstance(subject, System) and starts:
         raise SimulationError(f"{subject.name}: start values of a system are given where its FMUs are added")
     fmu = subject if isinstance(subject, System) else Path(subject)
-    target = default_path(fmu) if path is None else as_path("show: path", path)
+    target = default_page_path(fmu) if path is None else as_path("show: path", path)
     content = live_page(fmu, starts)
     with replacing(target) as whole:
         whole.write_bytes(content)

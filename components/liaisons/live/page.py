@@ -22,8 +22,8 @@ from liaisons.cosim.structure.components import Port
 from liaisons.cosim.structure.scenes import connected_groups, picture_of
 from liaisons.cosim.structure.schedule import execution_order
 from liaisons.errors import SimulationError
-from liaisons.pictures import together
-from liaisons.pictures.inline import page
+from liaisons.pictures import combined_pictures
+from liaisons.pictures.inline import inlined_page
 
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
 _CALLED = (  # by fmu.js; what none of them needs, as the saving of states, is not in the page
@@ -68,7 +68,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         if part.fmu.model_name == "Regulator":  # its samples are communication points
             period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
             step = period / math.ceil(period / step)
-    picture = together({prefix: picture_of(part) for prefix, part in parts.items()})
+    picture = combined_pictures({prefix: picture_of(part) for prefix, part in parts.items()})
     plan = {
         "components": components,
         "connections": [
@@ -84,20 +84,20 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         "signals": [
             name
             for component, part in zip(components, parts.values(), strict=True)
-            for name in _first_signals(component, part)
+            for name in _default_signals(component, part)
         ],
     }
-    return page("page.html", _MODULES, title or "", text, plan)
+    return inlined_page("page.html", _MODULES, title or "", text, plan)
 
 
 def _encoded_module(path: Path) -> str:
     """Return an FMU's C as WebAssembly, gzipped, in base64."""
     status = path.stat()
-    return _compile_module(path, status.st_mtime_ns, status.st_size)
+    return _cached_module(path, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=64)
-def _compile_module(path: Path, *_identity: int) -> str:
+def _cached_module(path: Path, *_identity: int) -> str:
     """Compile the C of an FMU; return it as :func:`_encoded_module` does."""
     with Archive(path) as archive:
         members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
@@ -201,7 +201,7 @@ def _slider_data(v: Attributes, base: str) -> dict[str, Any]:
     }
 
 
-def _first_signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:
+def _default_signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:
     """Return the signals plotted at first: angles, else the attitude, else coordinates with both rates."""
     shown = {v["name"]: v.get("unit") for v in component["variables"] if v.get("read") and "start" not in v}
     triples = {name: Port(part, name).triple() for name in shown}

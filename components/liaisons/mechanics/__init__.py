@@ -2,8 +2,8 @@
 
 from liaisons.language.variables import ActiveInput, State
 from liaisons.mechanics.assembly import assemble
-from liaisons.mechanics.constraints import gauss
+from liaisons.mechanics.constraints import accelerations_by_gauss
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Equation, Model
 
-__all__ = ["ActiveInput", "Equation", "Equations", "Model", "State", "assemble", "derive", "gauss"]
+__all__ = ["ActiveInput", "Equation", "Equations", "Model", "State", "accelerations_by_gauss", "assemble", "derive"]

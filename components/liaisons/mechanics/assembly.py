@@ -53,8 +53,8 @@ def _operator_model(component: type[Operator], n: object) -> Model:
     equations = of_operator(operator, triple[0])
     table = None
     if operator.lookups:
-        table = _table(operator, vectors, read)
-        read = _of_all_rows(operator, read)
+        table = _lookup_table(operator, vectors, read)
+        read = _with_all_rows(operator, read)
     results = read | {
         "start": (start, none),
         "remember": none,
@@ -80,8 +80,8 @@ _MODELS: dict[type[Component], Callable[[Any, object], Model]] = {
 """Model of a component of each kind, of some size where it is not None."""
 
 
-def _table(operator: Operator, vectors: Mapping[str, ca.SX], results: Mapping[str, ca.SX]) -> LookupTable:
-    """Functions of the two rows of each look-up.
+def _lookup_table(operator: Operator, vectors: Mapping[str, ca.SX], results: Mapping[str, ca.SX]) -> LookupTable:
+    """Lookup table of an operator, with its functions of the two rows of each look-up.
 
     :param results: of the functions that read rows, by name.
     """
@@ -107,7 +107,7 @@ def _table(operator: Operator, vectors: Mapping[str, ca.SX], results: Mapping[st
     )
 
 
-def _of_all_rows(operator: Operator, results: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+def _with_all_rows(operator: Operator, results: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
     """Results as expressions of all rows in place of those of each look-up."""
     lookups, operator.lookups = operator.lookups or [], None
     symbols, rows = [], []

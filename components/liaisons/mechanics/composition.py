@@ -41,24 +41,26 @@ def compose(
     :param starts: start values of parameters and inputs where they differ from the models', ``{"swing.theta_0": 0.1}``.
     :raises ComponentError: for an unknown variable, or inputs that depend on each other in a way that is not linear.
     """
-    parts = [_named(part, model.flat()) for part, model in models.items()]
+    parts = [_prefixed(part, model.flat()) for part, model in models.items()]
     longest = max((part.experiment for part in parts), key=lambda e: e.stop_time)
     values = {variable: float(value) for variable, value in (starts or {}).items()}
-    _check(name, parts, connections, values)
+    _check_names(name, parts, connections, values)
     joined = _Joined(name, parts, connections)
 
     def started(group: str) -> tuple[Variable, ...]:
-        left = (v for v in _all(parts, group) if v.name not in connections)
+        left = (v for v in _concatenated(parts, group) if v.name not in connections)
         return tuple(replace(v, start=values.get(v.name, v.start)) for v in left)
 
-    inner = (replace(v, causality="output", start=None) for v in _all(parts, "inputs") if v.name in connections)
+    inner = (
+        replace(v, causality="output", start=None) for v in _concatenated(parts, "inputs") if v.name in connections
+    )
     layout = Layout(
         parameters=started("parameters"),
         inputs=started("inputs"),
-        outputs=(*_all(parts, "outputs"), *inner),
-        states=_all(parts, "states"),
-        active=tuple(a for a in _all(parts, "active") if a.value not in connections),
-        ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
+        outputs=(*_concatenated(parts, "outputs"), *inner),
+        states=_concatenated(parts, "states"),
+        active=tuple(a for a in _concatenated(parts, "active") if a.value not in connections),
+        ports=tuple(p for p in _concatenated(parts, "ports") if not any(m.variable in connections for m in p.members)),
     )
     conditions, functions = joined.functions(layout)
     return Model(
@@ -71,13 +73,13 @@ def compose(
         condition_texts=conditions,
         start_only=sum(part.start_only for part in parts),
         experiment=replace(longest, reference={}),  # the start values are those of the whole
-        equations=tuple(_equations(models, connections)),
+        equations=tuple(_prefixed_equations(models, connections)),
         contacts=joined.contacts,
     )
 
 
-def _equations(models: Mapping[str, Model], connections: Mapping[str, str]) -> Iterator[Equation]:
-    """Those of the parts, with the name of the part in front of all names, and the connections."""
+def _prefixed_equations(models: Mapping[str, Model], connections: Mapping[str, str]) -> Iterator[Equation]:
+    """Yield the parts' equations with the part's name before all names, and the connections."""
     for part, model in models.items():
         for e in model.equations:
             own = [symbol for symbol in ca.symvar(e.right) if symbol.name() != "t"]
@@ -88,7 +90,7 @@ def _equations(models: Mapping[str, Model], connections: Mapping[str, str]) -> I
         yield Equation("connections", target, ca.SX.sym(source))
 
 
-def _named(part: str, model: Model) -> Model:
+def _prefixed(part: str, model: Model) -> Model:
     """Model with the name of the part in front of all names."""
 
     def full(name: str) -> str:
@@ -115,8 +117,8 @@ def _named(part: str, model: Model) -> Model:
     )
 
 
-def _all(parts: Iterable[Model], group: str) -> tuple[Any, ...]:
-    """Members of all parts of one kind."""
+def _concatenated(parts: Iterable[Model], group: str) -> tuple[Any, ...]:
+    """Members of one kind of all parts, one after the other."""
     return tuple(item for part in parts for item in getattr(part, group))
 
 
@@ -127,7 +129,7 @@ class _Part:
     model: Model
     vectors: Mapping[str, Any]  # by letter
 
-    def at(self, group: str, **others: Any) -> list[Any]:
+    def results_at(self, group: str, **others: Any) -> list[Any]:
         """Results of one of the model's functions under given contact forces, at other states or memory if need be."""
         vectors, forced = {**self.vectors, **others}, self.model.forced_motion
         if forced is not None and group in forced.name_out():
@@ -142,14 +144,14 @@ class _Joined:
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
         kind: Any = ca.SX if scalar else ca.MX
         self.name, self.kind = name, kind
-        self.contacts = tuple(sorted(_all(models, "contacts"), key=lambda contact: contact.friction))
+        self.contacts = tuple(sorted(_concatenated(models, "contacts"), key=lambda contact: contact.friction))
         if self.contacts and not scalar:
             raise ComponentError(f"{name}: unilateral liaisons beside a chain are not supported")
-        inputs = [v.name for v in _all(models, "inputs")]
+        inputs = [v.name for v in _concatenated(models, "inputs")]
         self.inner = [variable for variable in inputs if variable in connections]
         self.v = kind.sym("v", len(self.inner))
         outer = [variable for variable in inputs if variable not in connections]
-        self.memory, symbol = _all(models, "memory"), kind.sym
+        self.memory, symbol = _concatenated(models, "memory"), kind.sym
         u, x = symbol("u", len(outer)), symbol("x", len(self.contacts))
         symbol_of = dict(zip((*self.inner, *outer), ca.vertsplit(ca.vertcat(self.v, u)), strict=True))
         force_of = dict(zip(self.contacts, ca.vertsplit(x), strict=True))
@@ -165,80 +167,89 @@ class _Joined:
                 model,
                 {
                     "t": self.vectors["t"],
-                    "u": self._stack(symbol_of[v.name] for v in model.inputs),
-                    "x": self._stack(force_of[contact] for contact in model.contacts),
+                    "u": self._to_column(symbol_of[v.name] for v in model.inputs),
+                    "x": self._to_column(force_of[contact] for contact in model.contacts),
                     **dict(zip(counts, columns, strict=True)),
                 },
             )
             for model, *columns in zip(models, *split, strict=True)
         ]
-        outputs = [v.name for v in _all(models, "outputs")]
+        outputs = [v.name for v in _concatenated(models, "outputs")]
         self.sources = [outputs.index(connections[variable]) for variable in self.inner]
 
     def functions(self, layout: Layout) -> tuple[tuple[str, ...], dict[str, Any]]:
-        """Texts of the conditions, and functions of the model, by name."""
-        z = self._stacked("outputs_function")
-        v = self._solved(z)
-        start = [part.at("start") for part in self.parts]
-        y_0, m_0 = (self._stack(column) for column in zip(*start, strict=True))
+        """Texts of the conditions, and functions of the composed model, by name."""
+        z = self._stacked_results("outputs_function")
+        v = self._connected_inputs(z)
+        start = [part.results_at("start") for part in self.parts]
+        y_0, m_0 = (self._to_column(column) for column in zip(*start, strict=True))
         at_start = zip(self.parts, start, strict=True)
-        z_0 = self._stack(part.at("outputs_function", y=y, m=m)[0] for part, (y, m) in at_start)
-        v_0 = self._solved(z_0)
+        z_0 = self._to_column(part.results_at("outputs_function", y=y, m=m)[0] for part, (y, m) in at_start)
+        v_0 = self._connected_inputs(z_0)
 
         def connected(expression: Any, values: Any = v) -> Any:
             return ca.substitute(expression, self.v, values) if self.inner else expression
 
         results = {
             "start": (connected(y_0, v_0), connected(m_0, v_0)),
-            "outputs_function": connected(self._stack([z, self.v])),
-            "events": self._stacked("events"),
+            "outputs_function": connected(self._to_column([z, self.v])),
+            "events": self._stacked_results("events"),
         }
-        results |= {name: connected(self._stacked(name)) for name in ("derivatives", "nominals", "jump", "remember")}
+        results |= {
+            name: connected(self._stacked_results(name)) for name in ("derivatives", "nominals", "jump", "remember")
+        }
         if any(part.model.project is not None for part in self.parts):
-            rows = (part.vectors["y"] if part.model.project is None else part.at("project")[0] for part in self.parts)
-            results["project"] = connected(self._stack(rows))
-        announcing = [part.at("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
+            rows = (
+                part.vectors["y"] if part.model.project is None else part.results_at("project")[0]
+                for part in self.parts
+            )
+            results["project"] = connected(self._to_column(rows))
+        announcing = [part.results_at("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]
         results["draw"] = connected(reduce(ca.fmin, announcing)) if announcing else None
         conditions = {text: connected(row) for text, row in self._conditions().items()}
         drawn = {"drawn": (NEXT_EVENT,) if announcing else ()}
         if not self.contacts:
-            results["conditions"] = self._stack(conditions.values())
+            results["conditions"] = self._to_column(conditions.values())
             return tuple(conditions), model_functions(self.vectors, results) | drawn
-        numbers = {name: connected(self._numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
+        numbers = {name: connected(self._contact_numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
         modes = ContactModes(self.contacts, self.vectors, results, numbers, layout, memory=self.memory)
         conditions = modes.painleve_conditions() | conditions
-        return tuple(conditions), modes.functions(self._stack(conditions.values())) | drawn
+        return tuple(conditions), modes.functions(self._to_column(conditions.values())) | drawn
 
-    def _numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
-        """Numbers of all contacts of some kinds."""
+    def _contact_numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:
+        """Numbers of one name of all contacts of some kinds, a column."""
         row_of: dict[Contact, ca.SX] = {}
         for part in self.parts:
             contacts = [contact for contact in part.model.contacts if contact.friction in kinds]
-            row_of |= dict(zip(contacts, ca.vertsplit(part.at(name)[0]), strict=True)) if contacts else {}
-        return self._stack(row_of[contact] for contact in self.contacts if contact in row_of)
+            row_of |= dict(zip(contacts, ca.vertsplit(part.results_at(name)[0]), strict=True)) if contacts else {}
+        return self._to_column(row_of[contact] for contact in self.contacts if contact in row_of)
 
     def _conditions(self) -> dict[str, Any]:
         """Conditions by their messages: domains of connected inputs, lasting ones, then those of the start."""
         lasting, at_start = dict[str, Any](), list[tuple[str, Any]]()
-        for variable in _all([part.model for part in self.parts], "inputs"):
+        for variable in _concatenated([part.model for part in self.parts], "inputs"):
             if variable.name in self.inner:
                 lasting |= domain_conditions(variable, self.v[self.inner.index(variable.name)])
         for part in self.parts:
-            conditions = list(zip(part.model.condition_texts, ca.vertsplit(part.at("conditions")[0]), strict=True))
+            conditions = list(
+                zip(part.model.condition_texts, ca.vertsplit(part.results_at("conditions")[0]), strict=True)
+            )
             first = sum(bool(contact.normal) for contact in part.model.contacts)  # Painlevé's
             count = len(conditions) - part.model.start_only
             lasting, at_start = lasting | dict(conditions[first:count]), at_start + conditions[count:]
         return lasting | dict(at_start)
 
-    def _stacked(self, group: str) -> Any:
-        return self._stack(part.at(group)[0] for part in self.parts)
+    def _stacked_results(self, group: str) -> Any:
+        """Results of a function of all parts in one column."""
+        return self._to_column(part.results_at(group)[0] for part in self.parts)
 
-    def _stack(self, columns: Any) -> Any:
+    def _to_column(self, columns: Any) -> Any:
+        """Columns one below the other, in the kind of expression of the composition."""
         rows = [self.kind(column) for column in columns]
         return ca.vertcat(*rows) if rows else self.kind(0, 1)
 
-    def _solved(self, z: Any) -> Any:
-        """v from v = h(v), h the outputs that the inputs are connected to: set by set, in the order of dependence."""
+    def _connected_inputs(self, z: Any) -> Any:
+        """Connected inputs v from v = h(v), h the outputs: set by set, in the order of dependence."""
         if not self.inner:
             return self.v
         memory = self.vectors["m"]
@@ -253,12 +264,12 @@ class _Joined:
             members = sorted(order[first:end])
             explicit = ca.substitute(h, self.v, ca.vertcat(*solved))[members]  # members are 0 in it
             is_loop = len(members) > 1 or pattern.has_nz(members[0], members[0])
-            values = self._loop(h, members, solved, explicit) if is_loop else explicit
+            values = self._loop_values(h, members, solved, explicit) if is_loop else explicit
             for i, value in zip(members, ca.vertsplit(values), strict=True):
                 solved[i] = value
         return ca.vertcat(*solved)
 
-    def _loop(self, h: Any, members: list[int], solved: list[Any], explicit: Any) -> Any:
+    def _loop_values(self, h: Any, members: list[int], solved: list[Any], explicit: Any) -> Any:
         """Values v of an algebraic loop, h = H v + explicit."""
         inside = ca.vertcat(*(self.v[i] if i in members else value for i, value in enumerate(solved)))
         H = ca.jacobian(ca.substitute(h, self.v, inside)[members], self.v)[:, members]
@@ -269,13 +280,19 @@ class _Joined:
 
 
 def _documentation(models: Mapping[str, Model], connections: Mapping[str, str]) -> str:
+    """Documentation of a composed model: its parts and connections."""
     parts = [f"{part}: {model.description}" for part, model in models.items()]
     wires = [f"    {target} = {source}" for target, source in connections.items()]
     return "\n".join(["Composition of connected components.", "", *parts, "", "Connections::", "", *wires])
 
 
-def _check(name: str, parts: Sequence[Model], connections: Mapping[str, str], starts: Mapping[str, float]) -> None:
-    inputs, outputs, parameters = ([v.name for v in _all(parts, of)] for of in ("inputs", "outputs", "parameters"))
+def _check_names(
+    name: str, parts: Sequence[Model], connections: Mapping[str, str], starts: Mapping[str, float]
+) -> None:
+    """Raise a ComponentError for names of unknown variables, and for outputs that cannot be connected."""
+    inputs, outputs, parameters = (
+        [v.name for v in _concatenated(parts, of)] for of in ("inputs", "outputs", "parameters")
+    )
     for kind, names, declared in (
         ("input", connections.keys(), inputs),
         ("output", connections.values(), outputs),

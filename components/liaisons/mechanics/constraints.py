@@ -64,7 +64,7 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
     matrix = ca.jacobian(rows, m.free.q_ddot)
     return Constraints(
         matrix=matrix,
-        squares=_squares(m, matrix),
+        squares=_squared_coefficients(m, matrix),
         targets=-ca.substitute(rows, m.free.q_ddot, zero),
         residuals=stack(residuals),
         rate_residuals=stack(rate_residuals),
@@ -72,7 +72,7 @@ def differentiated_constraints(m: Mechanism, alpha: float = STABILISATION) -> Co
     )
 
 
-def _squares(m: Mechanism, C: ca.SX) -> ca.SX:
+def _squared_coefficients(m: Mechanism, C: ca.SX) -> ca.SX:
     """C², and the squares of its changes over the nominal size of each coordinate."""
     entries = stack(C[i, j] for i, j in zip(*C.sparsity().get_triplet(), strict=True))
     changes = ca.jacobian(entries, m.free.q) @ ca.diag(m.free.sizes)
@@ -112,7 +112,7 @@ def multipliers(metric: Inertia, f: ca.SX, constraints: Constraints) -> ca.SX:
     return metric.under(C, f, constraints.targets, constraints.squares)[1]
 
 
-def gauss(A: ca.SX, f: ca.SX, constraints: Constraints) -> tuple[ca.SX, ca.SX]:
+def accelerations_by_gauss(A: ca.SX, f: ca.SX, constraints: Constraints) -> tuple[ca.SX, ca.SX]:
     """Accelerations by Gauss's principle: ½ (ẍ − A⁻¹f)ᵀ A (ẍ − A⁻¹f) is least under C ẍ = c (K 4).
 
     A second way beside :func:`multipliers`: one linear system for accelerations and multipliers together (K eq.
@@ -135,7 +135,7 @@ def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Co
     if constraints.matrix.shape[0] == 0 and not m.orientations:
         return None
     q, p = m.free.q, m.free.p
-    on_constraints = _positions(m, metric, constraints)
+    on_constraints = _projected_coordinates(m, metric, constraints)
     momenta, C, zero = p, constraints.matrix, ca.SX.zeros(*p.shape)
     # Holonomic constraints are linear in the rates: one full step is enough.
     rounds = ROUNDS if m.non_holonomic else min(C.shape[0], 1)
@@ -146,20 +146,22 @@ def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Co
     return ca.vertcat(on_constraints, momenta)
 
 
-def _positions(m: Mechanism, metric: Inertia, constraints: Constraints) -> ca.SX:
+def _projected_coordinates(m: Mechanism, metric: Inertia, constraints: Constraints) -> ca.SX:
+    """Coordinates moved onto the holonomic constraints and onto unit quaternions, by rounds of Newton's method."""
     q, rows = m.free.q, list(constraints.holonomic)
-    moved = _with_unit_quaternions(m, q)
+    moved = _with_normalized_quaternions(m, q)
     if rows:
         C = constraints.matrix[rows, :]
         residuals, squares = constraints.residuals[rows, 0], constraints.squares[rows, :]
         away, _ = metric.under(C, ca.SX.zeros(*m.free.p.shape), residuals, squares, iterated=False)
-        step = _with_unit_quaternions(m, q - m.free.kinematics @ away)
+        step = _with_normalized_quaternions(m, q - m.free.kinematics @ away)
         for _ in range(ROUNDS):
             moved = ca.substitute(step, q, moved)
     return moved
 
 
-def _with_unit_quaternions(m: Mechanism, q: ca.SX) -> ca.SX:
+def _with_normalized_quaternions(m: Mechanism, q: ca.SX) -> ca.SX:
+    """Coordinates with each quaternion divided by its norm."""
     count = len(m.coordinates)
     quaternions = (q[i : i + 4, 0] for i in range(count, q.shape[0], 4))
     return ca.vertcat(q[:count, 0], *(quaternion / ca.norm_2(quaternion) for quaternion in quaternions))

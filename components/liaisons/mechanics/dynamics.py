@@ -11,7 +11,7 @@ from liaisons.expressions.algebra import gradient, is_quadratic
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia, inertia_of
-from liaisons.mechanics.legendre import distances, rates_from_momenta
+from liaisons.mechanics.legendre import convergence_margins, rates_from_momenta
 from liaisons.mechanics.recursion import Recursion
 
 
@@ -61,7 +61,7 @@ def _velocities(m: Mechanism, L: ca.SX, metric: Inertia) -> tuple[ca.SX, ca.SX]:
     p, q_dot = m.free.frame.T @ m.free.p, m.free.q_dot
     if is_quadratic(L, q_dot):
         return metric.solve(p - _at_rest(gradient(L, q_dot), q_dot)), ca.SX(0, 1)
-    return rates_from_momenta(L, q_dot, p), distances(L, q_dot, p, m.free.rate_sizes)
+    return rates_from_momenta(L, q_dot, p), convergence_margins(L, q_dot, p, m.free.rate_sizes)
 
 
 def _at_rest(expression: ca.SX, rates: ca.SX) -> ca.SX:

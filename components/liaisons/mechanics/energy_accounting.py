@@ -13,12 +13,12 @@ MEMORY = ("energy_start", "energy_booked")
 """Memory of every model; the mismatch of each prescribed coordinate, which an FMU finds, follows."""
 
 
-def memory_of(layout: Layout) -> tuple[str, ...]:
+def memory_names(layout: Layout) -> tuple[str, ...]:
     """Names of the numbers in the memory."""
     return (*MEMORY, *(v.name for v in layout.outputs if v.variability == "discrete"))
 
 
-def definitions(
+def accounting_results(
     vectors: Mapping[str, Any],
     layout: Layout,
     *,
@@ -30,7 +30,7 @@ def definitions(
     landed: Any = None,
     energy_at_start: Any = None,
 ) -> dict[str, Any]:
-    """Results of the functions for memory, start, motion, outputs and the work of impulses.
+    """Results by name of the functions for memory, start, motion, outputs and the work of impulses.
 
     :param vectors: symbols by letter, all SX or all MX; y ends in ``work`` and ``dissipated``.
     :param initial: state at the start, of (t, u, k).
@@ -42,7 +42,7 @@ def definitions(
     :param energy_at_start: T + V of (t, u, k); None: ``energy`` at the initial state.
     :returns: by the names of the members of Model; None for one that is not needed.
     """
-    y, memory, remembered = vectors["y"], vectors["m"], memory_of(layout)
+    y, memory, remembered = vectors["y"], vectors["m"], memory_names(layout)
     energy_start, energy_booked, mismatches = memory[0], memory[1], memory[len(MEMORY) :]
     moving, work, dissipated = y[:-2], y[-2], y[-1]
     if energy_at_start is None:

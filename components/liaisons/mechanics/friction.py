@@ -19,7 +19,7 @@ class Dissipation:
 
     @property
     def function(self) -> ca.SX:
-        """D."""
+        """Dissipation function D, η T + D′ [W]."""
         return self.coefficient * self.kinetic_energy + self.further
 
     def against(self, rates: ca.SX) -> ca.SX:
@@ -27,5 +27,5 @@ class Dissipation:
         return self.coefficient * gradient(self.kinetic_energy, rates) + gradient(self.further, rates)
 
     def power(self, rates: ca.SX) -> ca.SX:
-        """Σ q̇ ∂D/∂q̇ over all rates: what friction takes, negative where it drives; of η T it is 2 η T (K eq. 67)."""
+        """Power Σ q̇ ∂D/∂q̇ that friction takes, negative where it drives; of η T it is 2 η T (K eq. 67)."""
         return 2 * self.coefficient * self.kinetic_energy + ca.jtimes(self.further, rates, rates)

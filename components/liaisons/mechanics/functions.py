@@ -76,7 +76,7 @@ def model_functions(vectors: Mapping[str, Any], results: Mapping[str, Any], *, m
     :param results: by the name of the function a result, several, or several by name; functions without are left out.
     :param merge: calculate repeated subexpressions of scalar code once.
     """
-    return {name: _function(name, vectors, value, merge) for name, value in results.items() if value is not None}
+    return {name: _casadi_function(name, vectors, value, merge) for name, value in results.items() if value is not None}
 
 
 def results_of(name: str, function: ca.Function, vectors: Mapping[str, Any]) -> list[Any]:
@@ -86,7 +86,8 @@ def results_of(name: str, function: ca.Function, vectors: Mapping[str, Any]) -> 
     return list(function.call([vectors[letter] for letter in letters]))
 
 
-def _function(name: str, vectors: Mapping[str, Any], value: Any, merge: bool) -> ca.Function:
+def _casadi_function(name: str, vectors: Mapping[str, Any], value: Any, merge: bool) -> ca.Function:
+    """CasADi function of a signature, with dense results and, if merged, common subexpressions shared."""
     names = list(value) if isinstance(value, Mapping) else []
     columns: Any = value.values() if names else value if isinstance(value, tuple) else [value]
     dense: Any = [ca.densify(column) for column in columns]

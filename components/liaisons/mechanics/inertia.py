@@ -36,10 +36,10 @@ class Inertia:
     after: Mapping[int, set[int]] | None = None  # see elimination_order; None: dense
 
     def solve(self, right: ca.SX) -> ca.SX:
-        """A⁻¹ right, for a column or a matrix of f rows."""
+        """Solution A⁻¹ right, for a column or a matrix of f rows."""
         if self.system.shape == (1, 1):
             return right / self.system
-        return self._factors.solve(self._padded(right))[: self.matrix.shape[0], :]
+        return self._factored_system.solve(self._padded_with_zeros(right))[: self.matrix.shape[0], :]
 
     def under(self, C: ca.SX, f: ca.SX, c: ca.SX, squares: ca.SX, *, iterated: bool = True) -> tuple[ca.SX, ca.SX]:
         """Solution x, λ of A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of any rank.
@@ -67,17 +67,19 @@ class Inertia:
         held = {size + j: {i for i in range(free) if C.sparsity().has_nz(j, i)} for j in range(count)}
         order, _ = elimination_order(system.sparsity(), {**self.after, **held})
         factors = factorise(system, order)
-        solution = factors.solve(ca.vertcat(self._padded(f), c))
+        solution = factors.solve(ca.vertcat(self._padded_with_zeros(f), c))
         if iterated:
             solution += factors.solve(ca.vertcat(ca.SX(size, 1), -slack * solution[size:]))
         return solution[:free], -solution[size:]
 
     @cached_property
-    def _factors(self) -> Factors:
+    def _factored_system(self) -> Factors:
+        """Factors of the system, in the cheapest order of pivots."""
         order = None if self.after is None else elimination_order(self.system.sparsity(), self.after)[0]
         return factorise(self.system, order)
 
-    def _padded(self, right: ca.SX) -> ca.SX:
+    def _padded_with_zeros(self, right: ca.SX) -> ca.SX:
+        """Right sides of A with zeros for the further unknowns of the system."""
         return ca.vertcat(right, ca.SX(self.system.shape[0] - right.shape[0], right.shape[1]))
 
 
@@ -87,14 +89,14 @@ def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
     if A.shape[0] < MANY or ca.depends_on(A, m.free.q_dot):
         return Inertia(A, A)
     systems: list[tuple[ca.SX, dict[int, set[int]]]] = [(A, {})]
-    lifted = _lifted(m)
+    lifted = _lifted_system(m)
     if lifted is not None:
         systems.append(lifted)
     # Products of the elimination, and a few for each entry.
     return Inertia(A, *min(systems, key=lambda x: elimination_order(x[0].sparsity(), x[1])[1] + 4 * x[0].nnz()))
 
 
-def _lifted(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
+def _lifted_system(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
     """System in (q̇, ẇ, π) and its order of pivots; None if no point carries a mass of its own."""
     names = [point.name for point in m.points]
     while names:  # without those that carry no mass
@@ -104,13 +106,14 @@ def _lifted(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
         f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
         heavy = [f + i for i in range(w) if H.sparsity().has_nz(f + i, f + i)]
         if len(heavy) == w:
-            return _bordered(m, twin, H)
+            return _bordered_system(m, twin, H)
         massive = {str(twin.placeholders.w_dot[i - f]) for i in heavy}
         names = [name for name in names if all(f"{name}_{axis}_dot" in massive for axis in getattr(m, name))]
     return None
 
 
-def _bordered(m: Mechanism, twin: Mechanism, H: ca.SX) -> tuple[ca.SX, dict[int, set[int]]]:
+def _bordered_system(m: Mechanism, twin: Mechanism, H: ca.SX) -> tuple[ca.SX, dict[int, set[int]]]:
+    """Hessian H in (q̇, ẇ) bordered by the conditions that tie ẇ to q̇, and its order of pivots."""
     f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
     places = stack(value for name in twin.placeholders.names for value in getattr(type(m), name).method(twin).values())
     slope = ca.horzcat(ca.jacobian(places, m.free.q) @ m.free.kinematics, ca.jacobian(places, twin.placeholders.w))

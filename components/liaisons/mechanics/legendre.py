@@ -36,8 +36,8 @@ def rates_from_momenta(lagrangian: ca.SX, rates: ca.SX, momenta: ca.SX) -> ca.SX
     return solved
 
 
-def distances(lagrangian: ca.SX, rates: ca.SX, momenta: ca.SX, sizes: ca.DM) -> ca.SX:
-    """What must stay > 0 if rates belong to momenta, (f,).
+def convergence_margins(lagrangian: ca.SX, rates: ca.SX, momenta: ca.SX, sizes: ca.DM) -> ca.SX:
+    """Margins that stay > 0 where rates and momenta belong together and Newton's method has converged, (f,).
 
     :param sizes: nominal values of the rates (f,).
     """

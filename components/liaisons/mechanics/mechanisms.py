@@ -14,7 +14,7 @@ from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.energy_accounting import definitions, memory_of
+from liaisons.mechanics.energy_accounting import accounting_results, memory_names
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.legendre import CHOSEN, FULL
@@ -47,7 +47,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
     y = ca.vertcat(m.free.q, m.free.p, m.internal, work, dissipated)
     u, k = (stack(symbols[v.name] for v in group) for group in (flat.inputs, flat.parameters))
-    memory = memory_of(flat)
+    memory = memory_names(flat)
     vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory)), "x": m.contact_forces}
 
     rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
@@ -56,18 +56,18 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(equations), _start_conditions(equations)
     numbers = contact_numbers(m)
-    read = _outputs(equations, flat, rates, numbers)
+    read = _output_expressions(equations, flat, rates, numbers)
     z = stack(ca.SX(read.get(v.name, 0)) for v in flat.outputs)  # 0: the energy balance, filled in below
-    first, first_energy = _initial(equations, symbols)
+    first, first_energy = _initial_state(equations, symbols)
     distances, initial = stack((lasting | at_start).values()), ca.vertcat(*first, 0, 0)
     # All in one: what the expressions share stays shared.
-    columns = [initial, first_energy, rates, equations.energy, z, _nominals(equations), distances, landed]
+    columns = [initial, first_energy, rates, equations.energy, z, _nominal_states(equations), distances, landed]
     columns += numbers.values()
     together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
     ends = [0, *accumulate(column.shape[0] for column in columns)]
     initial, first_energy, rates, energy, z, sizes, distances, landed, *columns = ca.vertsplit(together, ends)
     shown = mechanism_picture(m, read | symbols)
-    results = definitions(
+    results = accounting_results(
         vectors,
         flat,
         initial=initial,
@@ -94,18 +94,21 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         **functions,
         condition_texts=tuple(conditions),
         start_only=len(at_start),
-        equations=of_linkage(equations, m) if _is_large(m, equations) else of_mechanism(equations),
+        equations=of_linkage(equations, m) if _is_printed_by_frames(m, equations) else of_mechanism(equations),
         picture=shown.document,
         drawn=shown.variables,
         contacts=contacts,
     )
 
 
-def _is_large(m: Mechanism, equations: Equations) -> TypeGuard[Linkage]:
+def _is_printed_by_frames(m: Mechanism, equations: Equations) -> TypeGuard[Linkage]:
+    """Whether a linkage is too large for its equations to be printed without its frames."""
     return isinstance(m, Linkage) and m.is_of_bodies and ca.n_nodes(equations.lagrangian) > _PRINTED
 
 
-def _outputs(equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+def _output_expressions(
+    equations: Equations, layout: Layout, rates: ca.SX, numbers: Mapping[str, ca.SX]
+) -> dict[str, ca.SX]:
     """Expressions by the names of variables, without those of the energy balance."""
     m, residuals = equations.mechanism, equations.constraints.residuals
     forces = equations.operator_forces, m.active.s_dot
@@ -119,7 +122,7 @@ def _outputs(equations: Equations, layout: Layout, rates: ca.SX, numbers: Mappin
     return outputs | {f"lambda_{c.name}": equations.multipliers[i] for i, c in enumerate(m.passive_constraints)}
 
 
-def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[list[ca.SX], ca.SX]:
+def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[list[ca.SX], ca.SX]:
     """Configuration, momenta p = ∂L/∂q̇ (or as set) and internal states at the start; of a free linkage the energy."""
     m, count = equations.mechanism, len(equations.mechanism.coordinates)
 
@@ -138,7 +141,7 @@ def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[list[ca.S
     return [start(m.free.q), p_0, start(m.internal)], energy
 
 
-def _nominals(equations: Equations) -> ca.SX:
+def _nominal_states(equations: Equations) -> ca.SX:
     """Nominal values of the states: of q as declared, of p and of the energies at that rate a second."""
     free, internal = equations.mechanism.free, equations.mechanism.internal
     sizes, inertia = free.rate_sizes, ca.diag(equations.mass_matrix)
@@ -158,7 +161,7 @@ def _conditions(equations: Equations) -> dict[str, ca.SX]:
 
 
 def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
-    """Same for the start alone: consistency with the constraints, onto which later states are projected."""
+    """Expressions that must stay positive at the start alone: consistency with the constraints."""
     conditions: dict[str, ca.SX] = {}
     m, constraints = equations.mechanism, equations.constraints
     rates = ca.substitute(constraints.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)

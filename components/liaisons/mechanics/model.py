@@ -77,7 +77,7 @@ class LookupTable:
 
     @property
     def seen(self) -> int:
-        """Count of the numbers that functions read."""
+        """Count of the numbers of two rows that functions read."""
         return 2 * sum(map(len, self.lookups))
 
 
@@ -100,7 +100,7 @@ class Contact:
     normal: str = ""  # of dry friction: the unilateral liaison whose force bounds it
 
     def variable(self, ending: str) -> str:
-        """Name of one of its variables."""
+        """Name of a variable of the contact with this ending."""
         return suffixed(self.name, f"_{ending}")
 
 
@@ -151,7 +151,7 @@ class Model(Layout):
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """Parameters, inputs, outputs, drawn; the index is the value reference."""
+        """Parameters, inputs, outputs, and numbers of the picture; the index is the value reference."""
         return (*super().variables, *self.drawn)
 
     def next_event(self, k: Any, t: float) -> float:
@@ -170,7 +170,7 @@ class Model(Layout):
 
 
 def domain_conditions(item: Coordinate | Variable, value: Any) -> dict[str, Any]:
-    """What has to stay > 0 in the domain of a variable, by its message."""
+    """Expressions that stay > 0 in the domain of a variable, by the message of a violation."""
     conditions = {}
     if item.minimum is not None:
         conditions[f"{item.name} must stay > {item.minimum:g} {item.unit}"] = value - item.minimum
@@ -209,7 +209,7 @@ def refuse_samples(
 
 
 def described(instance: Component) -> dict[str, Any]:
-    """Arguments of Model that come from the declarations: names, variables, documentation."""
+    """Fields of Model that come from the declarations: names, variables, documentation."""
     component = type(instance)
     return {
         "name": component.__name__,

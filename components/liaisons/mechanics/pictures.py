@@ -35,7 +35,7 @@ class Drawing:
     shapes: list[dict[str, Any]] = field(default_factory=list)
     expressions: list[ca.SX] = field(default_factory=list)
 
-    def named(self, value: Any) -> float | str:
+    def number_or_variable(self, value: Any) -> float | str:
         """Number, or name of the variable with this value, a new one if need be."""
         expression = ca.SX(value)
         if expression.is_constant():
@@ -86,7 +86,7 @@ def mechanism_picture(m: MechanicalComponent, variables: Mapping[str, ca.SX]) ->
     :raises ComponentError: if it returns anything but shapes, or a shape holds what is no scalar.
     """
     drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in variables.items()})
-    drawing.add(m, shapes_of(m), drawing.named)
+    drawing.add(m, shapes_of(m), drawing.number_or_variable)
     return drawing
 
 
@@ -111,8 +111,8 @@ def chain_picture(
             values = [whole[name][first + (number - 1 if each else 0)] for first, each in places]
             link.pairs.append((vector.entries, stack(values)))
         joint = link.ends(base) if number == 1 and base is not None else joint
-        link.hang(m.w, joint)
-        drawing.add(m, [shape for shape in shapes if joint or not _hangs(shape, m)], link.named)
+        link.set_joint(m.w, joint)
+        drawing.add(m, [shape for shape in shapes if joint or not _depends_on_joint(shape, m)], link.number_or_variable)
         joint = link.ends(m.tip())
     draw = ca.Function("draw", [*whole.values()], [stack(drawing.expressions)]) if drawing.expressions else None
     return drawing, draw
@@ -129,7 +129,7 @@ class _Link:
     pairs: list[tuple[ca.SX, ca.SX]]  # symbols of a link, and what they are of this one, in terms of the vectors
     joint: dict[int, float | str] = field(default_factory=dict)  # names where it begins
 
-    def named(self, value: Any) -> float | str:
+    def number_or_variable(self, value: Any) -> float | str:
         """Number, or name of the variable with this value."""
         identity = ca.SX(value).element_hash()
         if identity in self.joint:
@@ -137,20 +137,20 @@ class _Link:
         if identity in self.names:
             name, each = self.names[identity]
             return element(name, self.number) if each else name
-        return self.drawing.named(substituted(ca.SX(value), self.pairs))
+        return self.drawing.number_or_variable(substituted(ca.SX(value), self.pairs))
 
     def ends(self, places: Mapping[str, ca.SX]) -> list[tuple[float | str, ca.SX]]:
         """Name and expression of each component of a joint."""
-        return [(self.named(x), substituted(ca.SX(x), self.pairs)) for x in places.values()]
+        return [(self.number_or_variable(x), substituted(ca.SX(x), self.pairs)) for x in places.values()]
 
-    def hang(self, w: ca.SX, ends: Iterable[tuple[float | str, ca.SX]]) -> None:
+    def set_joint(self, w: ca.SX, ends: Iterable[tuple[float | str, ca.SX]]) -> None:
         """Set the joint at which the link begins; none at a free end."""
         for symbol, (name, expression) in zip(ca.vertsplit(w), ends, strict=False):
             self.joint[symbol.element_hash()] = name
             self.pairs.append((symbol, expression))
 
 
-def _hangs(shape: Shape, m: Chain) -> bool:
+def _depends_on_joint(shape: Shape, m: Chain) -> bool:
     """Whether a shape depends on the joint, which the first link of a free end lacks."""
     places = (shape.start, shape.end) if isinstance(shape, Rod | Spring | Rope) else ()
     return any(ca.depends_on(ca.SX(component), m.w) for position in places for component in position.values())

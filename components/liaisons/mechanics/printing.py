@@ -33,32 +33,32 @@ _TOGETHER = 3
 
 
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
-    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs."""
+    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs, as equations."""
     m = equations.mechanism
     count, actives = len(m.coordinates), [s.name for s in m.actives]
     names, rates, momenta = (list(map(str, ca.vertsplit(x))) for x in (m.free.q, m.free.q_dot, m.free.p))
     turning = m.free.kinematics @ m.free.q_dot
-    balances = _balances(equations)
+    balances = _force_balances(equations)
     return (
         Equation("lagrangian", "L", equations.lagrangian),
         Equation("energy", "energy", equations.energy),
-        *_friction("friction", equations.friction.function),
-        *_rows("momenta", momenta, m.free.frame @ equations.momenta),
-        *(() if equations.convergence.shape[0] else _rows("rates", rates, equations.unconstrained_velocities)),
-        *_rows("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
-        *_rows("motion", [suffixed(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
-        *_rows("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
-        *_constraints(equations),
-        *_contacts(equations),
-        *_rows("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
-        *_effective_mass(_theta(equations, balances[len(rates) :, 0]), actives),
-        *_rows("points", equations.points, stack(equations.points.values())),
+        *_dissipation_equation("friction", equations.friction.function),
+        *_row_equations("momenta", momenta, m.free.frame @ equations.momenta),
+        *(() if equations.convergence.shape[0] else _row_equations("rates", rates, equations.unconstrained_velocities)),
+        *_row_equations("rates", [f"{name}_dot" for name in names[count:]], turning[count:, 0]),
+        *_row_equations("motion", [suffixed(p, "_dot") for p in momenta], m.free.frame @ balances[: len(rates), 0]),
+        *_row_equations("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
+        *_constraint_equations(equations),
+        *_contact_equations(equations),
+        *_row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
+        *_effective_mass_equations(_effective_mass_matrix(equations, balances[len(rates) :, 0]), actives),
+        *_row_equations("points", equations.points, stack(equations.points.values())),
         *(Equation("outputs", item.name, ca.SX(getattr(m, item.name))) for item in m.outputs),
     )
 
 
 def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
-    """Motion of a linkage by recursion over its frames: as many equations as it has frames, however long the chain."""
+    """Motion of a linkage by recursion over its frames, as equations a frame, however long the chain."""
     rows: list[Equation] = []
 
     def share(letter: str, i: int, vector: ca.SX) -> ca.SX:
@@ -74,17 +74,17 @@ def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     pull, applied = recursion.pull, unloaded + elastic_forces(m)[0]
     return (
         *rows,
-        *_rows("momenta", momenta, recursion.generalised_momenta),
-        *_rows("motion", [f"{name}_dot" for name in momenta], pull + applied),
-        *_constraints(equations),
-        *_contacts(equations),
+        *_row_equations("momenta", momenta, recursion.generalised_momenta),
+        *_row_equations("motion", [f"{name}_dot" for name in momenta], pull + applied),
+        *_constraint_equations(equations),
+        *_contact_equations(equations),
     )
 
 
 def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
-    """Signal and rates of the internal states."""
+    """Signal and rates of the internal states, as equations."""
     names = (f"{x.name}_dot" for x in operator.internal_states)
-    internal = _rows("internal", names, operator.internal_rate_column())
+    internal = _row_equations("internal", names, operator.internal_rate_column())
     arrays = any(isinstance(p, ParameterArray) for p in operator.parameters)  # a choice among many is no formula
     return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
 
@@ -98,29 +98,30 @@ def of_chain(chain: Chain) -> tuple[Equation, ...]:
     return (
         Equation("link", "kinetic_energy", ca.SX(chain.kinetic_energy())),
         Equation("link", "potential_energy", ca.SX(chain.potential_energy()) + ca.SX(chain.bond_energy())),
-        *_friction("link", dissipated),
+        *_dissipation_equation("link", dissipated),
         *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
         *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
-        *_rows("points", points, stack(points.values())),
+        *_row_equations("points", points, stack(points.values())),
     )
 
 
-def _friction(section: str, function: ca.SX) -> Iterator[Equation]:
+def _dissipation_equation(section: str, function: ca.SX) -> Iterator[Equation]:
+    """Yield the dissipation function as an equation, unless it is 0."""
     if not function.is_zero():
         yield Equation(section, "D", function)
 
 
 def of_operators(equations: Equations) -> tuple[Equation, ...]:
-    """Power of each operator, and multipliers of the constraints solved for."""
-    m, lambdas = equations.mechanism, _multipliers(equations)
-    powers = _rows("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
+    """Power of each operator, and multipliers of the constraints solved for, as equations."""
+    m, lambdas = equations.mechanism, _solved_multipliers(equations)
+    powers = _row_equations("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
     names = [f"lambda_{item.name}" for item in m.passive_constraints]
     names += [f"{item.name}_force" for item in m.rheonomic_constraints]
-    return (*powers, *(() if lambdas is None else _rows("multipliers", names, lambdas)))
+    return (*powers, *(() if lambdas is None else _row_equations("multipliers", names, lambdas)))
 
 
-def _multipliers(equations: Equations) -> ca.SX | None:
-    """λ of all constraints, without what keeps solvers on them and lets them lose rank; None for too many."""
+def _solved_multipliers(equations: Equations) -> ca.SX | None:
+    """Multipliers λ of all constraints, without the solver's stabilisation; None for none or too many."""
     A, C = equations.mass_matrix, equations.constraints.matrix
     if not 0 < C.shape[0] <= _TOGETHER:
         return None
@@ -145,14 +146,14 @@ def of_accelerations(equations: Equations) -> tuple[Equation, ...]:
         if A.sparsity().has_nz(i, k)
     )
     return (
-        *_rows("accelerations", accelerations, _solved(A, forces)),
+        *_row_equations("accelerations", accelerations, _solved_accelerations(A, forces)),
         *matrix,
-        *_rows("matrix", [f"h[{row}]" for row in rows], -forces),
+        *_row_equations("matrix", [f"h[{row}]" for row in rows], -forces),
     )
 
 
-def _solved(A: ca.SX, forces: ca.SX) -> ca.SX:
-    """A⁻¹ times forces; of two rates by Cramer's rule, which people write."""
+def _solved_accelerations(A: ca.SX, forces: ca.SX) -> ca.SX:
+    """Product A⁻¹ forces; of two rates by Cramer's rule, which people write."""
     if A.shape != (2, 2) or not A.sparsity().has_nz(0, 1):
         return solve_symmetric(A, forces)
     over = ca.vertcat(A[1, 1] * forces[0] - A[0, 1] * forces[1], A[0, 0] * forces[1] - A[0, 1] * forces[0])
@@ -160,7 +161,7 @@ def _solved(A: ca.SX, forces: ca.SX) -> ca.SX:
 
 
 def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
-    """H of all coordinates, prescribed ones included, and the canonical equations (M eq. 36-38).
+    """Hamiltonian H of all coordinates, prescribed ones included, and canonical equations (M eq. 36-38).
 
     :raises ComponentError: where Legendre's transformation does not exist.
     """
@@ -173,7 +174,7 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     metric = ca.jacobian(momenta, rates)
     if ca.depends_on(metric, rates):
         raise ComponentError(f"{equations.name}: L is not quadratic in the rates, and not inverted here")
-    if (rank := _rank(metric)) < len(names):
+    if (rank := _generic_rank(metric)) < len(names):
         raise ComponentError(
             f"{equations.name}: L is not hyper-regular: its kinetic energy has rank {rank} in {len(names)} rates, so "
             "that no Hamiltonian of all momenta exists"
@@ -186,20 +187,20 @@ def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
     applied = equations.applied_forces + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
     return (
         Equation("hamiltonian", "H", ca.dot(solved, moving) / 2 - still[-1]),
-        *_rows("canonical", [suffixed(name, "_dot") for name in names], solved),
-        *_rows("canonical", [suffixed(f"p_{name}", "_dot") for name in names], pulled + applied),
+        *_row_equations("canonical", [suffixed(name, "_dot") for name in names], solved),
+        *_row_equations("canonical", [suffixed(f"p_{name}", "_dot") for name in names], pulled + applied),
     )
 
 
-def _rank(matrix: ca.SX) -> int:
+def _generic_rank(matrix: ca.SX) -> int:
     """Rank of a matrix at almost all values of its symbols."""
     symbols = ca.symvar(matrix)
     values = np.random.default_rng(0).uniform(0.5, 1.5, len(symbols))
     return int(np.linalg.matrix_rank(np.array(ca.Function("matrix", symbols, [matrix]).call(list(values))[0])))
 
 
-def _balances(equations: Equations) -> ca.SX:
-    """∂L/∂x + Q, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
+def _force_balances(equations: Equations) -> ca.SX:
+    """Force balances ∂L/∂x + Q, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and λ as symbols; a row a rate."""
     m, L = equations.mechanism, equations.lagrangian
     s, s_dot = m.active.s[: m.active.adapted, 0], m.active.s_dot[: m.active.adapted, 0]
     count = m.free.q_dot.shape[0]
@@ -208,9 +209,9 @@ def _balances(equations: Equations) -> ca.SX:
     return ca.vertcat(force, m.dot(gradient(L, s_dot)) - gradient(L, s) - on_active)
 
 
-def _theta(equations: Equations, forces: ca.SX) -> ca.SX:
-    """Θ = ∂λ/∂σ̈, from the forces on adapted coordinates with ẍ and λ as symbols."""
-    m, lambdas = equations.mechanism, _multipliers(equations)
+def _effective_mass_matrix(equations: Equations, forces: ca.SX) -> ca.SX:
+    """Effective mass Θ = ∂λ/∂σ̈, from the forces on adapted coordinates with ẍ and λ as symbols."""
+    m, lambdas = equations.mechanism, _solved_multipliers(equations)
     if lambdas is None:
         return equations.effective_mass
     symbols = ca.vertcat(m.multipliers, m.active.force[forces.shape[0] :, 0])
@@ -219,15 +220,16 @@ def _theta(equations: Equations, forces: ca.SX) -> ca.SX:
     return ca.jacobian(ca.substitute(solved, m.free.q_ddot, accelerations), m.active.s_ddot)
 
 
-def _effective_mass(theta: ca.SX, actives: list[str]) -> Iterator[Equation]:
-    """Θ is symmetric: its upper triangle; a single one without subscripts."""
+def _effective_mass_equations(theta: ca.SX, actives: list[str]) -> Iterator[Equation]:
+    """Yield the upper triangle of Θ as equations; a single entry without subscripts."""
     for i, row in enumerate(actives):
         for k, column in enumerate(actives[i:], i):
             if theta.sparsity().has_nz(i, k):
                 yield Equation("effective_mass", f"Theta[{row},{column}]" if len(actives) > 1 else "Theta", theta[i, k])
 
 
-def _constraints(equations: Equations) -> Iterator[Equation]:
+def _constraint_equations(equations: Equations) -> Iterator[Equation]:
+    """Yield the passive constraints, and the functions that operators prescribe, as equations."""
     m = equations.mechanism
     for item in m.passive_constraints:
         yield Equation("constraints", "0", ca.SX(getattr(m, item.name)))
@@ -235,17 +237,17 @@ def _constraints(equations: Equations) -> Iterator[Equation]:
         yield Equation("constraints", item.name, ca.SX(getattr(m, item.name)))
 
 
-def _contacts(equations: Equations) -> Iterator[Equation]:
-    """Unilateral liaisons with rate v, restitution e and compliance G = C A⁻¹ Cᵀ, and thresholds of dry friction."""
+def _contact_equations(equations: Equations) -> Iterator[Equation]:
+    """Yield gaps, impacts (rate v, restitution e, compliance G = C A⁻¹ Cᵀ) and thresholds of friction as equations."""
     m = equations.mechanism
     numbers, gaps = contact_numbers(m), [item.name for item in m.unilaterals]
-    yield from _rows("unilateral", gaps, numbers["gap"])
+    yield from _row_equations("unilateral", gaps, numbers["gap"])
     C = ca.jacobian(numbers["v"], m.free.q_dot)[: len(gaps), :]
     G = C @ solve_symmetric(equations.mass_matrix, C.T) if gaps else ca.SX(0, 0)
     for i, name in enumerate(gaps):
         yield Equation("impacts", f"v_{name}", numbers["v"][i])
         yield Equation("impacts", f"e_{name}", numbers["restitution"][i])
-        yield from _rows("impacts", [f"G[{name},{other}]" for other in gaps[i:]], G[i, i:].T)
+        yield from _row_equations("impacts", [f"G[{name},{other}]" for other in gaps[i:]], G[i, i:].T)
     for item in m.dry_frictions:
         yield Equation("dry_friction", item.name, ca.SX(getattr(m, item.name)))
         normal = m.contact_force(item.normal) if item.normal else ca.SX(1)
@@ -253,5 +255,6 @@ def _contacts(equations: Equations) -> Iterator[Equation]:
             yield Equation("dry_friction", f"{letter}_{item.name}", m.threshold(threshold) * normal)
 
 
-def _rows(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:
+def _row_equations(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:
+    """Equations of a section, one for each name and row of a column."""
     return (Equation(section, name, row) for name, row in zip(names, ca.vertsplit(column), strict=True))

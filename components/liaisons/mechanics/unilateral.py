@@ -52,7 +52,7 @@ def contacts_of(m: Mechanism) -> tuple[Contact, ...]:
 
 
 def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
-    """The columns of :data:`CONTACT_NUMBERS` of a mechanism.
+    """Columns of :data:`CONTACT_NUMBERS` of a mechanism, by name.
 
     A scale is the sum of the terms of a number, from which rounding errors are told.
     """
@@ -79,7 +79,7 @@ def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:
     }
 
 
-def operators_of(model: Model | ContactModes) -> list[str]:
+def impulsive_operators(model: Model | ContactModes) -> list[str]:
     """Names of the active coordinates whose impulses are summed in the memory."""
     gaps = {c.variable("impulse") for c in model.contacts}
     return [name.removesuffix("_impulse") for name in model.memory if name.endswith("_impulse") and name not in gaps]
@@ -112,57 +112,65 @@ class ContactModes:
         self._outputs = dict(zip(outputs, ca.vertsplit(results["outputs_function"]), strict=True))
         self._G = ca.jacobian(numbers["a"], vectors["x"])
         rows = {"v": numbers["v"], "a": numbers["a"], "G": ca.vec(self._G)} | dict(numbers)
-        self._rows = {name: self._unloaded(column) for name, column in rows.items()}
-        self._forces, self._indicators = self._solve()
+        self._rows = {name: self._without_contact_forces(column) for name, column in rows.items()}
+        self._forces, self._indicators = self._forces_and_indicators()
 
     def functions(self, conditions: ca.SX) -> dict[str, Any]:
         """All functions of the model."""
         forced, outputs = self._forced, self._outputs | self._outputs_by_modes()
-        loaded = {name: self._loaded(value) for name, value in forced.items() if name != "start" and value is not None}
+        loaded = {
+            name: self._with_contact_forces(value)
+            for name, value in forced.items()
+            if name != "start" and value is not None
+        }
         impulses, shifts = ca.SX.sym("impulses", len(self.contacts)), ca.SX.sym("shifts", len(self._gaps))
         results = loaded | {
-            "start": tuple(map(self._unloaded, forced["start"])),
-            "outputs_function": self._loaded(stack(outputs.values())),
-            "conditions": self._loaded(conditions),
+            "start": tuple(map(self._without_contact_forces, forced["start"])),
+            "outputs_function": self._with_contact_forces(stack(outputs.values())),
+            "conditions": self._with_contact_forces(conditions),
             "contact": self._rows,
-            "indicate": self._loaded(self._indicators),
-            "push": self._push(impulses, shifts),
+            "indicate": self._with_contact_forces(self._indicators),
+            "push": self._after_impulses(impulses, shifts),
             "forced_motion": {name: forced[name] for name in ("derivatives", "outputs_function")} | dict(self._numbers),
         }
         return model_functions({**self._vectors, "Λ": impulses, "ν": shifts}, results)
 
     def painleve_conditions(self) -> dict[str, ca.SX]:
-        """What has to stay > 0, by its message: a force that presses must push apart, also while it slides."""
+        """Expressions that stay > 0, by message, if each pressing force pushes apart, also while sliding."""
         conditions = {}
         for i, c in enumerate(self._frictions):
             if c.normal:
-                n, row = self._normal(c), len(self._gaps) + i
-                coefficient = self._remembered(c, "direction") * self._numbers["slide"][i]
+                n, row = self._gap_index(c), len(self._gaps) + i
+                coefficient = self._memory_of(c, "direction") * self._numbers["slide"][i]
                 text = f"{c.normal} must have one force while {c.name} slides (Painlevé)"
                 conditions[text] = 1 - coefficient * self._G[n, row] / self._G[n, n]
         return conditions
 
-    def _loaded(self, expression: ca.SX) -> ca.SX:
+    def _with_contact_forces(self, expression: ca.SX) -> ca.SX:
+        """Expression with the contact forces of the modes for their symbols."""
         return ca.substitute(expression, self._vectors["x"], self._forces)
 
-    def _unloaded(self, expression: ca.SX) -> ca.SX:
+    def _without_contact_forces(self, expression: ca.SX) -> ca.SX:
+        """Expression with 0 for the symbols of the contact forces."""
         return ca.substitute(expression, self._vectors["x"], ca.SX.zeros(len(self.contacts)))
 
-    def _normal(self, friction: Contact) -> int:
+    def _gap_index(self, friction: Contact) -> int:
+        """Index of the gap whose normal force bounds a dry friction."""
         return self._gaps.index(Contact(friction.normal))
 
-    def _remembered(self, contact: Contact, ending: str) -> ca.SX:
+    def _memory_of(self, contact: Contact, ending: str) -> ca.SX:
+        """Number in the memory of a contact, by the ending of its name."""
         return self._vectors["m"][self.memory.index(contact.variable(ending))]
 
-    def _closed(self, gap: Contact) -> ca.SX:
-        """1 or 0: an open gap may remember, below 0, by how much it may overlap."""
-        return ca.fmax(self._remembered(gap, "closed"), 0)
+    def _is_closed(self, gap: Contact) -> ca.SX:
+        """1 or 0 for a closed or open gap; the memory of an open one may be < 0, the overlap that it may have."""
+        return ca.fmax(self._memory_of(gap, "closed"), 0)
 
-    def _touching(self, friction: Contact) -> ca.SX:
+    def _can_press(self, friction: Contact) -> ca.SX:
         """Whether the gap is closed whose force bounds dry friction; 1 without one."""
-        return self._closed(Contact(friction.normal)) if friction.normal else ca.SX(1)
+        return self._is_closed(Contact(friction.normal)) if friction.normal else ca.SX(1)
 
-    def _solve(self) -> tuple[ca.SX, ca.SX]:
+    def _forces_and_indicators(self) -> tuple[ca.SX, ca.SX]:
         """Contact forces x = P ζ + d in the modes of the memory, and the event indicators.
 
         In the rows that are held (closed, sticks) v̇ = -2α v - α² g, α = STABILISATION, as for constraints; in the
@@ -170,13 +178,13 @@ class ContactModes:
         """
         numbers, first = self._numbers, len(self._gaps)
         count = first + len(self._frictions)
-        held = [self._closed(c) for c in self._gaps]
+        held = [self._is_closed(c) for c in self._gaps]
         P, d = ca.SX.eye(count), ca.SX.zeros(count, 1)
         for i, c in enumerate(self._frictions):
-            direction, touching = self._remembered(c, "direction"), self._touching(c)
+            direction, touching = self._memory_of(c, "direction"), self._can_press(c)
             held.append((1 - direction**2) * touching)
             if c.normal:
-                P[first + i, self._normal(c)] = -direction * numbers["slide"][i] * touching
+                P[first + i, self._gap_index(c)] = -direction * numbers["slide"][i] * touching
             else:
                 d[first + i] = -direction * numbers["slide"][i]
         flags, v, alpha = stack(held), numbers["v"], STABILISATION
@@ -192,14 +200,14 @@ class ContactModes:
         rows = []
         for i, c in enumerate(self._gaps):
             leaving = LEAVING * ca.fmax(v[i], 0) / numbers["rate_scale"][i]
-            margin = ca.fmax(-self._remembered(c, "closed"), 0) + OPEN_MARGIN
+            margin = ca.fmax(-self._memory_of(c, "closed"), 0) + OPEN_MARGIN
             distance = numbers["gap"][i] / numbers["scale"][i] + leaving + margin
             rows.append(flags[i] * (forces[i] * compliance[i] + FORCE_MARGIN) + (1 - flags[i]) * distance)
         for k, c in enumerate(self._frictions):
-            i, direction, bound = first + k, self._remembered(c, "direction"), numbers["stick"][k]
-            touching = self._touching(c)
+            i, direction, bound = first + k, self._memory_of(c, "direction"), numbers["stick"][k]
+            touching = self._can_press(c)
             if c.normal:
-                bound *= forces[self._normal(c)]
+                bound *= forces[self._gap_index(c)]
             sticks = (bound - ca.fabs(forces[i])) * compliance[i] + FORCE_MARGIN
             slides = direction * v[i] / numbers["rate_scale"][i] + FORCE_MARGIN
             own = flags[i] * sticks + direction**2 * slides
@@ -210,14 +218,14 @@ class ContactModes:
         """Outputs that depend on modes, by name."""
         outputs = {c.variable("indicator"): self._indicators[i] for i, c in enumerate(self.contacts)}
         for i, c in enumerate(self._gaps):
-            ended = self._vectors["t"] >= self._remembered(c, "rests_from")
-            outputs[c.variable("closed")] = self._closed(c) * ended
+            ended = self._vectors["t"] >= self._memory_of(c, "rests_from")
+            outputs[c.variable("closed")] = self._is_closed(c) * ended
             outputs[c.variable("force")] = ca.fmax(self._forces[i], 0)
         for c in self._frictions:
-            outputs[c.variable("sticks")] = (1 - self._remembered(c, "direction") ** 2) * self._touching(c)
+            outputs[c.variable("sticks")] = (1 - self._memory_of(c, "direction") ** 2) * self._can_press(c)
         return outputs
 
-    def _push(self, impulses: ca.SX, shifts: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def _after_impulses(self, impulses: ca.SX, shifts: ca.SX) -> tuple[ca.SX, ca.SX]:
         """State after impulses of the contacts and moved along the gaps, and impulses of operators."""
         y, x, rates, names = self._vectors["y"], self._vectors["x"], self._forced["derivatives"], self._states
         slopes, own = ca.jacobian(rates, x), [name.rpartition(".")[2] for name in names]
@@ -225,12 +233,13 @@ class ContactModes:
         momenta = ca.DM([float(name not in ("work", "dissipated")) for name in own])
         towards = momenta * (slopes[:, : len(self._gaps)] @ shifts)
         moved = ca.DM([float(_is_position(name, names)) for name in names]) * ca.jtimes(rates, y, towards)
-        forces = (self._outputs[f"{name}_force"] for name in operators_of(self))
+        forces = (self._outputs[f"{name}_force"] for name in impulsive_operators(self))
         operators = stack(ca.jtimes(force, x, impulses) for force in forces)
-        return self._unloaded(y + change + moved), self._unloaded(operators)
+        return self._without_contact_forces(y + change + moved), self._without_contact_forces(operators)
 
 
 def _is_position(name: str, names: Sequence[str]) -> bool:
+    """Whether a state is a coordinate: there is a momentum of it, or it belongs to a quaternion."""
     part, dot, own = name.rpartition(".")
     return f"{part}{dot}p_{own}" in names or own.endswith(Orientation.quaternion)
 

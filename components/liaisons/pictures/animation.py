@@ -18,8 +18,8 @@ from liaisons.base.progress import progress_bar
 from liaisons.errors import SimulationError
 from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import RATE, Frames, frames
-from liaisons.pictures.gltf import glb
-from liaisons.pictures.inline import page
+from liaisons.pictures.gltf import glb_file
+from liaisons.pictures.inline import inlined_page
 from liaisons.pictures.openmodelica import openmodelica_files
 from liaisons.pictures.stage import Stage
 
@@ -96,14 +96,14 @@ def animate(
     many = title if count > _MANY else ""
     with replacing(path) as part, progress_bar(many, "frame {:g} of {:g}", 0, count) as show:
         if kind == ".glb":
-            part.write_bytes(glb(shown, title))
+            part.write_bytes(glb_file(shown, title))
         elif kind == _VISUAL:
             description, table = openmodelica_files(shown)
             part.write_bytes(description)
             with replacing(path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")) as table_part:
                 table_part.write_bytes(table)
         elif kind == ".html":
-            part.write_bytes(_recorded_page(scene.picture, shown, title=title, speed=speed, rate=RATE))
+            part.write_bytes(_player_page(scene.picture, shown, title=title, speed=speed, rate=RATE))
         else:
             from liaisons.pictures import drawing  # matplotlib is slow to load
 
@@ -128,10 +128,10 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
     fit = most // (_BYTES * max(len(picture.variables), 1))
     rate = min(RATE, fit * speed / float(time[-1] - time[0]))
     shown = motion_frames(scene, time, signals, speed / rate, title)
-    return _recorded_page(picture, shown, title=title, speed=speed, rate=rate)
+    return _player_page(picture, shown, title=title, speed=speed, rate=rate)
 
 
-def _recorded_page(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
+def _player_page(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
     """Return a page that plays frames."""
     plan = {
         "picture": picture.document,
@@ -144,7 +144,7 @@ def _recorded_page(picture: Picture, shown: Frames, *, title: str, speed: float,
         "start": float(shown.time[0]),
         "plane": picture.plane,
     }
-    return page("recorded.html", ("picture.js", "recorded.js"), title, "", plan)
+    return inlined_page("recorded.html", ("picture.js", "recorded.js"), title, "", plan)
 
 
 def motion_frames(

@@ -36,7 +36,7 @@ class Camera:
         return np.array([[cy, sy, 0.0], [-sp * sy, sp * cy, cp], [sy * cp, -cy * cp, sp]])
 
 
-def facing(plane: str | None, angle: float = 0.0) -> Camera:
+def camera_facing(plane: str | None, angle: float = 0.0) -> Camera:
     """Return the camera that faces a plane, or looks at a spatial mechanism, rotated about it by an angle [rad]."""
     yaw, pitch = FACING[plane]
     return Camera(yaw + (angle if plane is None else 0.0), pitch)

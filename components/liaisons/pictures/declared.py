@@ -147,7 +147,7 @@ def _check_shape(shape: Shape) -> None:
             raise ValueError(f"a coordinate is {shown(number)}: finite numbers up to {LARGEST:g} m can be drawn")
 
 
-def together(pictures: Mapping[str, Picture], groups: Iterable[Collection[int]] = ()) -> Picture:
+def combined_pictures(pictures: Mapping[str, Picture], groups: Iterable[Collection[int]] = ()) -> Picture:
     """Return the pictures of the parts of a system in one.
 
     :param pictures: prefix of a part's variables -> its picture.

@@ -18,8 +18,8 @@ from liaisons.pictures.frames import RATE
 from liaisons.pictures.stage import COLOURS, Face, Stage
 
 
-def add_polygons(stage: Stage, axes: Axes) -> PolyCollection:
-    """Hide the axes and add an empty collection of polygons."""
+def add_empty_polygons(stage: Stage, axes: Axes) -> PolyCollection:
+    """Hide the axes, and add and return an empty collection of polygons."""
     axes.set_axis_off()
     axes.set(xlim=(-stage.half[0], stage.half[0]), ylim=(-stage.half[1], stage.half[1]), aspect="equal")
     polygons = PolyCollection([], linewidths=0.4)
@@ -46,7 +46,7 @@ def pixels(
     """
     height = int(width * (min(max(stage.ratio, 0.4), 1.6) if ratio is None else ratio)) // 2 * 2
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
-    polygons = add_polygons(stage, figure.add_axes((0, 0, 1, 1)))
+    polygons = add_empty_polygons(stage, figure.add_axes((0, 0, 1, 1)))
     canvas = FigureCanvasAgg(figure)
     count = len(stage.frames.time)
     for k in range(first, count):
@@ -90,6 +90,6 @@ def write_strip(stage: Stage, path: Path, **_: object) -> None:
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     instants = np.linspace(0, len(time) - 1, count).round().astype(int)
     for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):
-        draw(add_polygons(stage, axes), stage.faces(k))
+        draw(add_empty_polygons(stage, axes), stage.faces(k))
         axes.set_title(f"{time[k]:.3g} s", fontsize=9, color=COLOURS["rod"])
     figure.savefig(path, format="png")

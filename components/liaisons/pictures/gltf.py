@@ -28,7 +28,7 @@ Mesh = tuple[NDArray, NDArray, NDArray]
 """Positions and normals (n, 3), and triangles (m, 3) of their indices."""
 
 
-def glb(frames: Frames, name: str) -> bytes:
+def glb_file(frames: Frames, name: str) -> bytes:
     """Return the content of a .glb file.
 
     :param name: of the scene.
@@ -36,26 +36,26 @@ def glb(frames: Frames, name: str) -> bytes:
     stage, scene = Stage(frames), _Scene(frames.time)
     for shape in frames.shapes:
         _add_shape(scene, shape, stage)
-    return scene.binary(name)
+    return scene.file_content(name)
 
 
 def _add_shape(scene: _Scene, shape: Moving, stage: Stage) -> None:
     """Add the nodes of a shape to a scene."""
     centre = shape.points[:, 0]
     if shape.axes is not None:
-        scene.add_node(shape.kind, scene.mesh(shape.kind), centre, _rotations_of_axes(shape.axes), shape.size)
+        scene.add_node(shape.kind, scene.mesh_of(shape.kind), centre, _rotations_of_axes(shape.axes), shape.size)
     elif shape.kind == "trail":
         if len(centre) > 1:
-            scene.add_node("trail", scene.primitive("trail", mode=_LINE_STRIP, POSITION=centre))
+            scene.add_node("trail", scene.append_primitive("trail", mode=_LINE_STRIP, POSITION=centre))
     elif shape.kind in ("ball", "flash"):
-        scene.add_node(shape.kind, scene.mesh(shape.kind), centre, scale=np.repeat(stage.radius(shape), 3, axis=1))
+        scene.add_node(shape.kind, scene.mesh_of(shape.kind), centre, scale=np.repeat(stage.radius(shape), 3, axis=1))
     else:
         radius = stage.radius(shape)
         for start, end in pairwise(np.moveaxis(shape.path, 1, 0)):
             along = end - start
             length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
             scale = np.hstack([radius, radius, length])
-            scene.add_node(shape.kind, scene.mesh(shape.kind), start, _rotations_from_z(along / length), scale)
+            scene.add_node(shape.kind, scene.mesh_of(shape.kind), start, _rotations_from_z(along / length), scale)
 
 
 class _Scene:
@@ -76,23 +76,23 @@ class _Scene:
             "meshes": [],
             "nodes": [],
         }
-        self.time = self.accessor(time - time[0])
+        self.time = self.append_accessor(time - time[0])
 
-    def add(self, key: str, **item: Any) -> int:
+    def append_item(self, key: str, **item: Any) -> int:
         """Append an item to a list of the document; return its index."""
         self.document[key].append(item)
         return len(self.document[key]) - 1
 
-    def accessor(self, values: NDArray, **view: int) -> int:
+    def append_accessor(self, values: NDArray, **view: int) -> int:
         """Append numbers (n,) or (n, k) to the buffer; return the index of their accessor."""
         component = _SHORT if view.get("target") == _ELEMENT_ARRAY_BUFFER else _FLOAT
         table = values.reshape(len(values), -1).astype(np.uint16 if component == _SHORT else np.float32)
         self.buffer += bytes(-len(self.buffer) % 4)
         view |= {"byteOffset": len(self.buffer), "byteLength": table.nbytes}
         self.buffer += table.tobytes()
-        return self.add(
+        return self.append_item(
             "accessors",
-            bufferView=self.add("bufferViews", buffer=0, **view),
+            bufferView=self.append_item("bufferViews", buffer=0, **view),
             componentType=component,
             count=len(table),
             type=_TYPES[table.shape[1]],
@@ -100,19 +100,21 @@ class _Scene:
             max=table.max(axis=0).tolist(),
         )
 
-    def mesh(self, kind: str) -> int:
+    def mesh_of(self, kind: str) -> int:
         """Return the index of the mesh of a kind of shape, which is added once."""
         if kind not in self.meshes:
             positions, normals, triangles = _MESHES[kind]()
-            indices = self.accessor(triangles.ravel(), target=_ELEMENT_ARRAY_BUFFER)
-            self.meshes[kind] = self.primitive(kind, indices=indices, POSITION=positions, NORMAL=normals)
+            indices = self.append_accessor(triangles.ravel(), target=_ELEMENT_ARRAY_BUFFER)
+            self.meshes[kind] = self.append_primitive(kind, indices=indices, POSITION=positions, NORMAL=normals)
         return self.meshes[kind]
 
-    def primitive(self, kind: str, *, mode: int = 4, indices: int | None = None, **attributes: NDArray) -> int:
+    def append_primitive(self, kind: str, *, mode: int = 4, indices: int | None = None, **attributes: NDArray) -> int:
         """Add a mesh of one primitive, by default of triangles; return its index."""
-        accessors = {name: self.accessor(values, target=_ARRAY_BUFFER) for name, values in attributes.items()}
+        accessors = {name: self.append_accessor(values, target=_ARRAY_BUFFER) for name, values in attributes.items()}
         primitive = {"attributes": accessors, "mode": mode, "material": list(COLOURS).index(kind)}
-        return self.add("meshes", name=kind, primitives=[primitive | ({} if indices is None else {"indices": indices})])
+        return self.append_item(
+            "meshes", name=kind, primitives=[primitive | ({} if indices is None else {"indices": indices})]
+        )
 
     def add_node(
         self,
@@ -123,20 +125,20 @@ class _Scene:
         scale: NDArray | None = None,
     ) -> None:
         """Add a mesh, moved, rotated and scaled; constants have no keyframes."""
-        node = self.add("nodes", name=name, mesh=mesh)
+        node = self.append_item("nodes", name=name, mesh=mesh)
         for path, values in {"translation": translation, "rotation": rotation, "scale": scale}.items():
             if values is None:
                 continue
             self.document["nodes"][node][path] = np.float32(values[0]).tolist()
             if np.ptp(values, axis=0).any():
                 self.channels.append({"sampler": len(self.samplers), "target": {"node": node, "path": path}})
-                output = self.accessor(values)
+                output = self.append_accessor(values)
                 self.samplers.append({"input": self.time, "output": output, "interpolation": "LINEAR"})
 
-    def binary(self, name: str) -> bytes:
+    def file_content(self, name: str) -> bytes:
         """Return the file, all nodes under a root."""
         children = list(range(len(self.document["nodes"])))
-        root = self.add("nodes", name=name, rotation=[-sqrt(0.5), 0.0, 0.0, sqrt(0.5)], children=children)
+        root = self.append_item("nodes", name=name, rotation=[-sqrt(0.5), 0.0, 0.0, sqrt(0.5)], children=children)
         animation = {"name": "motion", "samplers": self.samplers, "channels": self.channels}
         document = {
             "asset": {"version": "2.0", "generator": "liaisons"},
@@ -166,17 +168,17 @@ def _rotations_from_z(unit: NDArray) -> NDArray:
     """Return quaternions (n, 4), scalar last, of the shortest rotations from z to directions."""
     quaternions = np.column_stack([-unit[:, 1], unit[:, 0], 0 * unit[:, 0], 1 + unit[:, 2]])
     quaternions[1 + unit[:, 2] < 1e-9] = (1.0, 0.0, 0.0, 0.0)  # straight down: about x
-    return _continuous(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
+    return _with_continuous_signs(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
 def _rotations_of_axes(axes: NDArray) -> NDArray:
     """Return quaternions (n, 4), scalar last, of axes (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    return _continuous(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat())
+    return _with_continuous_signs(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat())
 
 
-def _continuous(quaternions: NDArray) -> NDArray:
+def _with_continuous_signs(quaternions: NDArray) -> NDArray:
     """Return quaternions with signs such that each is near the previous keyframe; q and -q are one rotation."""
     flips = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0)
     return quaternions * np.cumprod([1.0, *flips])[:, None]

@@ -16,7 +16,7 @@ from liaisons.pictures.frames import FLASH, THICKNESS
 from liaisons.pictures.stage import COILS, LIGHT, SIZES, TEETH
 
 
-def page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
+def inlined_page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
     """Return a page, with the constants that all pictures have in common as ``DRAWING``.
 
     :param template: name of the file of its body.
@@ -32,8 +32,8 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
     sources = [(folder / name).read_text(encoding="utf-8") for name in modules]
     script = "\n".join([constants, *map(_as_script, sources)])
     policy = (
-        f"default-src 'none'; script-src '{_hash(script)}' 'wasm-unsafe-eval'; style-src '{_hash(style)}'; "
-        "img-src data:; base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; script-src '{_policy_hash(script)}' 'wasm-unsafe-eval'; "
+        f"style-src '{_policy_hash(style)}'; img-src data:; base-uri 'none'; form-action 'none'"
     )
     contents = {
         "title": html.escape(title),
@@ -56,6 +56,6 @@ def _as_script(module: str) -> str:
     return re.sub(r"^(import [^;]*;\n|export | *//.*\n| */\*(?s:.*?)\*/\n| +)", "", module, flags=re.MULTILINE)
 
 
-def _hash(text: str) -> str:
+def _policy_hash(text: str) -> str:
     """Return the hash of a text in a content security policy."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

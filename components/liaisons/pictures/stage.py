@@ -9,7 +9,7 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.pictures.camera import Camera, facing
+from liaisons.pictures.camera import Camera, camera_facing
 from liaisons.pictures.frames import RATE, Frames, Moving
 
 _TRAIL = 3 * RATE  # frames that a trail lasts
@@ -55,7 +55,7 @@ class Stage:
 
     def __init__(self, frames: Frames, ghost: Frames | None = None) -> None:
         self.frames, self.ghost = frames, ghost
-        points, camera = frames.points, facing(frames.plane)
+        points, camera = frames.points, camera_facing(frames.plane)
         self.extent = float(np.max(np.linalg.norm(np.ptp(points, axis=1), axis=-1)))
         self.extent = self.extent or float(np.linalg.norm(np.ptp(points, axis=(0, 1)))) or 1.0
         low, high = points.min(axis=1), points.max(axis=1)
@@ -74,7 +74,7 @@ class Stage:
 
         :param angle: rotation of the camera about a spatial mechanism [rad].
         """
-        camera = facing(self.frames.plane, angle)
+        camera = camera_facing(self.frames.plane, angle)
         faces = list(self._faces(self.frames, k, camera, 1.0))
         if self.ghost is not None:
             faces = [*self._faces(self.ghost, k, camera, 0.3), *faces]
@@ -119,7 +119,7 @@ class Stage:
         yield from (_line_face(a, a - along - shape.size[k, 2] * up, radius / 2, colour) for a in edge[1:])
 
     def radius(self, shape: Moving) -> NDArray:
-        """Return the radius [m] of a shape without axes, (n, 1); of a flash 0 when it is over."""
+        """Return the radius [m] at each frame of a shape without axes, (n, 1); of a flash 0 when it is over."""
         default = np.broadcast_to(SIZES[shape.kind] * self.extent, (len(shape.points), 1))
         if shape.kind == "flash":
             return default * shape.size
@@ -144,6 +144,7 @@ def _line_face(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...])
 
 
 def _segment_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+    """Yield lines between consecutive points."""
     return (_line_face(a, b, radius, colour) for a, b in pairwise(points))
 
 

@@ -41,7 +41,7 @@ _ROUNDING = 1e-9
 """Largest rounding error, relative to the largest value of a unit, or to 1 for angles and numbers without unit."""
 
 
-def essential(signals: Curves, units: Mapping[str, str], ports: Mapping[str, PortNames]) -> list[str]:
+def default_names(signals: Curves, units: Mapping[str, str], ports: Mapping[str, PortNames]) -> list[str]:
     """Names of the signals that are drawn by default.
 
     At most six units and eight signals of each: free coordinates, their rates, prescribed coordinates, energies,
@@ -49,11 +49,11 @@ def essential(signals: Curves, units: Mapping[str, str], ports: Mapping[str, Por
     like 0 or like another signal, or would flatten the curves of those before them; unless there are no others.
     """
     our_names = {name: ours for value in ports for name, ours in zip(ports[value], port_names(value), strict=True)}
-    ranks = {name: _rank(our_names.get(name, name), units[name], signals) for name in signals}
+    ranks = {name: _default_rank(our_names.get(name, name), units[name], signals) for name in signals}
     groups: dict[str, list[str]] = {}
     for name in sorted(signals, key=ranks.__getitem__):
         groups.setdefault(units[name], []).append(name)
-    visible = [_visible({name: signals[name] for name in names}, unit, ranks) for unit, names in groups.items()]
+    visible = [_distinguishable({name: signals[name] for name in names}, unit, ranks) for unit, names in groups.items()]
     chosen = [name for names in [group for group in visible if group][:DIAGRAMS] for name in names]
     return chosen or [name for name in signals if _largest(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
@@ -63,7 +63,7 @@ def plot(
 ) -> Figure:
     """Draw a diagram for each unit; of a sweep on a grid of two values, a map of each signal.
 
-    :param names: what to draw; if empty, what :func:`essential` chooses, or the first maps.
+    :param names: what to draw; if empty, what :func:`default_names` chooses, or the first maps.
     :param over: signal on the horizontal axis; None: as in :meth:`liaisons.Result.plot`.
     :param path: file of the figure, which pyplot does not know then.
     :param axes: where to draw the only diagram; None: in a new figure.
@@ -71,7 +71,7 @@ def plot(
         not enough, or the file cannot be written.
     """
     subplots = partial(_subplots, result.title, axes, alone=path is not None)
-    grid = _grid(result) if over is None else None
+    grid = _sweep_grid(result) if over is None else None
     if grid is None:
         diagrams = _draw_diagrams(result, names, over, subplots, legend_outside=axes is None)
     else:
@@ -90,7 +90,7 @@ def _draw_diagrams(
     if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
         over = result.names[0]
     signals = {name: result.numbers(name) for name in names or result if names or name != over}
-    chosen = names or essential(signals, result.units, result.ports)
+    chosen = names or default_names(signals, result.units, result.ports)
     groups: dict[tuple[str, str], list[str]] = {}
     for name in dict.fromkeys(chosen):
         has_texts = result.element(name) in result.texts
@@ -123,7 +123,7 @@ def _draw_diagrams(
     return diagrams
 
 
-def _grid(result: LabelledSignals) -> _Grid | None:
+def _sweep_grid(result: LabelledSignals) -> _Grid | None:
     """Both values of a grid, ascending, and the case at [second, first]; None if the sweep has no grid."""
     if result.kind != "sweep" or len(result.names) < 3:
         return None
@@ -220,7 +220,7 @@ def _draw_curves(diagram: Axes, name: str, x: Floats, values: Floats, style: Map
         diagram.lines[-1].set_label(f"{name} ({size})" if size else name)
 
 
-def _visible(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
+def _distinguishable(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
     """Names of the signals of one unit that can be told apart in one diagram; none if all are constant."""
     sizes = {name: _largest(values) for name, values in signals.items()}
     motions = {name: _largest(values - values[:1]) for name, values in signals.items()}
@@ -254,8 +254,8 @@ def _extrema(values: Floats) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
 
 
-def _rank(name: str, unit: str, names: Container[str]) -> int:
-    """Rank of a signal in :func:`essential`, from 0, by its name."""
+def _default_rank(name: str, unit: str, names: Container[str]) -> int:
+    """Rank by which a signal is drawn by default, from 0, by its name."""
     owner, dot, last = split(name)[0].rpartition(".")
 
     def has(name: str) -> bool:

@@ -29,14 +29,14 @@ _ROUNDING = 1e-9
 def html(signals: LabelledSignals) -> str:
     """HTML of the motion, if there is one, and of a table of the signals with small diagrams."""
     remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
-    motion, problems = _motion(signals)
+    motion, problems = _motion_frame(signals)
     remarks += [*problems, *(f"Warning: {text}" for text in signals.warnings)]
     names = [] if signals.kind == "sweep" else signals.entries[:_MOST_ROWS]
-    curves = [_diagram(signals.numbers(name)) for name in names]
+    curves = [_small_diagram(signals.numbers(name)) for name in names]
     return motion + _table(signals.headline, summary(signals, _MOST_ROWS, few=0), curves, remarks)
 
 
-def _motion(signals: LabelledSignals) -> tuple[str, list[str]]:
+def _motion_frame(signals: LabelledSignals) -> tuple[str, list[str]]:
     """HTML frame of the motion, and the reasons why it cannot be shown."""
     if signals.scene is None:
         return "", []
@@ -45,7 +45,7 @@ def _motion(signals: LabelledSignals) -> tuple[str, list[str]]:
         page = motion_page(signals.scene, signals.time, numbers, title=signals.title, most=_MOST_FRAMES)
     except LiaisonsError as error:
         return "", [f"The motion cannot be shown: {error}"]
-    frame = framed(page, _FRAME_HEIGHT) if page else ""
+    frame = sandboxed_frame(page, _FRAME_HEIGHT) if page else ""
     if len(frame) > _MOST_BYTES:
         return "", ["The motion is too large to be shown here; result.animate(path) writes it."]
     return frame, []
@@ -63,7 +63,7 @@ def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str],
     return f"<table>{head}<tbody>{body}</tbody></table>{below}"
 
 
-def framed(page: bytes, height: int) -> str:
+def sandboxed_frame(page: bytes, height: int) -> str:
     """HTML frame of a page in a sandbox: its script cannot read the notebook.
 
     :param height: of the frame [px].
@@ -74,7 +74,7 @@ def framed(page: bytes, height: int) -> str:
     )
 
 
-def _diagram(values: Floats) -> str:
+def _small_diagram(values: Floats) -> str:
     """SVG diagram of values (points, ...): the band between the smallest and largest finite ones."""
     parts = enumerate(np.array_split(values, min(len(values), _WIDTH)))
     bands = [(x, finite.min(), finite.max()) for x, part in parts if (finite := part[np.isfinite(part)]).size]

@@ -121,7 +121,7 @@ class Result(LabelledSignals):
         up, the signal as a colour; what has failed stays blank.
 
         :param names: what to draw, one by one or in a list; if nothing is named, what
-            :func:`liaisons.results.figures.essential` chooses, or the first six maps.
+            :func:`liaisons.results.figures.default_names` chooses, or the first six maps.
         :param over: signal on the horizontal axis, for phase portraits; else time, or of a sweep what was varied, if it
             is one ascending value, else the number of the case.
         :param axes: Matplotlib's axes to draw into, signals of one unit or one map, beside what is there already; else

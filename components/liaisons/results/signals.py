@@ -105,8 +105,8 @@ class LabelledSignals:
             raise UnknownSignalError(
                 f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
             )
-        if name in self._rows:
-            return table[self._rows[name]]
+        if name in self._row_by_name:
+            return table[self._row_by_name[name]]
         if name not in self._arrays:
             raise UnknownSignalError(
                 f"the result of {self.title} has no signal {name!r}{suggestion(name, self.entries)}; what is not "
@@ -158,7 +158,7 @@ class LabelledSignals:
         return f"<{self.headline}: {', '.join(map(self.label, self.entries[:8]))}{rest}>"
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and (name in self._rows or name in self._arrays)
+        return isinstance(name, str) and (name in self._row_by_name or name in self._arrays)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.entries)
@@ -171,7 +171,7 @@ class LabelledSignals:
         return self.entries
 
     @cached_property
-    def _rows(self) -> dict[str, int]:
+    def _row_by_name(self) -> dict[str, int]:
         """Row of each name."""
         return {name: row for row, name in enumerate(self.names)}
 
@@ -179,9 +179,9 @@ class LabelledSignals:
     def _arrays(self) -> dict[str, tuple[list[int], Shape]]:
         """Rows and shape of each array whose elements are all recorded, by its name."""
         elements: dict[str, list[tuple[int, Shape]]] = {}
-        for name, row in self._rows.items():
+        for name, row in self._row_by_name.items():
             base, index = split(name)
-            if index is not None and base not in self._rows:
+            if index is not None and base not in self._row_by_name:
                 elements.setdefault(base, []).append((row, index))
         shapes = {base: complete([index for _, index in pairs]) for base, pairs in elements.items()}
         return {base: ([row for row, _ in elements[base]], shape) for base, shape in shapes.items() if shape}

@@ -29,11 +29,11 @@ def write_csv(signals: LabelledSignals, path: Path) -> None:
 
     :raises SimulationError: if it cannot be written.
     """
-    names, (unit, *units), contents = zip(*_columns(signals), strict=True)
+    names, (unit, *units), contents = zip(*_file_columns(signals), strict=True)
     with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerows([names, [f"# {unit}", *units]])
-        file.writelines(f"# {key}: {_escaped(text)}\n" for key, text in _notes(signals))
+        file.writelines(f"# {key}: {_escaped(text)}\n" for key, text in _metadata(signals))
         writer.writerows(zip(*(content.tolist() for content in contents), strict=True))
 
 
@@ -45,11 +45,11 @@ def read_csv(path: Path) -> dict[str, Any]:
     notes: list[tuple[str, str]] = []
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            names, *rows = csv.reader(_without_notes(file, notes))
+            names, *rows = csv.reader(_take_notes(file, notes))
         units = rows.pop(0) if rows and "".join(rows[0][:1]).startswith("#") else [""] * len(names)
         units[:1] = [unit.removeprefix("# ") for unit in units[:1]]
         columns = zip(names, units, *rows, strict=True)
-        return _fields(path.stem, notes, names, units, [content for _, _, *content in columns])
+        return _signal_fields(path.stem, notes, names, units, [content for _, _, *content in columns])
     except OSError as error:
         raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
     except (ValueError, csv.Error) as error:
@@ -62,11 +62,11 @@ def write_parquet(signals: LabelledSignals, path: Path) -> None:
     :raises SimulationError: if it cannot be written, or PyArrow is missing.
     """
     arrow, parquet = _import_pyarrow(path)
-    names, units, contents = zip(*_columns(signals), strict=True)
+    names, units, contents = zip(*_file_columns(signals), strict=True)
     arrays = [arrow.array(content) for content in contents]
     columns = zip(names, arrays, units, strict=True)
     fields = [arrow.field(name, array.type, metadata={"unit": unit}) for name, array, unit in columns]
-    notes = {key: text for key, text in _notes(signals) if key != "warning"}
+    notes = {key: text for key, text in _metadata(signals) if key != "warning"}
     notes["warnings"] = json.dumps(signals.warnings)
     with replacing(path) as part:
         parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields, metadata=notes)), part)
@@ -89,7 +89,7 @@ def read_parquet(path: Path) -> dict[str, Any]:
     try:
         notes = [(key, metadata[key].decode()) for key in _NOTES if key in metadata]
         notes += [("warning", str(text)) for text in json.loads(metadata.get("warnings", "[]"))]
-        return _fields(path.stem, notes, table.column_names, units, [c.to_numpy() for c in table.columns])
+        return _signal_fields(path.stem, notes, table.column_names, units, [c.to_numpy() for c in table.columns])
     except (TypeError, ValueError) as error:
         raise SimulationError(f"{path}: not a result that to_parquet has written: {error}") from None
 
@@ -122,7 +122,7 @@ def dataset(signals: LabelledSignals) -> Any:
             axes = [f"{letter}_{length}" for letter, length in zip("ijklmn", lengths, strict=False)]
             data[name] = ([*index, *axes], signals[name], {"units": signals.units[name]})
     if "case" in index:
-        data.coords[_FAILURE] = ("case", _reasons(signals, index["case"]))
+        data.coords[_FAILURE] = ("case", _failure_reasons(signals, index["case"]))
     return data
 
 
@@ -159,7 +159,7 @@ def _extent_row(signals: LabelledSignals, name: str) -> dict[str, str]:
     return row
 
 
-def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]]:
+def _file_columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]]:
     """Yield name, unit and content of the columns of a file, a row for each point, case, or case at a point."""
     index = signals.index
     axes = dict(zip(index, map(np.ravel, np.meshgrid(*index.values(), indexing="ij")), strict=True))
@@ -173,22 +173,22 @@ def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]
     if signals.coupling_error is not None:
         yield "coupling_error", "", signals.coupling_error
     if "case" in axes:
-        yield _FAILURE, "", _reasons(signals, axes["case"])
+        yield _FAILURE, "", _failure_reasons(signals, axes["case"])
 
 
-def _notes(signals: LabelledSignals) -> list[tuple[str, str]]:
+def _metadata(signals: LabelledSignals) -> list[tuple[str, str]]:
     """Metadata of a file: pairs of a key of :data:`_NOTES` and a text."""
     estimates = ", ".join(name for name in _ESTIMATES if getattr(signals, name) is not None)
     notes = [("title", signals.title), *(("warning", text) for text in signals.warnings), ("estimates", estimates)]
     return notes if estimates else notes[:-1]
 
 
-def _reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:
+def _failure_reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:
     """Reasons of the failures of cases; empty where a case has not failed."""
     return np.array([signals.failures.get(case, "") for case in cases.tolist()], dtype=object)
 
 
-def _fields(
+def _signal_fields(
     title: str,
     notes: Sequence[tuple[str, str]],
     names: Sequence[str],
@@ -236,7 +236,7 @@ def _fields(
 
 
 def _column_ends(estimates: str, first: int, end: int) -> tuple[int, int]:
-    """Numbers of the columns after the last signal and after its error, in a file with these estimates.
+    """End of a file's columns of signals and end of those of their errors, by the kind of its estimates.
 
     :param first: column of the first signal.
     :param end: column after the last number.
@@ -255,7 +255,7 @@ def _escaped(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)[1:-1].replace('\\"', "\\u0022")
 
 
-def _without_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
+def _take_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
     """Yield the lines of a CSV file except its metadata, which are appended to ``notes``."""
     for line in lines:
         key, colon, text = line.rstrip("\r\n").partition(": ")

@@ -65,14 +65,16 @@ class Claims:
         :param names: of those that are compared, if they go by name; all that are expected unless given.
         """
         if isinstance(expected, Mapping):
-            pairs = [(_signal(text, got, name), expected[name]) for name in (expected if names is None else names)]
+            pairs = [
+                (_checked_signal(text, got, name), expected[name]) for name in (expected if names is None else names)
+            ]
         else:
             pairs = [(got, expected)]
-        self._append_verdict(text, [np.abs(_difference(text, *pair)) for pair in pairs], bound)
+        self._append_verdict(text, [np.abs(_checked_difference(text, *pair)) for pair in pairs], bound)
 
     def below(self, text: str, got: ArrayLike, limit: ArrayLike, bound: Bound) -> None:
         """Claim that no result exceeds the limit; the error is the largest excess."""
-        self._append_verdict(text, [np.maximum(_difference(text, got, limit), 0.0)], bound)
+        self._append_verdict(text, [np.maximum(_checked_difference(text, got, limit), 0.0)], bound)
 
     def order(self, text: str, sizes: ArrayLike, errors: ArrayLike, order: float, bound: Bound) -> None:
         """Claim that errors go as the sizes to this power: the slope of their logarithms, three at least."""
@@ -107,7 +109,7 @@ class Claims:
         )
 
 
-def _signal(text: str, got: Any, name: str) -> ArrayLike:
+def _checked_signal(text: str, got: Any, name: str) -> ArrayLike:
     """Values of a signal, checked to be in the results."""
     try:
         return got[name]
@@ -115,9 +117,9 @@ def _signal(text: str, got: Any, name: str) -> ArrayLike:
         raise ValidityError(f"{text!r}: {shown(got)} has no signal {name!r}") from None
 
 
-def _difference(text: str, got: object, expected: object) -> NDArray[Any]:
+def _checked_difference(text: str, got: object, expected: object) -> NDArray[Any]:
     """Results less the reference, checked to have shapes that agree."""
-    numbers, reference = (_numbers(text, values) for values in (got, expected))
+    numbers, reference = (_checked_numbers(text, values) for values in (got, expected))
     try:
         if numbers.size:
             return numbers - np.broadcast_to(reference, numbers.shape)
@@ -126,7 +128,7 @@ def _difference(text: str, got: object, expected: object) -> NDArray[Any]:
     raise ValidityError(f"{text!r}: shapes {numbers.shape} and {reference.shape} cannot be compared")
 
 
-def _numbers(text: str, values: object) -> NDArray[Any]:
+def _checked_numbers(text: str, values: object) -> NDArray[Any]:
     """Real or complex numbers as an array, checked."""
     try:
         numbers = np.asarray(values)

@@ -27,14 +27,14 @@ def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
     """
     defined = units(parameter_set, "ssv:Units")
     return [
-        (name, (_values(name, element), defined.get(element.get("unit", ""))))
+        (name, (_parameter_values(name, element), defined.get(element.get("unit", ""))))
         for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
     ]
 
 
-def mapped(
+def mapped_parameters(
     listed: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str
 ) -> Iterator[tuple[str, Quantity]]:
     """Yield the values, transformed by a mapping, with the names of their targets; without one, with their own."""
@@ -50,7 +50,7 @@ def mapped(
 
 
 def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
-    """The value of a parameter in the type and the unit of a variable.
+    """Value of a parameter in the type and the unit of a variable.
 
     :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
@@ -59,7 +59,7 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     if scalar.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(scalar.unit)) for v in values)
     elif scalar.type == "Enumeration" and any(isinstance(v, str) for v in values):
-        values = tuple(_item(f"{owner}.{variable}", v, _items(fmu, scalar.name)) for v in values)
+        values = tuple(_item_value(f"{owner}.{variable}", v, _enumeration_items(fmu, scalar.name)) for v in values)
     elif scalar.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
     if isinstance(entry, Array) and len(values) == entry.size:
@@ -67,7 +67,7 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     return values[0] if len(values) == 1 else values
 
 
-def _values(name: str, element: Element) -> tuple[Number, ...]:
+def _parameter_values(name: str, element: Element) -> tuple[Number, ...]:
     """Values of the parameter in an XML element."""
     kind, text = element.tag.rpartition("}")[2], element.get("value", "")
     try:
@@ -84,14 +84,14 @@ def _values(name: str, element: Element) -> tuple[Number, ...]:
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
 
 
-def _item(label: str, value: Number, items: Mapping[str, int]) -> Number:
+def _item_value(label: str, value: Number, items: Mapping[str, int]) -> Number:
     """Value of an item of an enumeration, by its name."""
     if isinstance(value, str) and value not in items:
         raise SimulationError(f"{label} = {value!r}: it is one of {', '.join(items) or 'no items that have names'}")
     return items[value] if isinstance(value, str) else value
 
 
-def _items(fmu: Fmu, variable: str) -> dict[str, int]:
+def _enumeration_items(fmu: Fmu, variable: str) -> dict[str, int]:
     """Values of the items of a variable's enumeration type, by name."""
     description = read_description(fmu.path)
     return description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})

@@ -34,7 +34,7 @@ def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
     return array, index or ()
 
 
-def inner(
+def component_connectors(
     part: SystemComponent, connections: Iterable[Connection], shown: Iterable[VariableReference]
 ) -> dict[str, Entry]:
     """Connectors of a component by name: those connected to other components, and those exposed by the system."""
@@ -43,7 +43,9 @@ def inner(
     return {entry.like.name: entry for entry in entries}
 
 
-def outer(parts: Iterable[SystemComponent], connections: Collection[Connection]) -> dict[VariableReference, Entry]:
+def system_connectors(
+    parts: Iterable[SystemComponent], connections: Collection[Connection]
+) -> dict[VariableReference, Entry]:
     """Connectors of the system: outputs, and inputs without a source inside; no lists of thousands of scalars."""
     targets = (connection.target for connection in connections)
     fed = {(target.part.name, connector(target.part, target.name)[0].like.name) for target in targets}

@@ -31,7 +31,7 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 """
 
 
-def page(
+def system_page(
     name: str, parts: Iterable[SystemComponent], connections: Iterable[Connection], experiment: DefaultExperiment
 ) -> str:
     """HTML page of a system."""
@@ -44,19 +44,19 @@ def page(
         title=escape(name),
         experiment=f"The experiment {', '.join(times)}.",
         parts="\n".join(
-            _row(c.name, f"{c.fmu.model_name} (FMI {c.fmu.version}.0)", ", ".join(_starts(c))) for c in parts
+            _table_row(c.name, f"{c.fmu.model_name} (FMI {c.fmu.version}.0)", ", ".join(_start_texts(c))) for c in parts
         ),
         connections="\n".join(
-            _row(*str(connection).split(" -> "), connection.source.variable.unit) for connection in connections
+            _table_row(*str(connection).split(" -> "), connection.source.variable.unit) for connection in connections
         ),
     )
 
 
-def _starts(part: SystemComponent) -> list[str]:
+def _start_texts(part: SystemComponent) -> list[str]:
     """Start values of a component in words."""
     return [f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in part.starts.items()]
 
 
-def _row(*cells: str) -> str:
+def _table_row(*cells: str) -> str:
     """A row of an HTML table, its cells escaped."""
     return f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"

@@ -24,7 +24,7 @@ from liaisons.base.compiler import INSTALLATION
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.ssp.parameters import scalars, start, text
+from liaisons.ssp.parameters import parameter_names, start_value, value_text
 
 _STARTS = "resources/starts.txt"
 _PYTHON = "resources/component.json"
@@ -32,26 +32,26 @@ STARTS, ZEROS = b"/starts.txt", b" = 0 before the first step: it stays "
 _DESCRIPTION = "modelDescription.xml"
 
 
-def takes(part: SystemComponent, mark: bytes) -> bool:
+def contains_mark(part: SystemComponent, mark: bytes) -> bool:
     """Whether the code of an FMU has a mark: it reads start values (:data:`STARTS`), or skips zeros (:data:`ZEROS`)."""
     with ZipFile(part.fmu.path) as archive:
         modules = [name for name in archive.namelist() if name.startswith("resources/liaisons_runtime_")]
         return any(mark in archive.read(name) for name in (part.fmu.binary, *modules))
 
 
-def baked(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
+def fmu_with_starts(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
     """Contents of the FMU file with the start values of a component.
 
     :param ignore_zeros: prescribed coordinates that must not be 0 keep their start values where an importer sets 0
         before the first step.
     """
-    values = {name: start(part, name) for name in scalars(part)}
-    lines = [_line(part, *item) for item in values.items()]
+    values = {name: start_value(part, name) for name in parameter_names(part)}
+    lines = [_start_line(part, *item) for item in values.items()]
     return _fmu_with_start_lines(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
 
 
-def with_table(path: Path, table: Floats) -> bytes:
-    """Contents of the FMU file with another table.
+def fmu_with_table(path: Path, table: Floats) -> bytes:
+    """Contents of the FMU file with another embedded table.
 
     :param table: shape (columns, rows).
     :raises SimulationError: if the FMU is of the Python back end.
@@ -77,12 +77,14 @@ def _fmu_with_start_lines(path: Path, lines: Iterable[str], values: Mapping[str,
         for item in old.infolist():
             if item.filename != _STARTS:
                 data = old.read(item)
-                new.writestr(item, _described(data, values, starts) if item.filename == _DESCRIPTION else data)
+                new.writestr(
+                    item, _description_with_starts(data, values, starts) if item.filename == _DESCRIPTION else data
+                )
         new.writestr(ZipInfo(_STARTS), starts)
     return target.getvalue()
 
 
-def _line(part: SystemComponent, name: str, value: Value) -> str:
+def _start_line(part: SystemComponent, name: str, value: Value) -> str:
     """Line of a variable in the file of start values."""
     scalar = part.fmu.variables.entry(name).like
     kind, form = ("r", ">d") if scalar.type == "Real" else ("i", ">q")
@@ -95,8 +97,8 @@ def _hexadecimal(form: str, numbers: Iterable[object]) -> str:
     return " ".join(struct.pack(form, number).hex() for number in numbers)
 
 
-def _described(description: bytes, values: Mapping[str, Value], starts: str) -> bytes:
-    """The model description with other start values, and a GUID of its own that the library accepts."""
+def _description_with_starts(description: bytes, values: Mapping[str, Value], starts: str) -> bytes:
+    """Model description with other start values, and a GUID of its own that the library accepts."""
     root = ElementTree.fromstring(description)
     name = "guid" if "guid" in root.attrib else "instantiationToken"
     # a minus, which a URI takes as it is: libcosim makes a directory of the GUID and does not encode it again
@@ -104,5 +106,5 @@ def _described(description: bytes, values: Mapping[str, Value], starts: str) -> 
     for variable in root.iterfind("ModelVariables/*"):
         value = values.get(variable.get("name", ""))
         if value is not None:  # FMI 2.0 has the start value in the type, FMI 3.0 has a variable of the type
-            (variable[0] if variable.tag == "ScalarVariable" else variable).set("start", text(value))
+            (variable[0] if variable.tag == "ScalarVariable" else variable).set("start", value_text(value))
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)

@@ -14,7 +14,7 @@ from liaisons.ssp.xml import path, tag
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself
 
 
-def chosen(
+def effective_experiment(
     system: System,
     start_time: float | None = None,
     stop_time: float | None = None,
@@ -45,8 +45,8 @@ def _without_rounding(time: float) -> float:
     return few if abs(few - time) <= 4 * math.ulp(time) else time
 
 
-def add_master(system: Element, experiment: DefaultExperiment) -> None:
-    """Tell OMSimulator the step size, as the last child of the system."""
+def add_simulation_information(system: Element, experiment: DefaultExperiment) -> None:
+    """Add the step size for OMSimulator, as the last child of the system."""
     if experiment.step_size is None:
         return
     annotation = _add_annotation(system, "org.openmodelica")

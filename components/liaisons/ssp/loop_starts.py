@@ -17,7 +17,7 @@ _SHORT = 1e-6
 """A step [s] that is not looked at: a run has one at least."""
 
 
-def solved(
+def with_solved_loops(
     name: str, parts: Mapping[str, SystemComponent], connections: Sequence[Connection], start_time: float
 ) -> dict[str, SystemComponent]:
     """Components whose inputs in algebraic loops start from the solution of the loops.

@@ -17,7 +17,7 @@ Listed = tuple[str, SystemComponent, str]
 _INITIAL = "initialValues"  # the set that OSP's masters read
 
 
-def start(part: SystemComponent, name: str) -> Value:
+def start_value(part: SystemComponent, name: str) -> Value:
     """The start value of a variable, an element or an array."""
     if name in part.starts:
         return part.starts[name]
@@ -28,7 +28,7 @@ def start(part: SystemComponent, name: str) -> Value:
     return whole[position]
 
 
-def scalars(part: SystemComponent) -> list[str]:
+def parameter_names(part: SystemComponent) -> list[str]:
     """Names of variables with start values: FMI 2.0 arrays by elements, FMI 3.0 arrays as a whole."""
     names: list[str] = []
     for name in part.starts:
@@ -45,14 +45,14 @@ def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
         parameter = SubElement(group, tag("ssv:Parameter"), name=name)
         entry = part.fmu.variables.entry(variable)
         element = add_type(parameter, "ssv", entry.like, units, form)
-        element.attrib = {"value": text(start(part, variable)), **element.attrib}
+        element.attrib = {"value": value_text(start_value(part, variable)), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
         add_sizes(parameter, entry)
     add_units(root, "ssv:Units", {unit: units[unit] for unit in used})
     return document(root)
 
 
-def mapping(listed: Iterable[Listed]) -> bytes:
+def parameter_mapping(listed: Iterable[Listed]) -> bytes:
     """Contents of a mapping file (SSM) from the parameters of a set to variables of components."""
     root = Element(tag("ssm:ParameterMapping"), version="2.0")
     for name, part, variable in listed:
@@ -60,17 +60,17 @@ def mapping(listed: Iterable[Listed]) -> bytes:
     return document(root)
 
 
-def bind(element: Element, values: str, names: str | None = None) -> None:
+def add_binding(element: Element, values: str, names: str | None = None) -> None:
     """Add the binding of a parameter set, and of a mapping, to a component or system."""
     binding = SubElement(SubElement(element, tag("ssd:ParameterBindings")), tag("ssd:ParameterBinding"), source=values)
     if names is not None:
         SubElement(binding, tag("ssd:ParameterMapping"), source=names)
 
 
-def text(value: Value) -> str:
+def value_text(value: Value) -> str:
     """A start value as XML text."""
     if isinstance(value, tuple):
-        return " ".join(map(text, value))
+        return " ".join(map(value_text, value))
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, float) else str(value)

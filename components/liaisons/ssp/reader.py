@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
-from liaisons.base.archive import Archive, too_big, unpacked_limit
+from liaisons.base.archive import Archive, size_error, unpacked_limit
 from liaisons.base.arguments import as_path
 from liaisons.base.folders import passing_folder
 from liaisons.base.unit_definitions import UnitDefinition
@@ -26,10 +26,10 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect_scalars
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
-from liaisons.ssp.assignment import Quantity, fitted, mapped, parameters
+from liaisons.ssp.assignment import Quantity, fitted, mapped_parameters, parameters
 from liaisons.ssp.experiment import read_experiment
 from liaisons.ssp.structure import ElementPath, Pin, Structure, read_structure
-from liaisons.ssp.xml import STRUCTURE, declared, path, tag
+from liaisons.ssp.xml import STRUCTURE, path, tag, with_declared_prefixes
 
 _VERSIONS = ("1.0", "2.0")
 
@@ -52,7 +52,7 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
         directory = stack.enter_context(passing_folder())
         try:
             with Archive(file) as archive:
-                system = _read(archive, directory, make, starts or {})
+                system = _read_system(archive, directory, make, starts or {})
         except LiaisonsError as error:
             if str(file) not in str(error):
                 raise type(error)(f"{file}: {error}") from error
@@ -74,7 +74,7 @@ def _name_of(archive: Archive, source: str, owner: str) -> str:
     return name
 
 
-def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
+def _xml_root(archive: Archive, source: str, owner: str, root: str) -> Element:
     """Root element of an XML file in the archive, checked by its name."""
     name = _name_of(archive, source, owner)
     try:
@@ -85,7 +85,7 @@ def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
                 if "unbound prefix" not in str(error):
                     raise
                 with archive.open(name) as again:
-                    text, prefixes = declared(again.read())
+                    text, prefixes = with_declared_prefixes(again.read())
                 element = tree(io.BytesIO(text))
                 words = f"{archive.path}: {source} does not declare the prefix {', '.join(prefixes)}"
                 logger.warning("%s; taken for what it stands for in SSP, elsewhere for nothing", words)
@@ -96,11 +96,11 @@ def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
     return element
 
 
-def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
+def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
     """The system in an opened archive, its FMUs unpacked."""
     if STRUCTURE not in archive.names:  # a truncated archive can end in the whole archive of an FMU
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
-    root = _xml(archive, STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
+    root = _xml_root(archive, STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
     if root.get("version") not in _VERSIONS:
         raise SimulationError(f"SSP version {root.get('version')!r} is not known; known: {', '.join(_VERSIONS)}")
     try:
@@ -108,7 +108,7 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
     except ValueError as error:
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
     fmus = _unpack(archive, structure, directory)
-    starts = _starts(archive, structure, fmus)
+    starts = _start_values(archive, structure, fmus)
     owners = {_component_name(component): component for component in fmus}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
@@ -148,11 +148,13 @@ def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[Ele
                 raise SimulationError(str(error).replace(str(path), name)) from error
             size += fmus[source].unpacked
             if size > unpacked_limit():
-                raise too_big(f"{archive.path} with its FMUs", size)
+                raise size_error(f"{archive.path} with its FMUs", size)
     return {component: fmus[source] for component, source in structure.sources.items()}
 
 
-def _starts(archive: Archive, structure: Structure, fmus: dict[ElementPath, Fmu]) -> dict[ElementPath, dict[str, Any]]:
+def _start_values(
+    archive: Archive, structure: Structure, fmus: dict[ElementPath, Fmu]
+) -> dict[ElementPath, dict[str, Any]]:
     """Start values of each component, from all parameter bindings."""
     starts: dict[ElementPath, dict[str, Any]] = {component: {} for component in fmus}
     for element, binding in structure.bindings:
@@ -175,7 +177,7 @@ def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) 
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
     source, values = binding.get("source"), binding.find(path("ssd:ParameterValues", "ssv:ParameterSet"))
     if source is not None:
-        values = _xml(archive, source, owner, "ssv:ParameterSet")
+        values = _xml_root(archive, source, owner, "ssv:ParameterSet")
     if values is None:
         raise SimulationError(f"{owner} has neither a source nor values")
     entries: list[Element] = []
@@ -183,10 +185,10 @@ def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) 
         source = mapping.get("source")
         inner = mapping.find(tag("ssm:ParameterMapping"))
         if source is not None:
-            inner = _xml(archive, source, f"the mapping of {owner}", "ssm:ParameterMapping")
+            inner = _xml_root(archive, source, f"the mapping of {owner}", "ssm:ParameterMapping")
         entries += [] if inner is None else inner.findall(tag("ssm:MappingEntry"))
     try:
-        return list(mapped(parameters(values), entries, prefix=binding.get("prefix", "")))
+        return list(mapped_parameters(parameters(values), entries, prefix=binding.get("prefix", "")))
     except (ValueError, OverflowError) as error:
         raise SimulationError(f"{owner} cannot be read: {error}") from None
 
@@ -197,7 +199,7 @@ def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]
     for chain in structure.connections():
         start, end = chain[0].start, chain[-1].end
         try:
-            pairs = _paired(start, _scalar_ports(start, parts), end, _scalar_ports(end, parts))
+            pairs = _paired_scalars(start, _scalar_ports(start, parts), end, _scalar_ports(end, parts))
             joined += [connect_scalars(*pair, structure.conversion(chain, *map(_unit, pair))) for pair in pairs]
         except ConnectError as error:
             if str(start) in str(error) and str(end) in str(error):
@@ -217,8 +219,8 @@ def _scalar_ports(node: Pin, parts: dict[ElementPath, SystemComponent]) -> list[
     return parts[node.element][name].elements()
 
 
-def _paired(start: Pin, sources: list[Port], end: Pin, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
-    """Pair the scalars of two connectors, which must be as many."""
+def _paired_scalars(start: Pin, sources: list[Port], end: Pin, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
+    """Pairs of the scalars of two connectors, which must be as many."""
     if len(sources) != len(targets):
         raise ConnectError(
             f"{start} has {len(sources)} elements, {end} has {len(targets)}: they cannot be connected as a whole"

@@ -137,10 +137,10 @@ class Structure:
                     raise SimulationError(f"{converting[0]} converts a parameter, which is not done here: give {end}")
                 waiting += [(edge.end.element, edge.end.connector) for edge in reversed(edges)]
             else:
-                waiting += self._nested(*connector)
+                waiting += self._split_parameter_name(*connector)
         return list(variables)
 
-    def _nested(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
+    def _split_parameter_name(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
         """Element that a dotted name of a parameter begins with, and the rest of the name."""
         dot = len(name)
         while (dot := name.rfind(".", 0, dot)) > 0:  # the longest name of an element wins
@@ -151,7 +151,7 @@ class Structure:
 
     @cached_property
     def _edges_from(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
-        """Connections from each connector of a system."""
+        """Connections by the connector of a system that they start from."""
         edges_from: dict[tuple[ElementPath, str], list[Edge]] = {connector: [] for connector in self.shown}
         for edge in self.edges:
             edges_from.get((edge.start.element, edge.start.connector), []).append(edge)
@@ -195,7 +195,7 @@ class _Reader:
         structure = self.structure
         structure.bindings.extend((parent, binding) for binding in _bindings(system))
         structure.shown.update(
-            {(parent, name): self.units.get(unit) for name, unit in self._connectors(system, parent)}
+            {(parent, name): self.units.get(unit) for name, unit in self._store_connectors(system, parent)}
         )
         own = {d.get("name", ""): (*parent, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
         dictionaries = dictionaries | own
@@ -206,11 +206,11 @@ class _Reader:
                 raise SimulationError(f"two elements are called {'.'.join(inside[name])}; a name stands for one")
             inside[name] = (*parent, name)
             if element.tag == tag("ssd:Component"):
-                structure.sources[inside[name]] = _source(element, inside[name])
+                structure.sources[inside[name]] = _fmu_path(element, inside[name])
                 if len(structure.sources) > _MOST_COMPONENTS:
                     raise SimulationError(f"its structure has more than {_MOST_COMPONENTS} components; divide it")
                 structure.bindings.extend((inside[name], binding) for binding in _bindings(element))
-                self._connectors(element, inside[name])
+                self._store_connectors(element, inside[name])
             elif element.tag == tag("ssd:System"):
                 self.read(element, inside[name], dictionaries)
             elif element.tag == tag("ssd:SignalDictionaryReference"):  # all references of a dictionary are one element
@@ -221,8 +221,8 @@ class _Reader:
         for connection in system.iterfind(path("ssd:Connections", "ssd:Connection")):
             structure.edges.append(self._edge(connection, parent, inside))
 
-    def _connectors(self, element: Element, element_path: ElementPath) -> list[tuple[str, str]]:
-        """Return names and units of connectors, after storing their kinds."""
+    def _store_connectors(self, element: Element, element_path: ElementPath) -> list[tuple[str, str]]:
+        """Store the kinds of an element's connectors, and return their names and units."""
         units_by_name = []
         for connector in element.iterfind(path("ssd:Connectors", "ssd:Connector")):
             name = _required(connector, "name")
@@ -232,7 +232,7 @@ class _Reader:
 
     def _edge(self, connection: Element, parent: ElementPath, inside: dict[str, ElementPath]) -> Edge:
         """The connection of an XML element, in the direction of signal flow."""
-        start, end = (_end(connection, role, parent, inside) for role in ("start", "end"))
+        start, end = (_connection_end(connection, role, parent, inside) for role in ("start", "end"))
         kinds = self._is_source(start, parent), self._is_source(end, parent)
         if kinds in {(False, True), (False, None), (None, True)}:
             start, end = end, start  # either end may be called the start
@@ -260,8 +260,8 @@ _OUTWARDS = ("output", "calculatedParameter")
 _DICTIONARIES = path("ssd:SignalDictionaries", "ssd:SignalDictionary")
 
 
-def _source(part: Element, component: ElementPath) -> str:
-    """ElementPath of the FMU of a component in the archive."""
+def _fmu_path(part: Element, component: ElementPath) -> str:
+    """Path in the archive of the FMU of a component."""
     name, kind, source = ".".join(component), part.get("type", _FMU), part.get("source")
     if kind != _FMU:
         raise SimulationError(f"component {name} is of type {kind!r}; only FMUs ({_FMU}) can be simulated")
@@ -274,7 +274,7 @@ def _source(part: Element, component: ElementPath) -> str:
     return source
 
 
-def _end(connection: Element, role: str, parent: ElementPath, inside: dict[str, ElementPath]) -> Pin:
+def _connection_end(connection: Element, role: str, parent: ElementPath, inside: dict[str, ElementPath]) -> Pin:
     """Connector at the start or the end of a connection."""
     element, connector = connection.get(f"{role}Element"), _required(connection, f"{role}Connector")
     index = tuple(map(int, connection.get(f"{role}Indices", "").split()))

@@ -33,16 +33,16 @@ from liaisons.ssp.connectors import (
     Units,
     add_connectors,
     add_units,
+    component_connectors,
     connector,
-    inner,
-    outer,
+    system_connectors,
     units_of,
 )
-from liaisons.ssp.documentation import page
-from liaisons.ssp.embedded_starts import STARTS, ZEROS, baked, takes
-from liaisons.ssp.experiment import add_experiment, add_master, chosen
-from liaisons.ssp.loop_starts import solved
-from liaisons.ssp.parameters import bind, mapping, parameter_set, scalars
+from liaisons.ssp.documentation import system_page
+from liaisons.ssp.embedded_starts import STARTS, ZEROS, contains_mark, fmu_with_starts
+from liaisons.ssp.experiment import add_experiment, add_simulation_information, effective_experiment
+from liaisons.ssp.loop_starts import with_solved_loops
+from liaisons.ssp.parameters import add_binding, parameter_mapping, parameter_names, parameter_set
 from liaisons.ssp.xml import STRUCTURE, document, tag
 
 Files = dict[str, bytes | Path]
@@ -73,14 +73,16 @@ def write(
     one_of("form", form, get_args(Form))
     path, name, connections = as_path("archive", path), system.name, system.connections
     parts = system.filled()
-    experiment = chosen(system, start_time, stop_time, step_size)
+    experiment = effective_experiment(system, start_time, stop_time, step_size)
     if form == "portable":
         name = _identifier(name)
         names = _unique_identifiers(parts)
-        parts = solved(name, parts, connections, experiment.start_time or 0.0)
-        parts = {names[p.name]: replace(_without_interpolation(p), name=names[p.name]) for p in parts.values()}
+        parts = with_solved_loops(name, parts, connections, experiment.start_time or 0.0)
+        parts = {names[p.name]: replace(_extrapolating(p), name=names[p.name]) for p in parts.values()}
         connections = [
-            replace(link, source=_moved(link.source, parts, names), target=_moved(link.target, parts, names))
+            replace(
+                link, source=_renamed_port(link.source, parts, names), target=_renamed_port(link.target, parts, names)
+            )
             for link in connections
         ]
     files: Files = {}
@@ -92,8 +94,8 @@ def write(
         _add_portable(whole, parts.values(), connections, units, files)
     else:
         _add_full(whole, parts.values(), connections, units, files)
-        files[_PAGE] = page(name, parts.values(), connections, experiment).encode()
-    add_master(whole, experiment)
+        files[_PAGE] = system_page(name, parts.values(), connections, experiment).encode()
+    add_simulation_information(whole, experiment)
     add_units(root, "ssd:Units", units)
     add_experiment(root, experiment)
     if form == "full":
@@ -122,13 +124,13 @@ def _unique_identifiers(names: Iterable[str]) -> dict[str, str]:
     return identifiers
 
 
-def _moved(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str, str]) -> Port:
+def _renamed_port(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str, str]) -> Port:
     """The port of the renamed component."""
     return Port(parts[names[port.part.name]], port.name)
 
 
-def _without_interpolation(part: SystemComponent) -> SystemComponent:
-    """The component, extrapolating its inputs: other masters step all FMUs at once."""
+def _extrapolating(part: SystemComponent) -> SystemComponent:
+    """Component that extrapolates its inputs: other masters step all FMUs at once."""
     if not part.approximation.interpolates:
         return part
     return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
@@ -141,18 +143,20 @@ def _add_portable(
     elements = SubElement(system, tag("ssd:Elements"))
     # All outputs, since some importers record connectors only; no unconnected inputs, since some set them to 0.
     shown = [
-        p for p, entry in outer(parts, connections).items() if entry.like.causality == "output" and not entry.shape
+        p
+        for p, entry in system_connectors(parts, connections).items()
+        if entry.like.causality == "output" and not entry.shape
     ]
     for part in parts:
-        zeros = _starts_from_nonzero(part, connections) and takes(part, ZEROS)
-        bake = zeros or (bool(part.starts) and takes(part, STARTS))
-        content = baked(part, ignore_zeros=zeros) if bake else b""
+        zeros = _starts_from_nonzero(part, connections) and contains_mark(part, ZEROS)
+        bake = zeros or (bool(part.starts) and contains_mark(part, STARTS))
+        content = fmu_with_starts(part, ignore_zeros=zeros) if bake else b""
         source = _add_file(files, f"{part.name}.fmu", content) if bake else _add_fmu(files, part)
         element = _add_component(elements, part.name, source)
-        add_connectors(element, inner(part, connections, shown), units, "portable")
+        add_connectors(element, component_connectors(part, connections, shown), units, "portable")
         if part.starts:
-            listed = [(variable, part, variable) for variable in scalars(part)]
-            bind(element, _add_file(files, f"{part.name}.ssv", parameter_set(listed, units, "portable")))
+            listed = [(variable, part, variable) for variable in parameter_names(part)]
+            add_binding(element, _add_file(files, f"{part.name}.ssv", parameter_set(listed, units, "portable")))
     _add_connections(system, connections, {})
 
 
@@ -167,16 +171,16 @@ def _add_full(
     system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
     """Add connectors of the system, one parameter set with its mapping, components and connections."""
-    shown = outer(parts, connections)
+    shown = system_connectors(parts, connections)
     add_connectors(system, {"_".join(reference): entry for reference, entry in shown.items()}, units, "full")
-    listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in scalars(c)]
+    listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in parameter_names(c)]
     if listed:
         values = _add_file(files, "parameters.ssv", parameter_set(listed, units, "full"))
-        bind(system, values, _add_file(files, "parameters.ssm", mapping(listed)))
+        add_binding(system, values, _add_file(files, "parameters.ssm", parameter_mapping(listed)))
     elements = SubElement(system, tag("ssd:Elements"))
     for part in parts:
         element = _add_component(elements, part.name, _add_fmu(files, part))
-        add_connectors(element, inner(part, connections, shown), units, "full")
+        add_connectors(element, component_connectors(part, connections, shown), units, "full")
     _add_connections(system, connections, shown)
 
 

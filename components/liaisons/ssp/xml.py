@@ -55,7 +55,7 @@ def units(root: Element, group: str) -> Mapping[str, UnitDefinition]:
     }
 
 
-def declared(text: bytes) -> tuple[bytes, list[str]]:
+def with_declared_prefixes(text: bytes) -> tuple[bytes, list[str]]:
     """Return the file with declarations of its undeclared prefixes, and these prefixes."""
     used = {*re.findall(rb"</?([A-Za-z_][\w.-]*):", text), *re.findall(rb"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=", text)}
     missing = sorted(used - {b"xml", b"xmlns", *re.findall(rb"xmlns:([\w.-]+)\s*=", text)})

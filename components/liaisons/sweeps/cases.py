@@ -19,7 +19,9 @@ from liaisons.errors import SweepError
 class Quantiles(Protocol):
     """A distribution by its quantiles, such as ``scipy.stats.norm(1.0, 0.1)``."""
 
-    def ppf(self, q: Any, /) -> Any: ...
+    def ppf(self, q: Any, /) -> Any:
+        """Quantiles at the probabilities q ("percent point function")."""
+        ...
 
 
 _MOST = 10_000_000

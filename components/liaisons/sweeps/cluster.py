@@ -15,7 +15,7 @@ from liaisons.base.arguments import shown
 from liaisons.base.folders import passing_folder
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
-from liaisons.sweeps.outcome import Failure, Outcome, failure
+from liaisons.sweeps.outcome import Failure, Outcome, failure_of
 from liaisons.sweeps.study import Study
 from liaisons.sweeps.workers import Deliver, Pool
 
@@ -54,7 +54,7 @@ def simulate_on_cluster(
     key = uuid4().hex  # of this run
     # A task, not scattered data: when all workers die, it is done again, and the cases go on.
     with config.set({"distributed.admin.large-graph-warning-threshold": "1 TB"}):
-        shipment = client.submit(_shipment, key, study, study.files(), pure=False)
+        shipment = client.submit(_worker_payload, key, study, study.files(), pure=False)
     remaining = list(cases)
     size = max(1, min(256, len(remaining) // (8 * max(1, sum(client.nthreads().values())))))
     try:
@@ -69,7 +69,7 @@ def simulate_on_cluster(
 class _Sweep:
     """The futures of a sweep.
 
-    :param task: first argument of :func:`_simulate`.
+    :param task: first argument of :func:`_simulate_on_worker`.
     """
 
     def __init__(self, client: Client, task: tuple[Any, float | None], deliver: Deliver) -> None:
@@ -120,7 +120,7 @@ class _Sweep:
         """Submit cases to the workers that can start."""
         workers = self._usable_workers() if self._failed_workers else None  # others where all of these are lost
         options = {"workers": workers, "allow_other_workers": bool(workers), "pure": False}
-        future = self._client.submit(_simulate, self._task, cases, **options)
+        future = self._client.submit(_simulate_on_worker, self._task, cases, **options)
         self._chunks[future] = cases
         self._finished.add(future)
 
@@ -130,7 +130,7 @@ class _Sweep:
 
 
 @contextmanager
-def connected(client: Client | str) -> Iterator[Client]:
+def connected_client(client: Client | str) -> Iterator[Client]:
     """Yield a client of the scheduler at an address; a client itself is passed on and left open.
 
     :raises SweepError: if ``distributed`` is not installed, or no scheduler answers.
@@ -157,12 +157,12 @@ def connected(client: Client | str) -> Iterator[Client]:
         yield opened
 
 
-def _shipment(*parts: Any) -> Any:
+def _worker_payload(*parts: Any) -> Any:
     """Return, on a worker, the run's key, study and files, which other workers copy from there."""
     return parts
 
 
-def _simulate(
+def _simulate_on_worker(
     task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
 ) -> dict[int, Outcome] | _Unable:
     """On a worker, simulate cases in the process of this thread, which stays for the next cases."""
@@ -177,7 +177,7 @@ def _simulate(
     except Exception as error:  # noqa: BLE001 - whatever it is, another worker may do it
         from distributed import get_worker
 
-        return _Unable(get_worker().address, failure(error).reason)
+        return _Unable(get_worker().address, failure_of(error).reason)
 
 
 def _start_pool(key: str, study: Study, files: Mapping[Path, bytes], time_limit: float | None) -> None:

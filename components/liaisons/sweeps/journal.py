@@ -49,8 +49,8 @@ class Journal:
         with ExitStack() as stack:
             try:
                 self._file: BufferedRandom = stack.enter_context(path.open("a+b"))
-                self._lock()
-                outcomes = self._read(key)
+                self._wait_for_lock()
+                outcomes = self._read_outcomes(key)
             except OSError as error:
                 words = f"cannot be used as a journal: {error.strerror or error}; choose another path"
                 raise SweepError(f"{path}: {words}") from None
@@ -73,9 +73,8 @@ class Journal:
 
         :raises SweepError: if the file takes no more.
         """
-        self.done |= outcomes
         try:
-            self._write(b"".join(_line(_record(*item), self._seed) for item in outcomes.items()))
+            self._write(b"".join(_checksummed_line(_case_record(*item), self._seed) for item in outcomes.items()))
         except OSError as error:
             raise SweepError(
                 f"{self._path}: cannot be written: {error.strerror}; make room, and the sweep goes on from there"
@@ -86,19 +85,19 @@ class Journal:
         self._file.write(lines)
         self._file.flush()
 
-    def _lock(self) -> None:
+    def _wait_for_lock(self) -> None:
         """Lock the file, or raise a JournalError if another sweep does not release it in time."""
         end = time.monotonic() + _PATIENCE
-        while not _lock(self._file):
+        while not _try_to_lock(self._file):
             if time.monotonic() > end:
                 raise JournalError(f"{self._path} is in use by another sweep; let that end, or choose another file")
             time.sleep(0.05)
 
-    def _read(self, key: str) -> dict[int, Outcome]:
+    def _read_outcomes(self, key: str) -> dict[int, Outcome]:
         """Return the outcomes in the file, after removing an incomplete last line from it."""
         self._file.seek(0)
         *lines, rest = self._file.read().split(b"\n")
-        header = _line({"liaisons sweep": key}, 0)
+        header = _checksummed_line({"liaisons sweep": key}, 0)
         if lines:
             self._check_header(lines[0], key)
         elif not header.startswith(rest):
@@ -152,7 +151,7 @@ class Journal:
         )
 
 
-def _record(case: int, outcome: Outcome) -> dict[str, object]:
+def _case_record(case: int, outcome: Outcome) -> dict[str, object]:
     """Content of the line of a case."""
     if isinstance(outcome, Failure):
         return {"case": case, ("failure" if outcome.refused else "unfinished"): outcome.reason}
@@ -160,8 +159,8 @@ def _record(case: int, outcome: Outcome) -> dict[str, object]:
     return {"case": case, "values": outcome.values, **warned}
 
 
-def _line(content: dict[str, object], seed: int) -> bytes:
-    """A line of JSON with its checksum."""
+def _checksummed_line(content: dict[str, object], seed: int) -> bytes:
+    """Line of JSON with its checksum."""
     text = json.dumps(content).encode()
     return text[:-1] + f', "check": "{zlib.crc32(text, seed):08x}"}}\n'.encode()
 
@@ -178,7 +177,7 @@ def _checked_content(line: bytes, seed: int) -> Any:
         return None
 
 
-def _lock(file: BufferedRandom) -> bool:
+def _try_to_lock(file: BufferedRandom) -> bool:
     """Lock a file until it is closed or this process ends; False if another one has locked it."""
     if sys.platform == "win32":
         import msvcrt

@@ -20,7 +20,7 @@ Measure: TypeAlias = str | Callable[[Result], float]
 _MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max": np.max, "min": np.min}
 
 
-def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
+def checked_measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
     """Return the measure of each column by its name, checked.
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
@@ -31,13 +31,13 @@ def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Mea
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
     for name, measure in columns.items():
         if isinstance(measure, str):
-            split(measure)
+            signal_and_kind(measure)
         elif not callable(measure):
             raise SweepError(f"keep: {name} = {shown(measure)}; give the name of a signal or a function of the Result")
     return columns
 
 
-def split(measure: str) -> tuple[str, str]:
+def signal_and_kind(measure: str) -> tuple[str, str]:
     """Signal of a measure, and which of its values: ``"final"``, ``"max"`` or ``"min"``."""
     signal, colon, word = measure.partition(":")
     if not signal:
@@ -47,7 +47,7 @@ def split(measure: str) -> tuple[str, str]:
     return signal, word or "final"
 
 
-def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
+def evaluate_measures(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
     """Return the measures of a case, in the order of the columns.
 
     :raises SweepError: if a function fails or returns no number.
@@ -56,7 +56,7 @@ def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
     def value(name: str, measure: Measure) -> float:
         """The measure of one column."""
         if isinstance(measure, str):
-            signal, word = split(measure)
+            signal, word = signal_and_kind(measure)
             return float(_MEASURES[word](result[signal]))
         try:
             return float(measure(result))
@@ -66,7 +66,7 @@ def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
     return tuple(value(*column) for column in keep.items())
 
 
-def identity(measure: Measure) -> bytes:
+def measure_identity(measure: Measure) -> bytes:
     """Bytes that identify a measure in the key of a journal; of a function its code and the values it encloses."""
     if isinstance(measure, str):
         return measure.encode()

@@ -34,7 +34,7 @@ Outcome: TypeAlias = Completed | Failure
 """Measures of a case, or why it failed."""
 
 
-def failure(error: Exception) -> Failure:
+def failure_of(error: Exception) -> Failure:
     """Return the failure for an error; refused after Discard or Error of an FMU, or without convergence.
 
     Fatal is no refusal: the FMU may have run out of memory.

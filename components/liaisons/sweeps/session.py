@@ -18,8 +18,8 @@ from liaisons.base.logs import collected_warnings, logger
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import EndedError, LiaisonsError
-from liaisons.sweeps.measures import evaluate
-from liaisons.sweeps.outcome import Completed, Failure, Outcome, failure
+from liaisons.sweeps.measures import evaluate_measures
+from liaisons.sweeps.outcome import Completed, Failure, Outcome, failure_of
 from liaisons.sweeps.study import Study
 
 Task: TypeAlias = tuple[Study, Mapping[Path, Path], str]
@@ -31,7 +31,7 @@ SimulateCase: TypeAlias = Callable[[int, bool], Outcome]
 
 
 @contextmanager
-def session(task: Task) -> Iterator[SimulateCase]:
+def case_simulator(task: Task) -> Iterator[SimulateCase]:
     """Yield a function that simulates one case; its process may be killed at any time."""
     study, folders, tempfile.tempdir = task
     logger.logger.propagate = False  # warnings go with the case
@@ -49,13 +49,13 @@ def session(task: Task) -> Iterator[SimulateCase]:
                 if suspect:
                     isolated = replace(study.simulation, parts={name: part.apart() for name, part in parts.items()})
                     with Run(isolated, folders) as alone:
-                        return _simulate(study, alone, parts)
+                        return _simulate_case(study, alone, parts)
                 run = run or stack.enter_context(Run(study.simulation, folders, again=True))
-                completed: Outcome = _simulate(study, run, parts)
+                completed: Outcome = _simulate_case(study, run, parts)
                 if run.repeats:
                     return completed
             except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
-                completed = failure(error)
+                completed = failure_of(error)
             run = None
             stack.close()
             return completed
@@ -63,7 +63,7 @@ def session(task: Task) -> Iterator[SimulateCase]:
         yield outcome
 
 
-def _simulate(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> Completed:
+def _simulate_case(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> Completed:
     """Simulate a case and return its measures and warnings."""
     with collected_warnings() as warned:
         try:
@@ -73,4 +73,4 @@ def _simulate(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> C
             if run.reached() is None:
                 raise
             logger.warning("%s of %.10g s", ended, study.simulation.times[-1])
-        return Completed(evaluate(study.keep, run.concluded()), warned.texts)
+        return Completed(evaluate_measures(study.keep, run.concluded()), warned.texts)

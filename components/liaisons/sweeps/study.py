@@ -14,7 +14,7 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.sweeps.cases import Cases
-from liaisons.sweeps.measures import Measure, identity
+from liaisons.sweeps.measures import Measure, measure_identity
 
 
 @final
@@ -39,7 +39,7 @@ class Study:
         starts: dict[str, dict[str, Any]] = {name: dict(part.starts) for name, part in self.simulation.parts.items()}
         for name, value in self.cases.case(case).items():
             owner, variable = self.varied[name]
-            starts[owner][variable] = self._converted(owner, variable, value)
+            starts[owner][variable] = self._typed_value(owner, variable, value)
         return {
             name: replace(part, starts=start_values(name, part.fmu, starts[name]))
             for name, part in self.simulation.parts.items()
@@ -78,12 +78,12 @@ class Study:
         add(sorted((c.source.place, c.target.place, *c.conversion) for c in run.connections))
         add(tuple(run.times), run.tolerance, run.coupling, list(self.varied), sorted(run.recorded))
         for name, measure in self.keep.items():
-            add(name, identity(measure))
+            add(name, measure_identity(measure))
         for column in self.cases.values():
             add(column.tobytes())
         return digest.hexdigest()
 
-    def _converted(self, owner: str, variable: str, value: float) -> object:
+    def _typed_value(self, owner: str, variable: str, value: float) -> object:
         """A number as a value of the type of its variable; unchanged where it does not fit and will be refused."""
         kind = self.simulation.parts[owner].fmu.variables[variable].type
         if kind in {"Integer", "Enumeration"} and value.is_integer():

@@ -24,7 +24,7 @@ from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.journal import Journal
-from liaisons.sweeps.measures import Measure, measures, split
+from liaisons.sweeps.measures import Measure, checked_measures, signal_and_kind
 from liaisons.sweeps.outcome import Completed, Failure, Outcome
 from liaisons.sweeps.study import Study
 from liaisons.sweeps.workers import simulate_locally
@@ -89,7 +89,7 @@ def sweep(
     study = _study(
         subject,
         Cases.of(cases),
-        measures(keep),
+        checked_measures(keep),
         named("start_values", {} if start_values is None else start_values, SweepError),
         SimulationSettings(
             start_time=start_time,
@@ -118,9 +118,9 @@ def sweep(
             if remaining and client is None:
                 simulate_locally(study, remaining, workers or os.cpu_count() or 1, deliver, time_limit)
             elif remaining:
-                with cluster.connected(client) as connection:
+                with cluster.connected_client(client) as connection:
                     cluster.simulate_on_cluster(study, remaining, connection, deliver, time_limit)
-    return _result(study, outcomes)
+    return _table(study, outcomes)
 
 
 def _check_settings(
@@ -154,7 +154,7 @@ def _study(
         raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
     else:
         title, parts, connections = subject.name, subject.filled(), subject.connections
-    signals = [split(measure)[0] for measure in keep.values() if isinstance(measure, str)]
+    signals = [signal_and_kind(measure)[0] for measure in keep.values() if isinstance(measure, str)]
     if settings.record is None and len(signals) == len(keep):  # else functions can read all outputs and inputs
         settings = replace(settings, record=())
     simulation = checked(title, parts, connections, settings, single=single, also=signals)
@@ -184,7 +184,7 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
             raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
 
 
-def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
+def _table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
     """The table of a sweep: what was varied, what was kept, failures and warnings."""
     done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
     measured = np.full((len(study.keep), study.cases.count), np.nan)
@@ -192,7 +192,7 @@ def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
     parts = study.simulation.parts
     units = {name: parts[owner].fmu.variables[variable].unit for name, (owner, variable) in study.varied.items()}
     for name, measure in study.keep.items():
-        units[name] = study.simulation.units[split(measure)[0]] if isinstance(measure, str) else ""
+        units[name] = study.simulation.units[signal_and_kind(measure)[0]] if isinstance(measure, str) else ""
     failures = {case: outcome for case, outcome in outcomes.items() if isinstance(outcome, Failure)}
     return Result(
         study.simulation.title,

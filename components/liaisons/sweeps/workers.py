@@ -36,7 +36,7 @@ from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
 from liaisons.sweeps.outcome import Failure, Outcome
-from liaisons.sweeps.session import Task, session
+from liaisons.sweeps.session import Task, case_simulator
 from liaisons.sweeps.study import Study
 
 Deliver = Callable[[Mapping[int, Outcome]], None]
@@ -101,7 +101,7 @@ class _Worker:
             self.pipe.send((cases, suspect))
 
     def elapsed(self) -> float:
-        """Time since the start of the current case [s]."""
+        """Time since the start of the worker's current case [s]."""
         return max(0.0, time.monotonic() - self.current[0])
 
     def end(self, patience: float) -> int | None:
@@ -150,7 +150,7 @@ class Pool:
             self._workers.append(self._start_worker())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
-            ready = wait([worker.pipe for worker in busy], self._timeout(busy))
+            ready = wait([worker.pipe for worker in busy], self._time_to_first_limit(busy))
             for worker in busy:
                 if worker.pipe in ready and not self._receive(worker):
                     self._replace_dead(worker)
@@ -204,7 +204,7 @@ class Pool:
         self._deliver(outcomes)
         return True
 
-    def _timeout(self, busy: list[_Worker]) -> float | None:
+    def _time_to_first_limit(self, busy: list[_Worker]) -> float | None:
         """Time until the first case may have taken too long [s]; None without a limit."""
         limit = self._time_limit or (_LONG_CASE if self._warns else None)
         return None if limit is None else max(0.01, limit - max(worker.elapsed() for worker in busy))
@@ -295,7 +295,7 @@ def _simulate_from(pipe: Connection, current: Floats, task: Task, parent: int) -
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles interrupts
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not the inherited handler of the parent
     gc.freeze()  # else a collection would copy the memory of the parent
-    with session(task) as outcome:
+    with case_simulator(task) as outcome:
         while True:
             outcomes: dict[int, Outcome] = {}
             reported = time.monotonic()

@@ -18,7 +18,7 @@ from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.structure.components import Components, SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.pictures import Picture, together
+from liaisons.pictures import Picture, combined_pictures
 from liaisons.pictures.declared import MEMBER
 from liaisons.results import Result
 
@@ -31,7 +31,7 @@ class FmuScene:
     """The picture of one FMU or of several.
 
     :param parts: by the prefix of their variables in the result.
-    :param groups: as in :func:`liaisons.pictures.together`.
+    :param groups: as in :func:`liaisons.pictures.combined_pictures`.
     """
 
     parts: Components
@@ -40,7 +40,7 @@ class FmuScene:
     @property
     def picture(self) -> Picture:
         """The picture of all; of an FMU without a picture, its points."""
-        return together(self._pictures, self.groups)
+        return combined_pictures(self._pictures, self.groups)
 
     @cached_property
     def _pictures(self) -> Mapping[str, Picture]:

@@ -82,7 +82,7 @@ def index_page(model: Model) -> bytes:
     sections["Sources"] = _cited_sources(sections)
     shown = {title: lines for title, lines in sections.items() if lines}
     style = (files("liaisons.fmu") / "documentation" / "style.css").read_text(encoding="utf-8")
-    contents = " · ".join(f'<a href="#{_anchor(title)}">{title}</a>' for title in shown)
+    contents = " · ".join(f'<a href="#{_heading_anchor(title)}">{title}</a>' for title in shown)
     page = [
         "<!DOCTYPE html>",
         '<html lang="en"><head><meta charset="utf-8">',
@@ -91,7 +91,7 @@ def index_page(model: Model) -> bytes:
         f"<header><h1>{escape(model.name)}</h1><p>{_inline_markup(model.description)}</p><nav>{contents}</nav></header>",
     ]
     for title, lines in shown.items():
-        page += [f'<section id="{_anchor(title)}"><h2>{title}</h2>', *lines, "</section>"]
+        page += [f'<section id="{_heading_anchor(title)}"><h2>{title}</h2>', *lines, "</section>"]
     page += [f"<footer>Written by liaisons {__version__} from the symbols of the model.</footer>", "</body></html>", ""]
     return "\n".join(page).encode()
 
@@ -133,7 +133,8 @@ def _inline_markup(text: str) -> str:
     return re.sub(r"``(.+?)``", r"<code>\1</code>", escape(named))
 
 
-def _anchor(title: str) -> str:
+def _heading_anchor(title: str) -> str:
+    """Return the anchor of a heading: small letters with hyphens."""
     return title.lower().replace(" ", "-")
 
 
@@ -159,7 +160,7 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
     for title, variables in (
         ("Parameters", model.parameters),
         ("Inputs", model.inputs),
-        ("Outputs and local variables", (*model.outputs, *_joined_rows(model.drawn))),
+        ("Outputs and local variables", (*model.outputs, *_merged_picture_variables(model.drawn))),
     ):
         if variables:
             lines += [f"<h3>{title}</h3>", *_html_table(head, (_variable_cells(v, printer) for v in variables))]
@@ -174,7 +175,7 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
     return lines
 
 
-def _joined_rows(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
+def _merged_picture_variables(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
     """Return one variable for all numbers of a picture; none without them."""
     named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
     return tuple(named)
@@ -240,7 +241,7 @@ def _jump_sentences(model: Model) -> str:
     def names(chosen: Iterable[bool]) -> str:
         return ", ".join(f"<code>{escape(n)}</code>" for n in dict.fromkeys(compress(values, chosen)))
 
-    with_limit, without = names(effects.limited), names(~effects.limited)
+    with_limit, without = names(effects.have_limit), names(~effects.have_limit)
     text = []
     if with_limit:
         alone = " alone" if np.count_nonzero(effects.mixes) > np.trace(effects.mixes) else ""

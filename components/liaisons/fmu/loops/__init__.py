@@ -16,10 +16,10 @@ from dataclasses import replace
 from liaisons.expressions.row_derivatives import forward, reverse
 from liaisons.expressions.rows import RowProgram, leading_results
 from liaisons.fmu.functions import DIFFERENTIATED
-from liaisons.fmu.loops.writing import PREAMBLE, Code, loops
+from liaisons.fmu.loops.writing import PREAMBLE, Code, loops_code
 from liaisons.mechanics.functions import SIGNATURES
 
-__all__ = ["PREAMBLE", "Code", "loop_functions", "loops"]
+__all__ = ["PREAMBLE", "Code", "loop_functions", "loops_code"]
 
 
 def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: bool) -> dict[str, Code]:
@@ -36,4 +36,4 @@ def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: boo
         for differentiated in (forward, reverse) if adjoint else (forward,):
             program = differentiated(by_name[SIGNATURES[name].member])
             by_name[program.name] = program
-    return {name: loops(program) for name, program in by_name.items()}
+    return {name: loops_code(program) for name, program in by_name.items()}

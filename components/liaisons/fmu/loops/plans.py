@@ -83,7 +83,7 @@ class LoopPlans:
         for index, vector in enumerate(program.arguments):
             self._add_argument(index, vector)
         ends = [end for index, vector in enumerate(program.results) for end in self._add_result(index, vector)]
-        plans = [self._plan(index, loop) for index, loop in enumerate(self._fusion.loops)]
+        plans = [self._loop_plan(index, loop) for index, loop in enumerate(self._fusion.loops)]
         numbered = [(text, self._add_expression(entry, _HERE)) for text, entry in ends]
         local = any(len(plan.links) < self._n for plan in plans)
         named = [] if local else [x for _, column in self._fusion.definitions for x in scalars(column)]
@@ -106,8 +106,8 @@ class LoopPlans:
         node = self.nodes[number]
         return self._leaves[node.arguments[1]] if node.operation is None and node.constant is None else None
 
-    def needed(self, targets: Iterable[int], stored: Container[int]) -> tuple[set[int], set[int]]:
-        """Return nodes that a link has to calculate for targets, and stored ones that it has to read."""
+    def needed_nodes(self, targets: Iterable[int], stored: Container[int]) -> tuple[set[int], set[int]]:
+        """Return the nodes that a link calculates for its targets, and the stored ones that it reads."""
         needed: set[int] = set()
         read: set[int] = set()
         ahead = [number for number in targets if self.each[number]]
@@ -120,8 +120,8 @@ class LoopPlans:
                 ahead += [i for i in operands(self.nodes[number]) if self.each[i]]
         return needed, read
 
-    def kept_in(self, index: int) -> list[tuple[str, int]]:
-        """Return arrays in work space that a loop writes, and their elements."""
+    def stored_arrays(self, index: int) -> list[tuple[str, int]]:
+        """Return the arrays in work space that a loop writes, with their elements."""
         return [(array, number) for number, (array, since) in self.kept.items() if since == index]
 
     # ---- numbering ------------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ class LoopPlans:
             else:
                 yield f"result[{index}][{offset}]", entry
 
-    def _plan(self, index: int, loop: FusedLoop) -> LoopPlan:
+    def _loop_plan(self, index: int, loop: FusedLoop) -> LoopPlan:
         """Return the plan of a loop, with numbers of expressions."""
         symbols, last, starts, following = (
             [x for carry in loop.carries for x in scalars(column(carry))]
@@ -218,13 +218,13 @@ class LoopPlans:
 
     def _assign_work_space(self, named: set[int]) -> None:
         """Assign work space to nodes that later loops use and that are carried, expensive or named."""
-        times = Counter(chain.from_iterable(self.needed(plan.targets, ())[0] for plan in self.plans))
+        times = Counter(chain.from_iterable(self.needed_nodes(plan.targets, ())[0] for plan in self.plans))
         operation = [node.operation for node in self.nodes]
         shared = {i for i, count in times.items() if count > 1 and operation[i]}
         shared = {i for i in shared if operation[i] not in CHEAP or i in named}
         calculated: dict[int, int] = {}  # by which loop
         for index, plan in enumerate(self.plans):
-            needed, read = self.needed(plan.targets, calculated)
+            needed, read = self.needed_nodes(plan.targets, calculated)
             for number in needed:
                 leaf = self.leaf(number)
                 if leaf and leaf.home not in {-1, index}:

@@ -43,13 +43,13 @@ class Code:
     reals: int
 
 
-def loops(program: RowProgram) -> Code:
+def loops_code(program: RowProgram) -> Code:
     """Return the C function of a program; its text needs :data:`PREAMBLE`."""
     writer = _Writer(LoopPlans(program))
-    lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop(index)]
+    lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop_statements(index)]
     for target, number in writer.plans.ends:
-        value = _without_brackets(writer.single(number))
-        lines += [*writer.pending(), f"{target} = {value};"]
+        value = _without_brackets(writer.single_operand(number))
+        lines += [*writer.take_pending(), f"{target} = {value};"]
     body = "".join(f"    {line}\n" for line in lines)
     pointers = "".join(f"    {line}\n" for name, line in writer.plans.pointers.items() if f"{name}[" in body)
     head = "const double **argument, double **result, long long *integers, double *work, int memory"
@@ -75,12 +75,12 @@ class _Writer:
         alone = [node for node, each in zip(plans.nodes, plans.each, strict=True) if not each]
         self._use_counts = _use_counts(alone, ends, in_loops)
 
-    def pending(self) -> list[str]:
-        """Return the statements that have to come next, and forget them."""
+    def take_pending(self) -> list[str]:
+        """Remove the statements that have to come next, and return them."""
         statements, self._pending = self._pending, []
         return statements
 
-    def single(self, number: int) -> str:
+    def single_operand(self, number: int) -> str:
         """Return the operand for a single number; add the statements that define it to the pending ones."""
         nodes, ahead, needed = self.plans.nodes, [number], set()
         while ahead:
@@ -97,33 +97,36 @@ class _Writer:
             self._texts[i] = text
         return self._texts[number]
 
-    def loop(self, index: int) -> list[str]:
+    def loop_statements(self, index: int) -> list[str]:
         """Return the statements of a loop, and those that have to stand before it."""
         plan = self.plans.plans[index]
-        lines = [f"{target} = {_without_brackets(self.single(x))};" for target, x in plan.edges]
-        lines += [f"double {name} = {_without_brackets(self.single(start))};" for name, start, _ in plan.carried]
+        lines = [f"{target} = {_without_brackets(self.single_operand(x))};" for target, x in plan.edges]
+        lines += [
+            f"double {name} = {_without_brackets(self.single_operand(start))};" for name, start, _ in plan.carried
+        ]
         for name, _, edges in plan.sums:
-            lines.append(f"double {name} = {' + '.join(map(self.single, edges)) or '0.0'};")
-        loop = self._loop(index, plan) if plan.links else []
-        return [*self.pending(), *lines, *loop]
+            lines.append(f"double {name} = {' + '.join(map(self.single_operand, edges)) or '0.0'};")
+        loop = self._for_statement(index, plan) if plan.links else []
+        return [*self.take_pending(), *lines, *loop]
 
-    def inverse(self, number: int) -> str:
+    def single_inverse(self, number: int) -> str:
         """Return the operand for 1/x of a single number, by which each link multiplies."""
         if number not in self._inverses:
             self._inverses[number] = f"r{number}"
-            divisor = self.single(number)
+            divisor = self.single_operand(number)
             self._pending.append(f"const double r{number} = 1.0 / {divisor};")
         return self._inverses[number]
 
-    def _loop(self, index: int, plan: LoopPlan) -> list[str]:
+    def _for_statement(self, index: int, plan: LoopPlan) -> list[str]:
         """Return the ``for`` statement of a loop."""
         link = _Link(self, index, plan)
         body = link.lines
         body += [
-            f"{name}[i] = {_without_brackets(link.text(x))};" for name, x in (*self.plans.kept_in(index), *plan.rows)
+            f"{name}[i] = {_without_brackets(link.operand(x))};"
+            for name, x in (*self.plans.stored_arrays(index), *plan.rows)
         ]
         first, end = plan.links.start, plan.links.stop
-        terms = [(name, _without_brackets(link.text(x))) for name, x, _ in plan.sums]
+        terms = [(name, _without_brackets(link.operand(x))) for name, x, _ in plan.sums]
         if plan.inward is None and terms:
             body += [f"terms{k}[i - begin] = {text};" for k, (_, text) in enumerate(terms)]
             return [
@@ -137,7 +140,7 @@ class _Writer:
                 "}",
             ]
         body += [f"{name} += {text};" for name, text in terms]
-        following = {name: _without_brackets(link.text(x)) for name, _, x in plan.carried}
+        following = {name: _without_brackets(link.operand(x)) for name, _, x in plan.carried}
         body += [f"const double n{name} = {text};" for name, text in following.items() if text in following]
         body += [f"{name} = {f'n{name}' if text in following else text};" for name, text in following.items()]
         head = f"size_t i = {end}; i-- > {first};" if plan.inward else f"size_t i = {first}; i < {end}; i++"
@@ -150,7 +153,7 @@ class _Link:
     def __init__(self, writer: _Writer, index: int, plan: LoopPlan) -> None:
         plans = writer.plans
         arrays = {i: array for i, (array, since) in plans.kept.items() if since < index}
-        needed, read = plans.needed(plan.targets, arrays)
+        needed, read = plans.needed_nodes(plan.targets, arrays)
         nodes = [plans.nodes[i] for i in sorted(needed)]
         quotients = Counter(node.arguments[1] for node in nodes if _is_quotient(node))
         self.lines: list[str] = []
@@ -160,39 +163,41 @@ class _Link:
         self._use_counts = _use_counts(
             nodes,
             [*(x for _, x in plan.rows), *(x for _, x, _ in plan.sums)],
-            [*self._divisors, *(x for _, _, x in plan.carried), *(x for _, x in plans.kept_in(index))],
+            [*self._divisors, *(x for _, _, x in plan.carried), *(x for _, x in plans.stored_arrays(index))],
         )
         for number in sorted(needed | read):
-            text = self._texts[number] if number in read else self._calculated(number)
+            text = self._texts[number] if number in read else self._expression_text(number)
             if (self._use_counts[number] > 1 and not _is_short(text)) or len(text) > _LONGEST:
                 self.lines.append(f"const double a{number} = {_without_brackets(text)};")
                 text = f"a{number}"
             self._texts[number] = text
 
-    def text(self, number: int) -> str:
+    def operand(self, number: int) -> str:
         """Return the operand for a number."""
         leaf = self._writer.plans.leaf(number)
         if number in self._texts:
             return self._texts[number]
-        return leaf.text if leaf and leaf.each else self._writer.single(number)  # carried, but needed in no operation
+        if leaf and leaf.each:  # carried, but needed in no operation
+            return leaf.text
+        return self._writer.single_operand(number)
 
-    def _calculated(self, number: int) -> str:
+    def _expression_text(self, number: int) -> str:
         """Return the text that calculates a node."""
         node, leaf = self._writer.plans.nodes[number], self._writer.plans.leaf(number)
         if leaf:
             return leaf.text
         if _is_quotient(node) and node.arguments[1] in self._divisors:
             dividend, divisor = node.arguments
-            return f"({self.text(dividend)} * {self._inverse(divisor)})"
-        return _operation_text(node, self.text)
+            return f"({self.operand(dividend)} * {self._inverse(divisor)})"
+        return _operation_text(node, self.operand)
 
     def _inverse(self, number: int) -> str:
         """Return the operand for 1/x of a number, whose definition is added once."""
         if not self._writer.plans.each[number]:
-            return self._writer.inverse(number)
+            return self._writer.single_inverse(number)
         if number not in self._inverses:
             self._inverses.add(number)
-            self.lines.append(f"const double r{number} = 1.0 / {self.text(number)};")
+            self.lines.append(f"const double r{number} = 1.0 / {self.operand(number)};")
         return f"r{number}"
 
 
@@ -225,4 +230,5 @@ def _is_short(text: str) -> bool:
 
 
 def _is_quotient(node: Instruction) -> bool:
+    """Return whether an operation is a division."""
     return node.operation is OPERATIONS[ca.OP_DIV]

@@ -31,16 +31,17 @@ class ComponentTable:
     functions: dict[str, ca.Function]
 
 
-def load(resources: str) -> ComponentTable:
-    """Read the component of an FMU; all its instances share one.
+def load_component(resources: str) -> ComponentTable:
+    """Return the component of an FMU, read once and shared by all its instances.
 
     :param resources: the unpacked resources folder.
     """
-    return _decode((Path(resources) / "component.json").read_text(encoding="utf-8"))
+    return _decoded_table((Path(resources) / "component.json").read_text(encoding="utf-8"))
 
 
 @lru_cache(maxsize=64)
-def _decode(text: str) -> ComponentTable:
+def _decoded_table(text: str) -> ComponentTable:
+    """Return the component in a JSON text, its functions deserialized."""
     document = json.loads(text)
     functions = {name: ca.Function.deserialize(code) for name, code in document.pop("functions").items()}
     return ComponentTable(**document, functions=functions)

@@ -40,26 +40,26 @@ class Motion:
         ends = np.cumsum([len(numbers) for numbers in component.numbers.values()]).tolist()
         parts = dict(zip(component.numbers, np.split(self.all, ends), strict=False))
         self.n, first = SimpleNamespace(**parts), ends[[*parts].index("k")] - parts["k"].size
-        self.reals = _memory(self.all[first : first + len(component.names) - component.first])
+        self.reals = _memory_view(self.all[first : first + len(component.names) - component.first])
         self._after, self._calls = self.all.copy(), {}
         for name, function in component.functions.items():
             unbound, evaluate = function.buffer()
             buffer: Any = unbound
-            buffer.set_arg(0, _memory(self.all))  # bare pointers: the arrays live as long as this object
-            buffer.set_res(0, _memory(self._after))
+            buffer.set_arg(0, _memory_view(self.all))  # bare pointers: the arrays live as long as this object
+            buffer.set_res(0, _memory_view(self._after))
             self._calls[name] = (evaluate, buffer)
 
-    def run(self, name: str) -> None:
-        """Replace the numbers by those that a function makes of them."""
+    def replace_numbers(self, name: str) -> None:
+        """Replace the numbers by the results of a function of them."""
         self._calls[name][0]()
         self.all[:] = self._after
 
     def initialize(self) -> None:
-        """Start at t.
+        """Initialize the states at t, after checks of domains and conditions.
 
         :raises MotionError: with what forbids it.
         """
-        self.run("start")
+        self.replace_numbers("start")
         n, component = self.n, self._component
         self._check_domains(np.concatenate([n.k, n.given]), 0, n.t[0])
         if not np.isfinite(n.y).all():
@@ -67,9 +67,9 @@ class Motion:
         self._check_conditions(n.t[0], 0.0, len(component.condition_texts))
         if not np.isfinite(n.m).all():
             raise MotionError("the initial energy is not finite")
-        self.run("outputs")
+        self.replace_numbers("outputs")
         z, t, n.t[0] = n.z.copy(), n.t[0], 0.0
-        self.run("outputs")
+        self.replace_numbers("outputs")
         n.t[0] = t
         for i in np.flatnonzero(~np.isfinite(z)) if np.isfinite(n.z).all() else ():  # functions of time overflow
             name = component.names[component.first + n.k.size + n.given.size + i - 1]
@@ -89,7 +89,7 @@ class Motion:
         n = self.n
         n.H[0] = H
         self.take_inputs()
-        self.run("compare")
+        self.replace_numbers("compare")
         if n.jumped[0]:
             self._jump(leap=not n.leaps.any())
         if n.leaps.any():
@@ -103,11 +103,11 @@ class Motion:
         rounding = 1e-12 * (1 + abs(t + H))  # by which an end may miss an instant: 3 * 0.3 is not 0.9
         instant = self._next_instant(t + H - rounding)
         n.t[0] = instant if instant <= t + H + rounding else t + H
-        self.run("finish")
+        self.replace_numbers("finish")
         if n.leaps.any():
             n.u[:] = n.given
             self._jump(leap=True)
-            self.run("remember")
+            self.replace_numbers("remember")
         n.jumped[0] = 0
 
     def _jump(self, *, leap: bool) -> None:
@@ -119,7 +119,7 @@ class Motion:
                 self._integrate("leap", 0.0, 1.0)
             except MotionError:  # through a singularity there is no limit
                 self.all[:] = before
-        self.run("jump")
+        self.replace_numbers("jump")
 
     def _integrate(self, name: str, begin: float, end: float) -> float:
         """Advance y with error control; returns the end.
@@ -131,7 +131,7 @@ class Motion:
         h = rest
         for _ in range(_MOST_STEPS):
             n.x[0], n.h[0] = x, h
-            self.run(name)
+            self.replace_numbers(name)
             error = float(n.error[0]) / allowed
             if error <= 1:
                 n.y[:], x, rest = n.y_next, x + h, rest - h
@@ -146,7 +146,7 @@ class Motion:
         start, t = n.u.copy(), n.t[0] + x
         for n.x[0] in (*np.linspace(x, end, 1025), x):
             n.u[:] = start
-            self.run("inputs")
+            self.replace_numbers("inputs")
             self._check_domains(n.u, n.k.size, n.t[0] + n.x[0])
         # Conditions are distances from a singularity, of order 1 elsewhere.
         self._check_conditions(t, 1e-3, self._component.lasting)
@@ -162,22 +162,22 @@ class Motion:
 
     def _check_conditions(self, t: float, least: float, count: int) -> None:
         """Raise MotionError for the first of so many conditions whose margin is not greater than the least one."""
-        self.run("outputs")
+        self.replace_numbers("outputs")
         for text, margin in zip(self._component.condition_texts[:count], self.n.margins[:count], strict=True):
             if not margin > least:
                 does = "hardly does" if margin > 0 else "does not"
                 raise MotionError(f"{text}; at t = {t:.9g} it {does} ({margin:.3g})")
 
     def _next_instant(self, t: float) -> float:
-        """The first instant after t [s] at which the component is not smooth; inf if there is none."""
+        """First instant after t [s] at which the component is not smooth; inf if there is none."""
         if not self.n.instants.size:
             return math.inf
         self.n.x[0] = t
-        self.run("events")
+        self.replace_numbers("events")
         return min((instant for instant in self.n.instants.tolist() if instant > t), default=math.inf)
 
-    def warnings(self) -> Iterator[str]:
-        """Mismatches before the present step, once for each coordinate."""
+    def new_warnings(self) -> Iterator[str]:
+        """Yield the texts of mismatches before the present step, once for each coordinate."""
         n = self.n
         for i, (index, texts) in enumerate(self._component.warnings):
             if index >= 0 and n.m[index] != 0 and index not in self._warned:
@@ -185,5 +185,6 @@ class Motion:
                 yield texts[int(n.far[i])].format(mismatch=n.m[index], t=n.compared[0])
 
 
-def _memory(array: NDArray[np.float64]) -> memoryview[float]:
+def _memory_view(array: NDArray[np.float64]) -> memoryview[float]:
+    """Memory of an array as CasADi's buffers take it."""
     return memoryview(cast("Any", array))

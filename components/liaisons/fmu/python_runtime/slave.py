@@ -21,7 +21,7 @@ from typing import Any
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from .component import load, start_values
+from .component import load_component, start_values
 from .motion import Motion, MotionError
 from .states import LOOSEST, NUMBERS, TIGHTEST, State, from_bytes, is_usable, to_bytes
 
@@ -40,10 +40,11 @@ def _finalize_at_exit(resources: str) -> None:
     ``onLibraryUnload`` of Linux), and some processes end with "corrupted double-linked list".
     """
     for binary in Path(resources).parent.glob("binaries/linux64/*.so"):
-        atexit.register(_finalize, str(binary))
+        atexit.register(_finalize_interpreter, str(binary))
 
 
-def _finalize(binary: str) -> None:
+def _finalize_interpreter(binary: str) -> None:
+    """Finalize the interpreter of the wrapper in a binary at exit."""
     with suppress(OSError):  # unloaded before
         CDLL(binary, mode=os.RTLD_NOLOAD).finalizePythonInterpreter()
 
@@ -65,7 +66,7 @@ class Slave(Fmi2Slave):
             sys.path.remove(resources)
         if sys.platform == "linux":
             _finalize_at_exit(resources)
-        self._component = component = load(resources)
+        self._component = component = load_component(resources)
         self._motion = Motion(component)
         self._stepping = False  # initialization has ended
         self._unusable = ""  # why initialization failed
@@ -81,6 +82,7 @@ class Slave(Fmi2Slave):
     # ---- initialization ---------------------------------------------------------------------------------------
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Set start time and tolerance; times that are not finite make the instance unusable."""
         n, self._unusable = self._motion.n, ""
         for word, time in (("start", start_time), ("stop", stop_time or 0.0)):
             if not math.isfinite(time):
@@ -116,18 +118,21 @@ class Slave(Fmi2Slave):
             raise StartRefused(self._unusable)
 
     def terminate(self) -> None:
-        self._warn()
+        """Log the last warnings."""
+        self._log_warnings()
 
-    def _warn(self) -> None:
-        for text in self._motion.warnings():
+    def _log_warnings(self) -> None:
+        """Log the new warnings of the motion."""
+        for text in self._motion.new_warnings():
             self.log(text, Fmi2Status.warning)
 
     # ---- stepping ---------------------------------------------------------------------------------------------
 
     def do_step(self, current_time: float, step_size: float) -> bool:
+        """Do a communication step; return False, with all numbers restored, if it is discarded."""
         numbers, before = self._motion.all, self._motion.all.copy()
         try:
-            problem = self._step(current_time, step_size)
+            problem = self._step_problem(current_time, step_size)
         except BaseException as reason:  # noqa: BLE001 - e.g. an interrupt; see above
             numbers[:] = before
             why = reason if isinstance(reason, MotionError) else f"broken off by {reason!r}"
@@ -142,23 +147,23 @@ class Slave(Fmi2Slave):
         self.log(problem, Fmi2Status.error if again else Fmi2Status.discard)
         return False
 
-    def _step(self, t: float, H: float) -> str:
-        """Do the step from t to t + H; returns why there is none, or an empty text.
+    def _step_problem(self, t: float, H: float) -> str:
+        """Do the step from t to t + H; return the reason why it failed, or an empty text.
 
         :raises MotionError: if the motion does not reach its end.
         """
         if self._unusable or not self._stepping:
             return self._unusable or "initialize the instance first"
-        problem = "; ".join(self._refused.values()) or self._wrong_times(t, H)
+        problem = "; ".join(self._refused.values()) or self._time_problem(t, H)
         self._refused.clear()
         if not problem:
-            self._warn()
+            self._log_warnings()
             self._motion.n.t[0] = t
             self._motion.step(H)
         return problem
 
-    def _wrong_times(self, t: float, H: float) -> str:
-        """Why there is no step from t to t + H; empty if there is one."""
+    def _time_problem(self, t: float, H: float) -> str:
+        """Reason why there is no step from t to t + H; empty if there is one."""
         now = self._motion.n.t[0]
         if not 0 < H < math.inf:
             return f"step size = {H:g}: it must be > 0 and finite"
@@ -173,10 +178,11 @@ class Slave(Fmi2Slave):
     # ---- variables --------------------------------------------------------------------------------------------
 
     def get_real(self, vrs: list[int]) -> list[float]:
+        """Return the values of Real variables, calculated anew after inputs were set."""
         self._check_start()
         if not self._stepping:
-            self._motion.run("start")
-        self._motion.run("outputs")
+            self._motion.replace_numbers("start")
+        self._motion.replace_numbers("outputs")
         first, numbers = self._component.first, self._motion.reals
         if not all(first <= vr < first + len(numbers) for vr in vrs):
             self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
@@ -192,6 +198,7 @@ class Slave(Fmi2Slave):
         return [values[vr] for vr in vrs]
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
+        """Set Real variables, or refuse the next step with the reason."""
         component, motion = self._component, self._motion
         new = {vr - component.first: self._ignore_zero(vr, value) for vr, value in zip(vrs, values, strict=True)}
         for index, value in new.items():
@@ -217,7 +224,7 @@ class Slave(Fmi2Slave):
             motion.take_inputs()
 
     def _ignore_zero(self, vr: int, value: float) -> float:
-        """The start value instead of a 0 that is set before the first step; see ``core_ignore_zeros``."""
+        """Value to set: the start value instead of a 0 before the first step, see ``core_ignore_zeros``."""
         if value != 0 or vr not in self._kept_starts:
             return value
         start, name = self._kept_starts[vr], self._component.names[vr - 1]
@@ -225,6 +232,7 @@ class Slave(Fmi2Slave):
         return start
 
     def get_integer(self, vrs: list[int]) -> list[int]:
+        """Return structural sizes, or the setting ``input_reconstruction``."""
         integers = dict(enumerate(self._component.sizes, 1))
         integers[len(self._component.names)] = int(self._motion.n.mode[0])
         if not integers.keys() >= set(vrs):
@@ -232,6 +240,7 @@ class Slave(Fmi2Slave):
         return [integers.get(vr, 0) for vr in vrs]
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        """Set ``input_reconstruction`` before the first step; refuse all others."""
         for vr, value in zip(vrs, values, strict=True):
             if vr != len(self._component.names):
                 self._refuse(vr, value, "it is no Integer variable that can be set")
@@ -252,10 +261,12 @@ class Slave(Fmi2Slave):
     # ---- state ------------------------------------------------------------------------------------------------
 
     def _get_fmu_state(self) -> State:
+        """Return all numbers of the instance, its GUID and its phase."""
         state: State = {name: getattr(self._motion.n, name).tolist() for name in NUMBERS}
         return state | {"guid": self._component.guid, "stepping": self._stepping, "unusable": self._unusable}
 
     def _set_fmu_state(self, state: State) -> None:
+        """Restore a saved state, or refuse the next step if it is damaged or foreign."""
         if not is_usable(state, self._get_fmu_state(), self._component):
             self._refused[-1] = "the state to restore is damaged or belongs to another FMU; the present one is kept"
             self.log(self._refused[-1], Fmi2Status.discard)

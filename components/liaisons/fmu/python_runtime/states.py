@@ -26,13 +26,13 @@ _DIGEST = 64
 
 
 def to_bytes(state: State) -> bytes:
-    """The state with its checksum."""
+    """Saved state as bytes with a checksum."""
     text = json.dumps(state).encode()
     return hashlib.sha256(text).hexdigest().encode() + text
 
 
 def from_bytes(state: bytes) -> State:
-    """The state; an empty one if the bytes are damaged."""
+    """Saved state from bytes; an empty one if they are damaged."""
     digest, text = state[:_DIGEST], state[_DIGEST:]
     try:
         members = json.loads(text) if hashlib.sha256(text).hexdigest().encode() == digest else {}
@@ -42,7 +42,7 @@ def from_bytes(state: bytes) -> State:
 
 
 def is_usable(state: State, present: State, component: ComponentTable) -> bool:
-    """Whether an instance of the component, of which the present state is known, can have the state."""
+    """Whether a saved state fits an instance of the component, whose present state is known."""
     if _types(state) != _types(present) or state["guid"] != component.guid:
         return False
     (mode,), (tolerance,), (jumped,) = (state[name] for name in ("mode", "tolerance", "jumped"))

@@ -40,7 +40,7 @@ def component(sources: Mapping[str, bytes]) -> bytes:
     :returns: the same bytes for the same sources and compiler.
     :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
     """
-    return _packaged_file("wrapper.wasm").replace(section(EMPTY), section(core_module(sources)))
+    return _packaged_file("wrapper.wasm").replace(component_section(EMPTY), component_section(core_module(sources)))
 
 
 def core_module(sources: Mapping[str, bytes]) -> bytes:
@@ -48,7 +48,7 @@ def core_module(sources: Mapping[str, bytes]) -> bytes:
     return compile_wasm({**sources, "wasm.c": _packaged_file("wasm.c")})
 
 
-def section(module: bytes) -> bytes:
+def component_section(module: bytes) -> bytes:
     """Return a core module as a section of a component: its kind, its length in seven bits a byte, and itself."""
     head, rest = b"\x01", len(module)
     while rest > 127:

@@ -13,8 +13,16 @@ from liaisons.expressions.row_functions import row_function
 from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
-from liaisons.mechanics.chains.sweeps import Base, ChainLink, LinkMotion, inertias, link_of, momenta, motion
-from liaisons.mechanics.energy_accounting import definitions, memory_of
+from liaisons.mechanics.chains.sweeps import (
+    Base,
+    ChainLink,
+    LinkMotion,
+    link_motion,
+    link_of,
+    mass_matrix_diagonal,
+    momenta,
+)
+from liaisons.mechanics.energy_accounting import accounting_results, memory_names
 from liaisons.mechanics.functions import SIGNATURES, model_functions
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.output_variables import mechanical_outputs
@@ -39,19 +47,19 @@ def chain_model(component: type[Chain], n: int) -> Model:
     y = ca.vertcat(link.q, link.p, work, dissipated)
     u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
 
-    base, slope = _base(m)
-    moving = motion(link, base)
+    base, slope = _first_joint(m)
+    moving = link_motion(link, base)
     steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), *moving.steps]
     energy = moving.kinetic_energy + moving.potential_energy
-    to_start, initial, energy_at_start = _start(link, base, symbols, steps, energy)
-    to_sizes, nominals = _nominals(component, link)
+    to_start, initial, energy_at_start = _start_steps(link, base, symbols, steps, energy)
+    to_sizes, nominals = _nominal_states(component, link)
 
     forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     rates = ca.vertcat(moving.rates, moving.momentum_rates, ca.dot(forces, m.s_dot) + moving.power, moving.dissipation)
     read = _outputs(m, link, moving, forces, rates)
-    memory = memory_of(layout)
+    memory = memory_names(layout)
     vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory))}
-    results = definitions(
+    results = accounting_results(
         vectors,
         layout,
         initial=ca.vertcat(initial, 0, 0),
@@ -64,15 +72,15 @@ def chain_model(component: type[Chain], n: int) -> Model:
     shapes = {
         "t": (False,),
         "y": (True,) * (2 * link.q.shape[0]) + (False, False),
-        "u": _shape(layout.inputs),
-        "k": _shape(layout.parameters),
+        "u": _is_per_link(layout.inputs),
+        "k": _is_per_link(layout.parameters),
         "m": (False,) * len(memory),
-        "z": _shape(layout.outputs),
+        "z": _is_per_link(layout.outputs),
     }
     drawable = symbols | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
     rows = {letter: Vector(x, shapes[letter]) for letter, x in vectors.items()}
     drawing, draw = chain_picture(m, drawable, {letter: rows[letter] for letter in "tyuk"})
-    programs = _programs(rows, results, [*steps, *to_start, *to_sizes], shapes, n)
+    programs = _row_programs(rows, results, [*steps, *to_start, *to_sizes], shapes, n)
     functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
     whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
     return Model(
@@ -105,13 +113,14 @@ def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates
     return outputs
 
 
-def _programs(
+def _row_programs(
     vectors: Mapping[str, Vector],
     results: Mapping[str, Any],
     steps: Sequence[Step],
     shapes: Mapping[str, tuple[bool, ...]],
     n: int,
 ) -> dict[str, RowProgram]:
+    """Row programs of the functions with results, by name."""
     programs: dict[str, RowProgram] = {}
     for name, value in results.items():
         if value is None:
@@ -124,7 +133,7 @@ def _programs(
     return programs
 
 
-def _base(m: Chain) -> tuple[Base, ca.SX]:
+def _first_joint(m: Chain) -> tuple[Base, ca.SX]:
     """Motion of the first joint w = B(s), and B_s, (d, a)."""
     components = m.base()
     if components is None:
@@ -135,7 +144,7 @@ def _base(m: Chain) -> tuple[Base, ca.SX]:
     return Base(position, velocity, m.dot(velocity)), ca.jacobian(position, m.s)
 
 
-def _start(
+def _start_steps(
     link: ChainLink, base: Base, symbols: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
 ) -> tuple[list[Step], ca.SX, ca.SX]:
     """Steps, q and p, and energy at the start."""
@@ -150,12 +159,13 @@ def _start(
     return [*before, *after], ca.vertcat(q_0, p_0), energy_0
 
 
-def _nominals(component: type[Chain], link: ChainLink) -> tuple[list[Step], ca.SX]:
+def _nominal_states(component: type[Chain], link: ChainLink) -> tuple[list[Step], ca.SX]:
     """Nominal values of the states: of q as declared, of p and of the energies at that rate a second."""
     sizes, energy = ca.SX(ca.DM([q.nominal for q in component.coordinates])), ca.SX.sym("energy")
-    steps, inertia = inertias(link)
+    steps, inertia = mass_matrix_diagonal(link)
     return [*steps, Sum(energy, ca.dot(inertia, sizes**2) / 2)], ca.vertcat(sizes, inertia * sizes, energy, energy)
 
 
-def _shape(group: Iterable[Variable]) -> tuple[bool, ...]:
+def _is_per_link(group: Iterable[Variable]) -> tuple[bool, ...]:
+    """Whether each variable has an element a link."""
     return tuple(variable.dimension is not None for variable in group)

@@ -115,41 +115,41 @@ def momenta(link: ChainLink, base: Base) -> tuple[list[Step], ca.SX]:
     steps: list[Step] = [
         carry(link.w, base.w, link.tip),
         carry(link.w_dot, base.w_dot, link.rate(link.tip)),
-        carry(pi, _zeros(pi), gradient(link.kinetic, link.w_dot) + F_w.T @ pi, inward=True),
+        carry(pi, _zeros_like(pi), gradient(link.kinetic, link.w_dot) + F_w.T @ pi, inward=True),
     ]
     return steps, gradient(link.kinetic, link.v) + F_q.T @ pi
 
 
-def inertias(link: ChainLink) -> tuple[list[Step], ca.SX]:
-    """Of one link the entries on the diagonal of the mass matrix of the whole chain (f, 1), from q and w."""
+def mass_matrix_diagonal(link: ChainLink) -> tuple[list[Step], ca.SX]:
+    """Entries of one link on the diagonal of the whole chain's mass matrix (f, 1), from q and w."""
     F_q, F_w = ca.jacobian(link.tip, link.q), ca.jacobian(link.tip, link.w)
     M, _ = ca.hessian(link.kinetic, ca.vertcat(link.v, link.w_dot))
     M_qq, M_ww = (M[part, part] for part in (slice(0, F_q.shape[1]), slice(F_q.shape[1], None)))
-    entries, composite = _symmetric("composite", M_ww.shape[0])  # inertia of all links beyond, moved as one
-    carried = carry(entries, _zeros(entries), _lower(M_ww + F_w.T @ composite @ F_w), inward=True)
+    entries, composite = _symbolic_symmetric("composite", M_ww.shape[0])  # inertia of all links beyond, moved as one
+    carried = carry(entries, _zeros_like(entries), _lower_entries(M_ww + F_w.T @ composite @ F_w), inward=True)
     return [carried], ca.diag(M_qq + F_q.T @ composite @ F_q)
 
 
-def motion(link: ChainLink, base: Base) -> LinkMotion:
-    """Everything that moves, from q, p, drives and loads."""
+def link_motion(link: ChainLink, base: Base) -> LinkMotion:
+    """Motion of all links from q, p, drives and loads, by sweeps along the chain."""
     q, v, w, w_dot, T, V, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.potential, link.tip
     F_q, F_w, F_dot = ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
     p_v, p_w = gradient(T, v), gradient(T, w_dot)  # own momenta
     M_qq, M_qw, M_ww = ca.jacobian(p_v, v), ca.jacobian(p_v, w_dot), ca.jacobian(p_w, w_dot)
     s, phi, c, w_ddot = (ca.SX.sym(name, w.shape[0]) for name in ("s", "phi", "c", "w_ddot"))
     g, a, push = (ca.SX.sym(name, q.shape[0]) for name in ("g", "a", "push"))
-    entries, P = _symmetric("P", w.shape[0])
+    entries, P = _symbolic_symmetric("P", w.shape[0])
     G = ca.SX.sym("G", *M_qw.shape)
 
     # Inward: what the links beyond weigh.  Outward: rates.
     D, U = M_qq + F_q.T @ P @ F_q, M_qw + F_q.T @ P @ F_w
     G_solved, g_solved = solve_symmetric(D, U), solve_symmetric(D, link.p - F_q.T @ s)
-    weight = carry(entries, _zeros(entries), _lower(M_ww + F_w.T @ P @ F_w - U.T @ G_solved), inward=True)
+    weight = carry(entries, _zeros_like(entries), _lower_entries(M_ww + F_w.T @ P @ F_w - U.T @ G_solved), inward=True)
     steps: list[Step] = [
         carry(w, base.w, F),
         weight,
         Each(ca.vec(G), ca.vec(ca.densify(G_solved))),
-        carry(s, _zeros(s), F_w.T @ s + U.T @ g_solved, inward=True),
+        carry(s, _zeros_like(s), F_w.T @ s + U.T @ g_solved, inward=True),
         Each(g, g_solved),
         carry(w_dot, base.w_dot, ca.substitute(F_dot, v, g - G @ w_dot)),
         Each(v, g - G @ w_dot),
@@ -164,9 +164,9 @@ def motion(link: ChainLink, base: Base) -> LinkMotion:
     h = Q_w - rub_w - gradient(V, w) + gradient(T, w) - link.rate(p_w)
     b = P @ link.rate(F_dot) + c
     slope = gradient(T - V, w) + Q_w - rub_w + F_w.T @ phi + ca.jacobian(F_dot, w).T @ pi
-    force = carry(c, _zeros(c), F_w.T @ b + G.T @ (f - F_q.T @ b) - h, inward=True)
+    force = carry(c, _zeros_like(c), F_w.T @ b + G.T @ (f - F_q.T @ b) - h, inward=True)
     steps += [
-        carry(phi, _zeros(phi), slope, inward=True),
+        carry(phi, _zeros_like(phi), slope, inward=True),
         force,
         Each(push, solve_symmetric(D, f - F_q.T @ b)),
     ]
@@ -199,17 +199,18 @@ def motion(link: ChainLink, base: Base) -> LinkMotion:
     )
 
 
-def _symmetric(name: str, d: int) -> tuple[ca.SX, ca.SX]:
-    """The entries that make a symmetric matrix (d, d), as a column, and the matrix."""
+def _symbolic_symmetric(name: str, d: int) -> tuple[ca.SX, ca.SX]:
+    """Symbols for the lower entries of a symmetric matrix as a column, and the matrix (d, d)."""
     entries = ca.SX.sym(name, d * (d + 1) // 2)
     return entries, ca.tril2symm(ca.SX(ca.Sparsity.lower(d), entries))
 
 
-def _lower(matrix: ca.SX) -> ca.SX:
-    """The entries of a symmetric matrix, in the order of :func:`_symmetric`."""
+def _lower_entries(matrix: ca.SX) -> ca.SX:
+    """Lower entries of a symmetric matrix as a column, in the order of :func:`_symbolic_symmetric`."""
     rows, columns = ca.Sparsity.lower(matrix.shape[0]).get_triplet()
     return stack(ca.densify(matrix)[i, j] for i, j in zip(rows, columns, strict=True))
 
 
-def _zeros(symbols: ca.SX) -> ca.SX:
+def _zeros_like(symbols: ca.SX) -> ca.SX:
+    """Zeros of the length of a column of symbols."""
     return ca.SX.zeros(symbols.shape[0])
