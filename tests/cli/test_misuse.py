@@ -178,6 +178,7 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
                 "compare",
                 "run",
                 "check",
+                "new",
             ],
         ),
         ("liaisons build Pe", ["Pendulum", "PendulumChain"]),
