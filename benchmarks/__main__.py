@@ -36,6 +36,7 @@ ORDER = (
     "environments",
     "derivatives",
     "rewriting",
+    "multibody",
     "iftomm",
     "published",
     "plans",

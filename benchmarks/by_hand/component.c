@@ -4,7 +4,7 @@
 #include "core.h"
 #include "solvers.h"
 
-enum { ROOM = 4096 };
+enum { ROOM = 1 << 16 };
 
 static long evaluated;
 static double k[ROOM], u[ROOM], moving[ROOM], reals[ROOM];

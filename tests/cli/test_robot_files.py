@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from liaisons import Result
+from liaisons.library import components
+
 from .conftest import Cli, Runs, is_misuse
 
 ROBOTS = Path(__file__).parents[1] / "language" / "robots"
@@ -37,8 +40,34 @@ def test_equations_and_show_take_a_robots_file(runs: Runs, tmp_path: Path) -> No
     assert "shoulder_lift" in (tmp_path / "arm.html").read_text(encoding="utf-8")
 
 
+SLIDER = """<robot name="Slider">
+<link name="rail"/>
+<link name="block"><inertial><mass value="2"/></inertial></link>
+<joint name="slide" type="prismatic"><parent link="rail"/><child link="block"/>
+  <axis xyz="0 0 1"/><limit lower="-0.5" upper="0.5"/></joint>
+</robot>"""
+
+
+def test_limits_of_a_robots_joints_become_stops(runs: Runs, tmp_path: Path) -> None:
+    """A block falls onto the lower limit of its rail, and without it beyond."""
+    file = tmp_path / "slider.urdf"
+    file.write_text(SLIDER)
+    words = ("--stop", "1", "--step", "0.01", "--csv", "fall.csv", "--limits")
+    ends = []
+    for options in (words, words[:-1]):
+        runs("simulate", file, *options)
+        ends.append(Result.from_csv(tmp_path / "fall.csv")["slide"][-1])
+    assert ends == pytest.approx([-0.5, -9.81 / 2], abs=1e-7)
+    assert "slide_above" in runs("equations", file, "--limits")
+    runs("show", file, "--limits", "--no-open", "--output", "slider.html")
+    assert "slide_above" in (tmp_path / "slider.html").read_text(encoding="utf-8")
+    assert "slide_above" in vars(*components(f"{file}:limits"))
+    assert "slide_above" not in vars(*components(f"{file}:slide"))
+
+
 def test_misuse(liaisons: Cli) -> None:
     assert is_misuse(liaisons("build", ROBOTS / "ur5.urdf", "--prescribe", "elbo"), "did you mean 'elbow'")
     assert is_misuse(liaisons("build", "Pendulum", "--prescribe", "theta"), "--prescribe is of a robot's file")
+    assert is_misuse(liaisons("simulate", "Pendulum", "--limits"), "--limits is of a robot's file")
     assert is_misuse(liaisons("equations", "no.urdf"), "no.urdf")
     assert is_misuse(liaisons("simulate", "no.xml"), "no.xml")

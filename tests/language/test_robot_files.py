@@ -189,7 +189,7 @@ def test_what_is_left_out_is_named() -> None:
         "1 <gazebo>",
         "6 <collision>",
         "1 <mesh> of a picture",
-        "6 limits of joints (limits=True makes stops of them)",
+        "6 limits of joints (limits=True or --limits makes stops of them)",
     }
     assert {"2 <motor> of <actuator>", "1 <jointpos> of <sensor>", "1 <light>"} < set(imported("panda.xml").left_out)
 

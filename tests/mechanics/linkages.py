@@ -27,8 +27,10 @@ SIMPLE = (Revolute, Prismatic)
 ALL = (Revolute, Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar, Free, Weld)
 
 
-def random_tree(seed: int, most: int = 12, joints: tuple[type, ...] = ALL, **more: Any) -> type[Linkage]:
-    """A tree of up to ``most`` bodies with random joints, a third of them prescribed."""
+def random_tree(
+    seed: int, most: int = 12, joints: tuple[type, ...] = ALL, *, prescribed: bool | None = None, **more: Any
+) -> type[Linkage]:
+    """A tree of up to ``most`` bodies with random joints, a third of them prescribed; or all, or none."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, most + 1))
     bodies = [random_body(rng) for _ in range(count)]
@@ -41,7 +43,8 @@ def random_tree(seed: int, most: int = 12, joints: tuple[type, ...] = ALL, **mor
         if kind in (Revolute, Prismatic, Cylindrical, Screw):
             options["axis"] = ("x", "y", "z", tuple(rng.normal(size=3)))[int(rng.integers(4))]
         if kind not in (Spherical, Free, Weld):
-            options["prescribed"] = bool(rng.integers(3) == 0)
+            third = bool(rng.integers(3) == 0)
+            options["prescribed"] = third if prescribed is None else prescribed
         if kind is Screw:
             options["pitch"] = 0.5
         if kind in SIMPLE and rng.integers(2):

@@ -172,11 +172,17 @@ def assignment(text: str) -> tuple[str, float | bool | str]:
     return name, value  # a string variable's; the FMU's description decides
 
 
-def with_prescribed(words: Sequence[str], prescribe: str) -> list[str]:
-    """Words of the command line, those of robots' files with the joints of --prescribe; print what these leave out."""
-    if prescribe and not any(map(is_robot, words)):
-        raise typer.BadParameter("--prescribe is of a robot's file, .urdf or .xml; a class has prescribed=True")
-    targets = [f"{word}:{prescribe}" if prescribe and is_robot(word) else word for word in words]
+def with_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) -> list[str]:
+    """Words of the command line, those of robots' files with --prescribe and --limits; print what these leave out."""
+    if (prescribe or limits) and not any(map(is_robot, words)):
+        declared = "--prescribe is", "prescribed=True"
+        if not prescribe:
+            declared = "--limits is", "limits=(low, high)"
+        raise typer.BadParameter(
+            f"{declared[0]} of a robot's file, .urdf or .xml; a joint of a class has {declared[1]}"
+        )
+    ending = f":{prescribe}" * bool(prescribe) + ":limits" * limits
+    targets = [f"{word}{ending}" if is_robot(word) else word for word in words]
     for target in filter(is_robot, targets):
         for line in getattr(components(target)[0], "left_out", ()):
             print(f"left out: {line}", file=sys.stderr)
@@ -202,6 +208,8 @@ Size = Annotated[
 Prescribe = Annotated[
     str, option("JOINT,...", "of a robot's file (URDF, MJCF): joints that an operator prescribes", "--prescribe")
 ]
+
+Limits = Annotated[bool, flag("--limits", "of a robot's file: stops at the limits of its joints")]
 
 Output = Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")]
 

@@ -19,7 +19,18 @@ from liaisons.base.logs import logger
 from liaisons.base.processes import die_with_parent
 from liaisons.base.project import declared_components, fmus_directory, from_here
 from liaisons.base.published import published, publishers
-from liaisons.cli._command import Prescribe, Size, command, flag, option, show, show_scenarios, subject, with_prescribed
+from liaisons.cli._command import (
+    Limits,
+    Prescribe,
+    Size,
+    command,
+    flag,
+    option,
+    show,
+    show_scenarios,
+    subject,
+    with_robot_options,
+)
 from liaisons.errors import BackEndError, LiaisonsError
 from liaisons.library import catalogue, claim, model, sized_folder
 from liaisons.library import components as find
@@ -109,6 +120,7 @@ def build(
     ] = True,
     size: Size = None,
     prescribe: Prescribe = "",
+    limits: Limits = False,
     as_modelica: Annotated[
         bool,
         flag("--modelica", "write Modelica text, NAME.mo, and no FMU; without names one package of all"),
@@ -123,7 +135,7 @@ def build(
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.
-    targets = with_prescribed(targets or [], prescribe)
+    targets = with_robot_options(targets or [], prescribe, limits=limits)
     chosen = targets or declared_components()
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     sizes = dict([size] if size else [])

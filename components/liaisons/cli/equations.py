@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import Prescribe, command, flag, option, subject, with_prescribed
+from liaisons.cli._command import Limits, Prescribe, command, flag, option, subject, with_robot_options
 from liaisons.cli._texts import component_of
 
 
@@ -29,6 +29,7 @@ def equations(
     ],
     *,
     prescribe: Prescribe = "",
+    limits: Limits = False,
     part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, accelerations, forces, ... alone")] = None,
     fix: Annotated[str, option("NAME,...", "prescribed coordinates that stay at rest")] = "",
     text: Annotated[bool, flag("--text", "for a terminal (the default)")] = False,
@@ -41,7 +42,7 @@ def equations(
     part = part or own
     if text + latex + html + modelica > 1 or (modelica and (part or fix)):
         raise typer.BadParameter("choose one of --text, --latex, --html, --modelica, the last without --part and --fix")
-    (target,) = with_prescribed([target], prescribe)
+    (target,) = with_robot_options([target], prescribe, limits=limits)
     from liaisons import interface, ssp
     from liaisons.cli._subject import declared_system
     from liaisons.library import modelica_files

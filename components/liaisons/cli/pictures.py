@@ -10,6 +10,7 @@ from liaisons.base.project import ProjectError
 from liaisons.cli._command import (
     Inputs,
     Join,
+    Limits,
     Prescribe,
     Size,
     Start,
@@ -22,7 +23,7 @@ from liaisons.cli._command import (
     flag,
     option,
     subject,
-    with_prescribed,
+    with_robot_options,
 )
 
 _WHAT = "FMU|SSP|NAME|FILE.py|FILE.urdf|FILE.xml"
@@ -51,6 +52,7 @@ def animate(
     starts: Starts,
     size: Size = None,
     prescribe: Prescribe = "",
+    limits: Limits = False,
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -71,7 +73,7 @@ def animate(
     from liaisons.cosim.running.run import performed
     from liaisons.cosim.structure.scenes import of_file
 
-    (fmu,) = with_prescribed([fmu], prescribe)
+    (fmu,) = with_robot_options([fmu], prescribe, limits=limits)
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
         _system, asked = simulation(fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size)
@@ -102,6 +104,7 @@ def show(
     ] = None,
     launch: Annotated[bool, flag("--open/--no-open", "open it in the browser")] = True,
     prescribe: Prescribe = "",
+    limits: Limits = False,
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
@@ -118,7 +121,7 @@ def show(
     from liaisons.live import default_page_path
     from liaisons.live import show as write_page
 
-    fmu, *others = with_prescribed(fmus, prescribe)
+    fmu, *others = with_robot_options(fmus, prescribe, limits=limits)
     live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")

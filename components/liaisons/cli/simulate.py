@@ -17,6 +17,7 @@ from liaisons.base.processes import TIME_LIMIT
 from liaisons.cli._command import (
     Inputs,
     Join,
+    Limits,
     Prescribe,
     Size,
     Start,
@@ -32,7 +33,7 @@ from liaisons.cli._command import (
     show,
     signals,
     subject,
-    with_prescribed,
+    with_robot_options,
 )
 from liaisons.errors import SimulationError
 
@@ -72,6 +73,7 @@ def simulate(
     starts: Starts,
     size: Size = None,
     prescribe: Prescribe = "",
+    limits: Limits = False,
     start: Start = None,
     stop: Stop = None,
     step: Step = None,
@@ -97,7 +99,7 @@ def simulate(
     from liaisons.cosim.structure.components import time_limit
     from liaisons.results import IncompleteError, Interrupted
 
-    (fmu,) = with_prescribed([fmu], prescribe)
+    (fmu,) = with_robot_options([fmu], prescribe, limits=limits)
     names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
     system, asked = simulation(

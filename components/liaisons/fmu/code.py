@@ -24,6 +24,7 @@ from liaisons.fmu.layout import TIME, Fmi, index_ranges, mismatch_index, scalar_
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.language import Variable
+from liaisons.mechanics.energy_accounting import BOOKED
 from liaisons.mechanics.functions import SIGNATURES
 from liaisons.mechanics.model import Model
 from liaisons.mechanics.unilateral import impulsive_operators
@@ -68,6 +69,8 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     loops = loop_functions(model.programs, coupled_count(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rate_functions(model)
     members = _model_functions(model, adjoint=adjoint)
+    booking = _booking(model, members)
+    members = {name: function for name, function in members.items() if name not in booking}
     row_functions = _row_functions(model, members, rates)
     if model.table and model.table.has_events:
         del members["instants"], members["draw"]
@@ -89,7 +92,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
         "instants": "instants",
         **({} if model.draw is None else {"draw": "draw"}),
         **{name: name if name in row_functions else function.name() for name, function in members.items()},
-        **{name: name for name in loops if name not in _MOTION},
+        **{name: name for name in (*booking, *loops) if name not in _MOTION},
     }
     return "\n".join(
         [
@@ -104,6 +107,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             "#endif",
             *code,
             *_lookup_calls(model, row_functions),
+            *(line for name, statements in booking.items() for line in function_definition(name, statements)),
             *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
             *_c_arrays(model),
             "const Model model = {",
@@ -132,6 +136,42 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     return members | {
         name: f for direction in directions for name, f in _directional_derivatives(model, direction).items()
     }
+
+
+def _booking(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list[str]]:
+    """Return C statements of functions that take the number that they book from the outputs, by their members.
+
+    Where the outputs are large their code would be repeated, and with it that of both derivatives.
+    """
+    outputs, sizes = model.outputs_function, {"y": model.start.numel_out(0), "m": model.start.numel_out(1)}
+    moves = not model.active or model.project is not None or model.contacts or model.table or model.programs
+    if moves or not outputs.is_a("SXFunction") or outputs.n_instructions() < _LARGE:
+        return {}
+    names, letters = [e.name for v in model.outputs for e in v.elements()], SIGNATURES["outputs_function"].arguments
+    directions = len(letters) + 1  # index of the first, behind the arguments and the results
+    same = ", ".join(f"arguments[{i}]" for i in range(directions))
+    booking = {}
+    for name, (letter, place, output) in BOOKED.items():
+        if output not in names:
+            return {}
+        position, count, booked = letters.index(letter), sizes[letter], f"z[{names.index(output)}]"
+        row = place % count
+        for end, first in {"": 0, "_forward": directions}.items():
+            booking[f"{name}{end}"] = [
+                f"double z[{len(names)}], *all[] = {{z}};",
+                f"{members[f'calculate{end}'].name()}(arguments, all, integers, reals, memory);",
+                f"for (int i = 0; i < {count}; i++) results[0][i] = arguments[{first + position}][i];",
+                f"results[0][{row}] = {booked};",
+            ]
+        weights = f"arguments[{directions}]"
+        booking[f"{name}_reverse"] = [
+            f"double z[{len(names)}] = {{0}};",
+            f"const double *weighted[] = {{{same}, z}};",
+            f"{booked} = {weights}[{row}];",
+            "calculate_reverse(weighted, results, integers, reals, memory);",
+            f"for (int i = 0; i < {count}; i++) results[{position}][i] += i == {row} ? 0 : {weights}[i];",
+        ]
+    return {name: statements for name, statements in booking.items() if name in members}
 
 
 def _with_one_result(function: ca.Function) -> ca.Function:

@@ -12,6 +12,10 @@ from liaisons.language.layout import Layout
 MEMORY = ("energy_start", "energy_booked")
 """Memory of every model; the mismatch of each prescribed coordinate, which an FMU finds, follows."""
 
+BOOKED = {"jump": ("y", -2, "work"), "remember": ("m", 1, "energy")}
+"""Functions that return an argument with one number replaced by an output, unless jumps of inputs move states:
+its letter, the row of the number, and the output."""
+
 
 def memory_names(layout: Layout) -> tuple[str, ...]:
     """Names of the numbers in the memory."""

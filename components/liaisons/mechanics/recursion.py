@@ -132,21 +132,15 @@ class Recursion:
     def mass_matrix(self) -> ca.SX:
         """A of the free velocities (f, f), by composite rigid bodies."""
         composite, count = list(self.inertias), self.m.free.q_dot.shape[0]
+        A, forces = ca.SX(count, count), [ca.SX(6, count) for _ in self.frames]  # at unit accelerations, one a column
         for i, frame in reversed([*enumerate(self.frames)]):
+            if not frame.prescribed:
+                forces[i][:, frame.rows] = composite[i] @ frame.axes
+                A[frame.rows, :] = frame.axes.T @ forces[i]
+                A[:, frame.rows] = A[frame.rows, :].T
             if frame.parent >= 0:
                 composite[frame.parent] += _shifted(frame, composite[i])
-        A = ca.SX(count, count)
-        for i, frame in enumerate(self.frames):
-            if frame.prescribed:
-                continue
-            force, ancestor = composite[i] @ frame.axes, frame
-            A[frame.rows, frame.rows] = frame.axes.T @ force
-            while ancestor.parent >= 0:
-                force = _returned(ancestor, force)
-                ancestor = self.frames[ancestor.parent]
-                if not ancestor.prescribed:
-                    A[ancestor.rows, frame.rows] = ancestor.axes.T @ force
-                    A[frame.rows, ancestor.rows] = A[ancestor.rows, frame.rows].T
+                forces[frame.parent] += _returned(frame, forces[i])
         return ca.sparsify(A)
 
     def _along(self, i: int, free: ca.SX, active: ca.SX) -> ca.SX:

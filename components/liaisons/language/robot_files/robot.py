@@ -146,7 +146,7 @@ class Robot:
         if (low or high) and self.limits:
             more |= {"limits": (low, high), "start": 0.0 if low <= 0 <= high else (low + high) / 2}
         elif low or high:
-            self.ignored["limits of joints (limits=True makes stops of them)"] += 1
+            self.ignored["limits of joints (limits=True or --limits makes stops of them)"] += 1
         more = {key: value for key, value in more.items() if np.any(value)}
         more |= {"at": _floats(pose.origin), "rotation": roll_pitch_yaw(pose.axes), "prescribed": bool(requested)}
         self._declare(item, label, kind(*ends, **more))
