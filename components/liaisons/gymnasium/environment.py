@@ -11,12 +11,12 @@ import casadi as ca
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import named, with_settings
 from liaisons.errors import IncompleteError, InvalidValueError, SimulationError
 from liaisons.fmu.calls import Call
-from liaisons.gymnasium.task import Task
+from liaisons.gymnasium.task import Floats, Task
 from liaisons.interface import start
 from liaisons.library import component
 from liaisons.pictures.drawing import pixels
@@ -79,9 +79,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self.observation_space = Box(-np.inf, np.inf, (self._measures.size - 2,), np.float64)
         self._ended = True
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode.
 
         :param options: start values of it by name.
@@ -92,7 +90,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._begin({**drawn, **named("options", options or {})})
         return self._measured()[:-2], self._information()
 
-    def step(self, action: ArrayLike) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Hold the acts for a step.
 
         :returns: observation, reward, whether the episode has ended, whether it was truncated, information.
@@ -111,7 +109,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._ended = stopped or truncated
         return after[:-2], task.step_size * float(middle[-2]), stopped, truncated, self._information()
 
-    def render(self) -> NDArray[np.uint8] | None:
+    def render(self) -> Any:
         """The picture now, (height, width, 3); None without ``render_mode``."""
         if self.render_mode is None or self._scene is None:
             return None
@@ -152,7 +150,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._starts, self._shown, self._ended = {**self.task.start_values, **starts, **self._own}, [], False
         vars(self).pop("optimum", None)
 
-    def _half_step(self, acts: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _half_step(self, acts: Floats) -> Floats:
         """Hold the acts for half a step, and return the measures; what they move follows by polynomials."""
         own, size, inputs = self._own, self.task.step_size / 2, list[float]()
         for names, act in zip(self.task.ports, acts.tolist(), strict=True):
@@ -167,7 +165,7 @@ class Environment(gymnasium.Env[Any, Any]):
         """A variable now: what acts move is at the end of the step, where the FMU has its start."""
         return self._own[name] if name in self._own else self._run[name]
 
-    def _measured(self) -> NDArray[np.float64]:
+    def _measured(self) -> Floats:
         """Observations, reward and stop now."""
         self._numbers[:] = [self._read(name) for name in self._names]
         self._call.run()

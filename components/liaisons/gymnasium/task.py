@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import casadi as ca
 import numpy as np
@@ -19,6 +19,8 @@ from liaisons.base.port_names import port_names
 from liaisons.errors import InvalidValueError
 from liaisons.expressions.formulas import formula
 
+Floats: TypeAlias = NDArray[np.float64]
+Truths: TypeAlias = NDArray[np.bool_]
 _RATE = re.compile(r"_(d{1,2})ot(?=\[|$)")
 _DOT = re.compile(r"(?<=\w)\.(?=[A-Za-z_])")
 
@@ -82,7 +84,7 @@ class Task:
         """Ranges of the acts."""
         return Box(*np.transpose([*self.act.values()]).astype(np.float32))
 
-    def checked(self, action: ArrayLike, *count: int) -> NDArray[np.float64]:
+    def checked(self, action: ArrayLike, *count: int) -> Floats:
         """Values of the acts.
 
         :param count: of many actions.

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import numbers, whole
 from liaisons.ensembles.methods import METHODS
@@ -18,7 +18,7 @@ from liaisons.ensembles.steps import compiled, packs, unpacked
 from liaisons.errors import InvalidValueError, SimulationError
 from liaisons.expressions import program
 from liaisons.gymnasium.environment import Environment
-from liaisons.gymnasium.task import Task
+from liaisons.gymnasium.task import Floats, Task, Truths
 from liaisons.library import component
 from liaisons.mechanics.model import Model
 
@@ -37,8 +37,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
 
     def __init__(self, *subject: Any, num_envs: int = 1, **settings: Any) -> None:
         """Take the settings of :class:`Task`, and how many copies."""
-        subject_class = component(Task(*subject, **settings).subject)
-        model = smooth_model(subject_class, "a VectorEnvironment", "take Environment, which runs its FMU")
+        declared = component(Task(*subject, **settings).subject)
+        model = smooth_model(declared, "a VectorEnvironment", "take Environment, which runs its FMU")
         one = Environment(*subject, **settings)  # refuses what is wrong
         one.close()
         whole("num_envs", num_envs)
@@ -68,11 +68,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         followed = ca.vertcat(*(lanes[name] for name in moved), clock)
         self._fixed = [row for row, name in enumerate(self._names) if name not in moved]
         columns = each[self._fixed], once, ca.vertcat(y, followed)
-        rates, readings, conditions, projected = ca.substitute(
-            [found.rates, found.outputs, found.conditions, y if found.projected is None else found.projected],
-            [t],
-            [clock],
-        )
+        expressions = [found.rates, found.outputs, found.conditions, y if found.projected is None else found.projected]
+        rates, readings, conditions, projected = ca.substitute(expressions, [t], [clock])
         equations = replace(
             found,
             symbols=(t, *columns),
@@ -82,19 +79,16 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._advance = compiled(equations, METHODS["rk8"], self._shared)
         self._starts = program([each, once], [ca.vertcat(found.start, *(lanes[name] for name in moved), 0)])
         signals = dict(zip(outputs, ca.vertsplit(readings), strict=True))
-        # The model's own energy balance remembers a start, which is another one for each copy.
-        balance = (
-            signals["energy"] - signals["work"] + signals["dissipated"] if "energy_balance" in signals else ca.SX(0, 1)
-        )
+        balance = ca.SX(0, 1)
+        if "energy_balance" in signals:  # which remembers a start, another one for each copy
+            balance = signals["energy"] - signals["work"] + signals["dissipated"]
         begun = range(len(model.condition_texts) - model.start_only, len(model.condition_texts))
         lasting = [row for row in range(conditions.numel()) if row not in begun]
         gaps = [gap for name in moved for gap in domain_gaps(variables[name], lanes[name])]
         last = ca.vertcat(conditions[lasting], *gaps)
         self._program = program(columns, [task.measures(signals | lanes), balance, last])
 
-    def reset(
-        self, *, seed: Any = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode in all copies.
 
         :param seed: of all draws.
@@ -108,9 +102,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._restart(~self._ended)
         return self._measured()[0][:-2].T, self._information()
 
-    def step(
-        self, actions: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Truths, Truths, dict[str, Any]]:
         """Hold the acts for a step; copies whose episode has ended are reset, and earn nothing.
 
         :param actions: shape (copies, acts).
@@ -122,11 +114,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
         before = self._states
         self._values[: len(self.task.act)] = acts.T
-        blocks, fixed, measured = (
-            packs(before, fill="edge"),
-            packs(self._values[self._fixed], fill="edge"),
-            [self._measured()],
-        )
+        blocks, fixed = packs(before, fill="edge"), packs(self._values[self._fixed], fill="edge")
+        measured = [self._measured()]
         for _ in range(2):
             self._advance(0.0, size / 2, 1, fixed, blocks)
             self._states = unpacked(blocks, self.num_envs)
@@ -144,7 +133,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         rewards = size * np.where(moving, middle[-2], 0.0)
         return after[:-2].T, rewards, stopped, truncated, self._information() | {"failure": failed}
 
-    def _restart(self, again: NDArray[np.bool_]) -> None:
+    def _restart(self, again: Truths) -> None:
         """Begin an episode in some copies."""
         self._values[:, again] = self._first
         for name, (low, high) in self.task.randomize.items():
@@ -152,7 +141,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._states[:, again] = self._starts.evaluate([self._values[:, again], self._shared])[0]
         self._elapsed[again] = self._balance[again] = 0.0
 
-    def _measured(self) -> list[NDArray[np.float64]]:
+    def _measured(self) -> list[Floats]:
         """Observations, reward and stop; energy balance; conditions: (rows, copies) each."""
         return self._program.evaluate([self._values[self._fixed], self._shared, self._states])
 
