@@ -1,0 +1,418 @@
+"""Impacts and modes of contacts at one instant, with their derivatives by values, state and instant.
+
+The rules are those of an FMU (``unilateral.c``): Newton's restitution and Moreau's rule, dry friction, and the end of
+bounces that are too low to be followed.  Modes are chosen by numbers; in chosen modes impulses are a smooth function of
+the state before them, which is differentiated.  Where a number by which modes are chosen is 0 there is a derivative
+along those directions only in which it stays 0; it is handed on as a condition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.derivatives.steps import Floats
+from liaisons.ensembles.right_hand_sides import RightHandSide
+from liaisons.errors import SimulationError
+from liaisons.expressions.algebra import stack
+from liaisons.mechanics.unilateral import eliminated
+
+_TOUCHING, _STILL, _BALANCED, _OVERLAP, _DRIFT, _STUCK = 1e-12, 2e-12, 1e-13, 1e-9, 1e-3, 1e-9
+"""Parts of the scales of positions, rates and accelerations that are rounding; an overlap; the drift of what is closed;
+the rate of what sticks."""
+_LOWEST, _LIFTED, _COUNTED = 1e-12, 1e-9, 1e-6
+"""Parts of the scale: bounces below are summed; also those of what was closed; impacts count after a higher fall."""
+_AT_ONCE, _MOST_IMPACTS, _SINGULAR, _DEGENERATE = 8, 1000, 1e10, 1e-9
+
+Modes = tuple[int, ...]
+"""Of gaps 1 (closed) or 0, of dry friction its direction, 0 where it sticks."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Landing:
+    """State after an event, and its derivatives.
+
+    :param of_k: by the values, (states, values); ``of_y``: by the state before it; ``of_t``: by the instant, (states, 1).
+    :param conditions: a row [by instant, values, state before] for each number that must stay 0.
+    """
+
+    y: Floats
+    of_k: Floats
+    of_y: Floats
+    of_t: Floats
+    conditions: tuple[Floats, ...] = ()
+
+    @classmethod
+    def unchanged(cls, y: Floats, values: int) -> Landing:
+        """The state before the event."""
+        states = len(y)
+        return cls(y, np.zeros((states, values)), np.eye(states), np.zeros((states, 1)))
+
+    def then(self, y: Floats, slopes: Floats) -> Landing:
+        """After a further map of the state, with its derivatives [by instant, values, state]."""
+        of_t, of_k, of_y = np.split(self.rows(slopes), [1, 1 + self.of_k.shape[1]], axis=1)
+        return replace(self, y=y, of_k=of_k, of_y=of_y, of_t=of_t)
+
+    def rows(self, slopes: Floats) -> Floats:
+        """Derivatives [by instant, values, state before the event], of those by instant, values and present state."""
+        values = self.of_k.shape[1]
+        of_t, of_k, of_y = np.split(slopes, [1, 1 + values], axis=1)
+        return np.hstack([of_t + of_y @ self.of_t, of_k + of_y @ self.of_k, of_y @ self.of_y])
+
+    def under(self, slopes: Floats) -> Landing:
+        """With further numbers that must stay 0, by their derivatives [by instant, values, present state]."""
+        return replace(self, conditions=(*self.conditions, *self.rows(slopes)))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Numbers:
+    """Numbers of the contacts at a state, as in ``core.h``."""
+
+    v: Floats
+    a: Floats
+    G: Floats
+    rate_scale: Floats
+    acceleration_scale: Floats
+    gap: Floats
+    scale: Floats
+    restitution: Floats
+    stick: Floats
+    slide: Floats
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Rates as they are without forces, and the contacts whose modes are to be chosen."""
+
+    rate: Floats
+    tolerance: Floats
+    stick: Floats
+    chosen: list[int]
+    impulses: bool
+
+
+@final
+class Contacts:
+    """Contacts of a motion: unilateral liaisons, then dry friction."""
+
+    def __init__(self, name: str, equations: RightHandSide) -> None:
+        """Take the equations of the motion."""
+        self._name, self._equations = name, equations
+        contacts = equations.contacts
+        assert contacts is not None
+        self._contacts = contacts
+        self.names = [contact.name for contact in contacts.contacts]
+        self.gaps, self.count = contacts.gaps, len(self.names)
+        self.remembered = self.count + 2 * self.gaps
+        self._normals = [self.names.index(c.normal) if c.normal else -1 for c in contacts.contacts]
+
+    # ---- functions
+
+    @cached_property
+    def _numbers_function(self) -> ca.Function:
+        """Function of a point -> numbers."""
+        return self._function([], *self._contacts.numbers.values())
+
+    @cached_property
+    def _touch_slopes(self) -> ca.Function:
+        """Function of a point -> derivatives of the gaps and of the rates."""
+        numbers = self._contacts.numbers
+        return self._function([], self._slopes(ca.vertcat(numbers["gap"], numbers["v"])))
+
+    @cached_property
+    def indicator_slopes(self) -> ca.Function:
+        """Function of a point -> derivatives of the event indicators by instant, values and state."""
+        return self._function([], self._slopes(self._contacts.indicators))
+
+    @cached_property
+    def _impact(self) -> ca.Function:
+        """Function of a point, what is held, directions, and which gaps approach -> state, slacks, impulses, slopes."""
+        held, direction, approaching = (ca.SX.sym(name, self.count) for name in ("held", "direction", "approaching"))
+        numbers = self._contacts.numbers
+        rebound = ca.vertcat(numbers["restitution"], ca.SX.zeros(self.count - self.gaps))
+        rate = numbers["v"] * (1 + approaching * rebound)
+        x = self._forces(rate, held, direction, impulses=True)
+        pushed = ca.substitute(self._contacts.pushed, self._contacts.impulses, x)
+        slack = self._slack(rate, x, held, direction, numbers["slide"])
+        return self._function([held, direction, approaching], pushed, slack, x, self._slopes(ca.vertcat(pushed, slack)))
+
+    @cached_property
+    def _rest_slopes(self) -> ca.Function:
+        """Function of a point, what is held, and directions -> derivatives of the slacks at rest."""
+        held, direction = (ca.SX.sym(name, self.count) for name in ("held", "direction"))
+        a = self._contacts.numbers["a"]
+        x = self._forces(a, held, direction, impulses=False)
+        return self._function(
+            [held, direction], self._slopes(self._slack(a, x, held, direction, self._contacts.numbers["stick"]))
+        )
+
+    def _function(self, further: list[ca.SX], *results: ca.SX) -> ca.Function:
+        return ca.Function("contact", [*self._equations.symbols, *further], ca.cse([ca.densify(x) for x in results]))
+
+    def _slopes(self, value: ca.SX) -> ca.SX:
+        """Derivatives by instant, values and state."""
+        t, k, _, y = self._equations.symbols
+        return ca.jacobian(value, ca.vertcat(t, k, y))
+
+    def _forces(self, rate: ca.SX, held: ca.SX, direction: ca.SX, *, impulses: bool) -> ca.SX:
+        """Forces x in modes, with G x = -rate where it is held."""
+        G, P, d = self._matrix(), ca.SX.eye(self.count), ca.SX.zeros(self.count, 1)
+        for i, normal in enumerate(self._normals[self.gaps :], start=self.gaps):
+            sliding = -direction[i] * self._contacts.numbers["slide"][i - self.gaps]
+            if normal >= 0:
+                P[i, normal] = sliding
+            elif not impulses:
+                d[i] = sliding
+        K = ca.diag(held) @ G @ P + ca.diag(1 - held)
+        return P @ eliminated(K, -held * (rate + G @ d)) + d
+
+    def _matrix(self) -> ca.SX:
+        return ca.reshape(self._contacts.numbers["G"], self.count, self.count)
+
+    def _slack(self, rate: ca.SX, x: ca.SX, held: ca.SX, direction: ca.SX, bound: ca.SX) -> ca.SX:
+        """What is >= 0 in consistent modes: forces of what is closed, rates of what is not, in units of rates."""
+        after, G, rows = rate + self._matrix() @ x, self._matrix(), []
+        for i, normal in enumerate(self._normals):
+            if i < self.gaps:
+                rows.append(held[i] * x[i] * G[i, i] + (1 - held[i]) * after[i])
+                continue
+            most = bound[i - self.gaps] * (x[normal] if normal >= 0 else 1)
+            rows.append(held[i] * (most - ca.fabs(x[i])) * G[i, i] + direction[i] * after[i])
+        return stack(rows)
+
+    # ---- modes
+
+    def _numbers(self, point: tuple[Any, ...]) -> _Numbers:
+        values = dict(zip(self._contacts.numbers, (x.full().ravel() for x in self._numbers_function(*point)), strict=True))
+        values["G"] = values["G"].reshape(self.count, self.count).T
+        return _Numbers(**values)
+
+    def _holds(self, modes: Modes, i: int) -> bool:
+        if i < self.gaps:
+            return modes[i] == 1
+        return modes[i] == 0 and (self._normals[i] < 0 or modes[self._normals[i]] == 1)
+
+    def _held(self, modes: Modes) -> Floats:
+        return np.array([float(self._holds(modes, i)) for i in range(self.count)])
+
+    def _directions(self, modes: Modes) -> Floats:
+        """Directions of what slides, 0 of all others, and where there is no force."""
+        touching = [self._normals[i] < 0 or modes[self._normals[i]] == 1 for i in range(self.count)]
+        return np.array([float(i >= self.gaps and touching[i] and modes[i]) for i in range(self.count)])
+
+    def _forces_in(self, c: _Numbers, p: _Problem, modes: Modes) -> tuple[Floats, Floats] | None:
+        """Forces in some modes, and the rates with them; None if there are none, or more than one."""
+        held, P, x = np.flatnonzero(self._held(modes)), np.eye(self.count), np.zeros(self.count)
+        for i, normal in enumerate(self._normals[self.gaps :], start=self.gaps):
+            sliding = -modes[i] * c.slide[i - self.gaps]
+            if normal >= 0:
+                P[i, normal] = sliding
+            elif not p.impulses:
+                x[i] = sliding
+        matrix = c.G[held] @ P[:, held]
+        if held.size:
+            if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > _SINGULAR:
+                return None
+            x += P[:, held] @ np.linalg.solve(matrix, -(p.rate + c.G @ x)[held])
+        return x, p.rate + c.G @ x
+
+    def _consistent(self, c: _Numbers, p: _Problem, modes: Modes, x: Floats, rate: Floats) -> bool:
+        """Whether forces push where rates are 0, and so on."""
+        for i in p.chosen:
+            tolerance, normal = p.tolerance[i], self._normals[i]
+            little = tolerance / c.G[i, i]
+            if i < self.gaps:
+                right = x[i] >= -little if modes[i] else rate[i] >= -tolerance
+            elif normal >= 0 and not modes[normal]:
+                right = modes[i] == 0  # all modes are alike: one will do
+            elif modes[i] == 0:
+                right = abs(x[i]) <= p.stick[i - self.gaps] * (x[normal] if normal >= 0 else 1) + little
+            else:
+                right = modes[i] * rate[i] >= -tolerance
+            if not right:
+                return False
+        return True
+
+    def _choose(self, c: _Numbers, p: _Problem, time: float, first: list[int]) -> tuple[Modes, Floats, Floats]:
+        """Modes that are consistent, the present ones first, then those that hold most; forces and rates in them."""
+        if len(p.chosen) > _AT_ONCE:
+            raise self._refusal(p.chosen, time, "more than eight contacts at once")
+        unique = True
+        for choice in (None, *product(*(((1, 0) if i < self.gaps else (0, 1, -1)) for i in reversed(p.chosen)))):
+            modes = list(first)
+            for i, mode in zip(reversed(p.chosen), choice or (), strict=choice is not None):
+                modes[i] = mode
+            forces = self._forces_in(c, p, tuple(modes))
+            unique &= forces is not None
+            if forces is None or not self._consistent(c, p, tuple(modes), *forces):
+                continue
+            tied = list(modes)
+            for i in p.chosen:
+                if i < self.gaps and not modes[i] and forces[1][i] <= p.tolerance[i]:
+                    tied[i] = 1
+            if tied != modes and self._forces_in(c, p, tuple(tied)) is None:
+                raise self._refusal(p.chosen, time, "their forces are not unique (redundant liaisons): leave one out")
+            return tuple(modes), *forces
+        why = "no force keeps them apart and in their bounds (Painlevé)"
+        raise self._refusal(p.chosen, time, why if unique else "they contradict each other, or leave no way out")
+
+    def _refusal(self, contacts: list[int], time: float, why: str) -> SimulationError:
+        return SimulationError(f"{self._name}: {', '.join(self.names[i] for i in contacts)} at t = {time:.9g} s: {why}")
+
+    # ---- an event
+
+    def settle(
+        self, landing: Landing, point: tuple[float, Floats, Floats], memory: ContactMemory, which: int | None
+    ) -> tuple[Landing, ContactMemory, float]:
+        """State and memory after impacts and changes of modes at an instant, and the size of the next step at most.
+
+        :param landing: so far, at this instant.
+        :param point: instant, values and shared values.
+        :param which: contact whose indicator is 0; None at a known instant.
+        """
+        (time, k, s), modes = point, memory.modes
+        impacts, rests_from, closed = memory.impacts.copy(), memory.rests_from.copy(), list(modes[: self.gaps])
+
+        def inspect() -> _Numbers:
+            return self._numbers((time, k, s, landing.y))
+
+        def hit(held: Floats, direction: Floats, approaching: Floats, slacks: list[int]) -> None:
+            nonlocal landing
+            y, slack, _, slopes = (x.full() for x in self._impact(time, k, s, landing.y, held, direction, approaching))
+            states, scale = len(landing.y), c.rate_scale
+            weak = [i for i in slacks if slack[i, 0] <= _DEGENERATE * scale[i]]
+            landing = landing.under(slopes[states:][weak]).then(y.ravel(), slopes[:states])
+
+        c = inspect()
+        rounding = _TOUCHING * c.scale + 2 * np.spacing(abs(time)) * c.rate_scale[: self.gaps]
+        for i in np.flatnonzero(c.gap < -_OVERLAP * c.scale - rounding):
+            raise SimulationError(
+                f"{self._name}: {self.names[i]} = {c.gap[i]:.6g} at t = {time:.9g} s: bodies overlap; "
+                "start with a gap >= 0, and let no prescribed coordinate jump through a body"
+            )
+        touching = c.gap <= np.where(closed, _DRIFT * c.scale, rounding)
+        new = [i for i in np.flatnonzero(touching) if not closed[i] and i != which]
+        if new:
+            slopes = self._touch_slopes(time, k, s, landing.y).full()
+            landing = landing.under(slopes[new])
+        for count in range(_MOST_IMPACTS + 1):
+            approaching = touching & (c.v[: self.gaps] < -_STILL * c.rate_scale[: self.gaps])
+            if not approaching.any():
+                break
+            if count == _MOST_IMPACTS:
+                raise self._refusal(np.flatnonzero(touching).tolist(), time, "more than 1000 impacts at one instant")
+            takes = touching & (c.v[: self.gaps] <= _STILL * c.rate_scale[: self.gaps])
+            at = [i for i in range(self.count) if (takes[i] if i < self.gaps else self._takes(takes, i))]
+            negative = np.append(c.v[: self.gaps] < 0, np.zeros(self.count - self.gaps)).astype(float)
+            rate = c.v * (1 + negative * np.append(c.restitution, np.zeros(self.count - self.gaps)))
+            problem = _Problem(rate, _BALANCED * c.rate_scale, c.slide, at, impulses=True)
+            first = [int(i in at) if i < self.gaps else 1 for i in range(self.count)]
+            modes, x, _ = self._choose(c, problem, time, first)
+            before = c.v
+            hit(self._held(modes), self._directions(modes), negative, at)
+            counts = (x > 0) & (before < -_STILL * c.rate_scale)
+            fell = before[: self.gaps] ** 2 > 2 * np.abs(c.a[: self.gaps]) * _COUNTED * c.scale
+            impacts += counts[: self.gaps] & fell
+            c = inspect()
+            loss = -x * (before + c.v) / 2
+            if loss.sum() < -1e-9 * np.abs(x) @ (np.abs(before) + 1e-2 * c.rate_scale):
+                why = "Newton's restitution and friction would gain energy (Kane): take less of either"
+                raise self._refusal(at, time, why)
+        size = np.inf
+        while True:
+            modes, weak, rate = self._rest(c, time, touching, memory.modes)
+            low, flight = self._lowest(c, touching, closed, modes, rate)
+            if low is None:
+                size = flight
+                break
+            hit(np.array([float(i < self.gaps and (i == low or modes[i] == 1)) for i in range(self.count)]), *np.zeros((2, self.count)), [])
+            fall = rate[low]
+            rests_from[low] = time if closed[low] else time + 2 * c.v[low] / (-fall * (1 - c.restitution[low]))
+            closed[low] = 2
+            c = inspect()
+        rests_from = np.where([m == 1 and not was for m, was in zip(modes, closed, strict=False)], time, rests_from)
+        if weak:
+            slopes = self._rest_slopes(time, k, s, landing.y, self._held(modes), self._directions(modes)).full()
+            landing = landing.under(slopes[weak])
+        still = [i for i in np.flatnonzero(np.abs(c.v) <= _STILL * c.rate_scale) if self._relevant(i, touching)]
+        if still:
+            landing = landing.under(self._touch_slopes(time, k, s, landing.y).full()[self.gaps :][still])
+        return landing, ContactMemory(modes, impacts, rests_from), size
+
+    def _relevant(self, i: int, touching: NDArray[np.bool_]) -> bool:
+        """Whether a contact can have a force."""
+        normal = i if i < self.gaps else self._normals[i]
+        return normal < 0 or bool(touching[normal])
+
+    def _takes(self, takes: NDArray[np.bool_], i: int) -> bool:
+        """Whether dry friction has an impulse."""
+        return self._normals[i] >= 0 and bool(takes[self._normals[i]])
+
+    def _rest(
+        self, c: _Numbers, time: float, touching: NDArray[np.bool_], present: Modes
+    ) -> tuple[Modes, list[int], Floats]:
+        """Modes of what touches and rests, contacts that could as well be in another one, and accelerations."""
+        modes, chosen = list(present), list[int]()
+        for i, normal in enumerate(self._normals):
+            least = _STUCK if i >= self.gaps and self._holds(present, i) else _STILL
+            still = abs(c.v[i]) <= least * c.rate_scale[i]
+            if i < self.gaps and not (touching[i] and still):
+                modes[i] = 0
+            elif normal >= 0 and not touching[normal]:
+                modes[i] = 0
+            elif i >= self.gaps and not still:
+                modes[i] = 1 if c.v[i] > 0 else -1
+            else:
+                chosen.append(i)
+        problem = _Problem(c.a, _BALANCED * c.acceleration_scale, c.stick, chosen, impulses=False)
+        found, x, rate = self._choose(c, problem, time, modes)
+        weak = []
+        for i in chosen:
+            normal = self._normals[i]
+            bound = np.inf if i < self.gaps else c.stick[i - self.gaps] * (x[normal] if normal >= 0 else 1)
+            own = x[i] * c.G[i, i] if i < self.gaps else (bound - abs(x[i])) * c.G[i, i]
+            slack = own if self._holds(found, i) else rate[i] if i < self.gaps else found[i] * rate[i]
+            if slack <= _DEGENERATE * c.acceleration_scale[i] and self._relevant(i, np.array(found[: self.gaps]) == 1):
+                weak.append(i)
+        return found, weak, rate
+
+    def _lowest(
+        self, c: _Numbers, touching: NDArray[np.bool_], closed: list[int], modes: Modes, rate: Floats
+    ) -> tuple[int | None, float]:
+        """A gap whose bounces are summed from here on, and the step in which the next impact of all others lies."""
+        size = np.inf
+        for i in range(self.gaps):
+            v, a = c.v[i], rate[i]
+            if modes[i] == 1 or closed[i] == 2 or not touching[i] or not (v > _STILL * c.rate_scale[i] and a < 0):
+                continue
+            if v * v / (-2 * a) <= (_LIFTED if closed[i] else _LOWEST) * c.scale[i]:
+                return i, size
+            size = min(size, -2.5 * v / a)
+        return None, size
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ContactMemory:
+    """What an FMU remembers of contacts.
+
+    :param impacts: of each gap; ``rests_from``: instant at which it rests [s].
+    """
+
+    modes: Modes
+    impacts: Floats
+    rests_from: Floats
+
+    def values(self) -> Iterator[float]:
+        """As shared values of the motion."""
+        yield from (*self.modes, *self.impacts, *self.rests_from)
