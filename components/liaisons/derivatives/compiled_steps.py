@@ -127,7 +127,8 @@ static double first_event(double t, double h, const double *limits, const double
     for (int n = 0; n < SAMPLES && first > 1.0; ++n)
         for (int i = 0; i < I; ++i) {
             double a = n / (double)SAMPLES, b = (n + 1) / (double)SAMPLES, at_a = row[n][i], at_b = row[n + 1][i];
-            if (at_b >= 0 && n + 2 <= SAMPLES && at_b < at_a && at_b <= row[n + 2][i]) { /* it turns between */
+            if (at_b >= 0 && n + 2 <= SAMPLES && at_a > near && at_b < at_a
+                && at_b <= row[n + 2][i] && row[n + 2][i] > near) { /* it turns between */
                 double low = a, high = b + 1.0 / SAMPLES;
                 for (int m = 0; m < 60 && at_b >= 0; ++m) {
                     const double left = low + 0.382 * (high - low), right = low + 0.618 * (high - low);

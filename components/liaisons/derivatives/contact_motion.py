@@ -9,10 +9,10 @@ step, of the impact, and of the steps behind it.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Self, final
+from typing import Self, TypeAlias, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.logs import logger
 from liaisons.derivatives.contacts import ContactMemory, Contacts, Landing
@@ -28,9 +28,9 @@ from liaisons.errors import SimulationError
 
 _MARGIN = 1e-13
 """Value of an event indicator at an event, as in ``events.c``."""
-_AT_EVENT, _CONSTANT = 1e-12, 1e-6
-"""Relative distance of a recorded time from an event at which there are two derivatives; largest relative derivative of
-a number that stays 0."""
+_AT_EVENT, _CONSTANT, _NEGLIGIBLE = 1e-12, 1e-6, 1e-9
+"""Relative distance of a recorded time from an event at which there are two derivatives; largest derivative of a number
+that stays 0, relative to its terms, and to its scale over the value."""
 _MOST_EVENTS = 1000
 """Events without progress in time."""
 
@@ -59,6 +59,15 @@ class _Phase:
     grazing: float
 
 
+    def is_doubtful(self) -> bool:
+        """Whether derivatives by some values may not exist."""
+        return bool(self.landing.conditions) or np.isfinite(self.grazing)
+
+
+_Undefined: TypeAlias = tuple[float, NDArray[np.bool_], str, bool]
+"""Instant at which derivatives by some values do not exist, and why; whether also behind it."""
+
+
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactMotion(SteppedMotion):
@@ -70,19 +79,15 @@ class ContactMotion(SteppedMotion):
         run = self._run(values, keep_stages=True)
         records, undefined = self._tangents(run)
         derivatives = self._signal_derivatives(run, records)
-        for time, columns, text, lasts in undefined:
-            near = np.abs(self.times - time) <= _AT_EVENT * max(1.0, abs(time))
-            where = near | (self.times > time) if lasts else near
-            derivatives[:, where[:, None] & columns] = np.nan
-            if where.any():
-                names = ", ".join(np.array(self.names)[columns])
-                after = "from t = {:.9g} s on" if lasts else "at t = {:.9g} s"
-                logger.warning("%s: derivatives by %s are not-a-number %s: %s", self.name, names, after.format(time), text)
+        derivatives[:, self._without_derivatives(undefined)] = np.nan
         return self._evaluated(run, self.functions.outputs), derivatives
 
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
         f, run = self.functions, self._run(values, keep_stages=True)
-        signals, total, by_state = self._weighted(run, weights)
+        signals, factors, total, by_state = self._weighted(run, weights)
+        if any(phase.is_doubtful() or self._beside(float(phase.steps.t[0])).any() for phase in run.legs):
+            counts = (factors != 0).any(axis=0)
+            total[self._without_derivatives(self._tangents(run)[1])[counts].any(axis=0)] = np.nan
         of_y, of_instant, none = np.zeros(f.states), 0.0, np.zeros_like(by_state)
         for phase in reversed(run.legs):
             steps, count, of_first = phase.steps, len(phase.steps.t), 0.0
@@ -111,6 +116,25 @@ class ContactMotion(SteppedMotion):
                 total, of_instant = total + of_instant * phase.slope, 0.0
         return signals, total + of_y @ f.start_tangents(run.k, self.table[0]).full()
 
+    def _beside(self, instant: float) -> NDArray[np.bool_]:
+        """Which recorded times an event is at."""
+        return np.abs(self.times - instant) <= _AT_EVENT * max(1.0, abs(instant))
+
+    def _without_derivatives(self, undefined: list[_Undefined]) -> NDArray[np.bool_]:
+        """At which times there are no derivatives by which values, (times, values); this is warned of."""
+        result = np.zeros((len(self.times), len(self.values)), dtype=bool)
+        for instant, columns, reason, lasts in undefined:
+            where = self._beside(instant) | (lasts & (self.times > instant))
+            new = where[:, None] & columns & ~result
+            if new.any():
+                names, when = np.array(self.names)[new.any(axis=0)], "from here on" if lasts else "there"
+                logger.warning(
+                    "%s: t = %.9g s: %s: derivatives by %s are not-a-number %s",
+                    *(self.name, instant, reason, ", ".join(names), when),
+                )
+            result |= new
+        return result
+
     def at(self, times: ArrayLike) -> Self:
         """The same motion, recorded at other times."""
         return replace(self, times=recorded_times(times, self.start_time))
@@ -125,23 +149,25 @@ class ContactMotion(SteppedMotion):
         count = len(of_t)
         return float(of_t @ moved[0, :count] + of_h @ moved[1, :count])
 
-    def _tangents(self, run: Run) -> tuple[Floats, list[tuple[float, Floats, str, bool]]]:
+    def _tangents(self, run: Run) -> tuple[Floats, list[_Undefined]]:
         """Derivatives of the states at the recorded times; and from when on, by which values, there are none, and why."""
         f, k, count = self.functions, run.k, len(run.k)
         of_y, slope = f.start_tangents(k, self.table[0]).full(), np.zeros(count)
-        records, undefined = np.empty((len(self.times), f.states, count)), []
+        records, undefined = np.empty((len(self.times), f.states, count)), list[_Undefined]()
+        values = np.where(k == 0, 1.0, np.abs(k))
         for phase in run.legs:
             landing, steps = phase.landing, phase.steps
             slope = slope if phase.slope is None else phase.slope
             instant = float(steps.t[0])
             if slope.any():
-                undefined.append((instant, slope != 0, "an event is there", False))
+                undefined.append((instant, slope != 0, "two branches of the motion meet", False))
             for row in landing.conditions:
                 terms = row[0] * slope, row[1 : 1 + count], row[1 + count :, None] * of_y
                 change = terms[0] + terms[1] + terms[2].sum(axis=0)
                 size = np.abs(terms[0]) + np.abs(terms[1]) + np.abs(terms[2]).sum(axis=0)
-                if (changes := np.abs(change) > _CONSTANT * size).any():
-                    undefined.append((instant, changes, "contacts would act in another order or mode beside it", True))
+                changes = (np.abs(change) > _CONSTANT * size) & (np.abs(change) * values > _NEGLIGIBLE)
+                if changes.any():
+                    undefined.append((instant, changes, "contacts act in another order or mode for neighbouring values", True))
             of_y = landing.of_k + landing.of_t * slope + landing.of_y @ of_y
             if phase is run.legs[0] and self.times[0] == self.start_time:
                 records[0] = of_y
@@ -162,7 +188,7 @@ class ContactMotion(SteppedMotion):
                 size = -(by_y @ of_y + of_g[1 : 1 + count] + of_g[0] * begins) / (by_y @ by_size + of_g[0])
                 of_y, slope = of_y + by_size[:, None] * size, begins + size
             if np.isfinite(phase.grazing):
-                undefined.append((phase.grazing, of_y.any(axis=0), "a contact is grazed there", True))
+                undefined.append((phase.grazing, of_y.any(axis=0), "a contact is grazed", True))
         return records, undefined
 
     # ---- the run

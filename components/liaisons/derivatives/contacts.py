@@ -41,7 +41,7 @@ class Landing:
     """State after an event, and its derivatives.
 
     :param of_k: by the values, (states, values); ``of_y``: by the state before it; ``of_t``: by the instant, (states, 1).
-    :param conditions: a row [by instant, values, state before] for each number that must stay 0.
+    :param conditions: a row [by instant, values, state before] for each number that must stay 0, in units of its scale.
     """
 
     y: Floats
@@ -291,7 +291,7 @@ class Contacts:
             y, slack, _, slopes = (x.full() for x in self._impact(time, k, s, landing.y, held, direction, approaching))
             states, scale = len(landing.y), c.rate_scale
             weak = [i for i in slacks if slack[i, 0] <= _DEGENERATE * scale[i]]
-            landing = landing.under(slopes[states:][weak]).then(y.ravel(), slopes[:states])
+            landing = landing.under(slopes[states:][weak] / scale[weak, None]).then(y.ravel(), slopes[:states])
 
         c = inspect()
         rounding = _TOUCHING * c.scale + 2 * np.spacing(abs(time)) * c.rate_scale[: self.gaps]
@@ -304,7 +304,7 @@ class Contacts:
         new = [i for i in np.flatnonzero(touching) if not closed[i] and i != which]
         if new:
             slopes = self._touch_slopes(time, k, s, landing.y).full()
-            landing = landing.under(slopes[new])
+            landing = landing.under(slopes[new] / c.scale[new, None])
         for count in range(_MOST_IMPACTS + 1):
             approaching = touching & (c.v[: self.gaps] < -_STILL * c.rate_scale[: self.gaps])
             if not approaching.any():
@@ -343,10 +343,12 @@ class Contacts:
         rests_from = np.where([m == 1 and not was for m, was in zip(modes, closed, strict=False)], time, rests_from)
         if weak:
             slopes = self._rest_slopes(time, k, s, landing.y, self._held(modes), self._directions(modes)).full()
-            landing = landing.under(slopes[weak])
-        still = [i for i in np.flatnonzero(np.abs(c.v) <= _STILL * c.rate_scale) if self._relevant(i, touching)]
+            landing = landing.under(slopes[weak] / c.acceleration_scale[weak, None])
+        still = np.flatnonzero(np.abs(c.v) <= _STILL * c.rate_scale).tolist()
+        still = [i for i in still if i != which and self._relevant(i, touching) and not self._holds(memory.modes, i)]
         if still:
-            landing = landing.under(self._touch_slopes(time, k, s, landing.y).full()[self.gaps :][still])
+            slopes = self._touch_slopes(time, k, s, landing.y).full()[self.gaps :]
+            landing = landing.under(slopes[still] / c.rate_scale[still, None])
         return landing, ContactMemory(modes, impacts, rests_from), size
 
     def _relevant(self, i: int, touching: NDArray[np.bool_]) -> bool:

@@ -152,8 +152,8 @@ class SteppedMotion(ABC):
         for (signal, number), row in zip(pairs, self._evaluated(run, slopes), strict=True):
             yield signal, number, row
 
-    def _weighted(self, run: Run, weights: Weights) -> tuple[Floats, Floats, Floats]:
-        """Signals, and the derivatives of their weighted sum by the values and by the states at the recorded times."""
+    def _weighted(self, run: Run, weights: Weights) -> tuple[Floats, Floats, Floats, Floats]:
+        """Signals, weights, and derivatives of the weighted sum by the values, and by the states at the recorded times."""
         f, count = self.functions, len(run.k)
         signals = self._evaluated(run, f.outputs)
         factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
@@ -162,7 +162,7 @@ class SteppedMotion(ABC):
         sums = np.zeros((count + f.states, len(self.times)))
         for signal, number, slopes in self._output_slopes(run):
             sums[number] += factors[signal] * slopes
-        return signals, sums[:count].sum(axis=1), np.ascontiguousarray(sums[count:].T)
+        return signals, factors, sums[:count].sum(axis=1), np.ascontiguousarray(sums[count:].T)
 
     def _signal_derivatives(self, run: Run, records: Floats) -> Floats:
         """Derivatives of the signals by the values, of those of the states at the recorded times."""
@@ -290,7 +290,7 @@ class DifferentiableMotion(SteppedMotion):
 
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
         f, run = self.functions, self._run(values, keep_stages=True)
-        signals, total, by_state = self._weighted(run, weights)
+        signals, _, total, by_state = self._weighted(run, weights)
         of_y = np.zeros(f.states)
         for leg in reversed(run.legs):
             steps = leg.steps

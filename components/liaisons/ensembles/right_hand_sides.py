@@ -280,7 +280,7 @@ def _contact_columns(model: Model, point: Sequence[ca.SX], sums: ca.SX) -> Conta
     lost = -impulses * (numbers["v"] + compliance @ impulses / 2)  # at the mean of the rates before and after
     losses = list(map(_loss, contacts))
     of_parts = [sum(lost[i] for i, name in enumerate(losses) if name == part) for part in dict.fromkeys(losses)]
-    added = ca.vertcat(impulses[:gaps], operators, *of_parts)
+    added = ca.vertcat(impulses[:gaps, :], operators, *of_parts)
     indicators = _scalars(model.indicate, t, y, u, k, memory)[0]
     return ContactColumns(contacts, gaps, numbers, indicators, ca.vertcat((y + twice) / 2, sums + added), impulses)
 
