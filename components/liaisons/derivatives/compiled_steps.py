@@ -35,7 +35,7 @@ _OPTIONS: dict[Purpose, tuple[str, ...]] = {"run": ("-fno-tree-vectorize",), "ta
 _STEPS = 2_000_000
 """Steps of one motion from which on it is refused."""
 
-_GRAZING = 1e-10
+_GRAZING = 1e-12
 """Distance of an event indicator from 0 at which it is said to graze."""
 
 _RUN = """\
@@ -88,7 +88,7 @@ void advance(long steps, const double *t, const double *h, const long *rows, con
 
 """
 _FOLLOW = """\
-enum { SAMPLES = 8, CORRECTIONS = 6 };
+enum { SAMPLES = 8, CORRECTIONS = 8 };
 
 /* Indicators at a fraction of a step, by its quintic Hermite polynomial through start, middle and end. */
 static void look(double t, double h, double part, const double *limits, const double *k, const double *s,
@@ -150,8 +150,8 @@ static double first_event(double t, double h, const double *limits, const double
             }
             if (!(at_b < 0))
                 continue;
-            const double target = at_a > margins[i] ? margins[i] : 0.0, from = a, rise = at_a - target;
-            double left = rise, right = at_b - target;
+            const double target = at_a > margins[i] ? margins[i] : 0.0;
+            double left = at_a - target, right = at_b - target;
             for (int m = 0; m < 60 && b - a > 1e-14; ++m) { /* regula falsi, Illinois */
                 const double part = fmax(a + (b - a) * left / (left - right), a + 1e-15 * b);
                 look(t, h, part, limits, k, s, y, f, values);
@@ -168,19 +168,18 @@ static double first_event(double t, double h, const double *limits, const double
                     break;
             }
             if (b < first) {
-                const double before = fmax(b - 1e-3, from);
                 double high[I];
                 first = b;
                 *which = i;
-                look(t, h, before, limits, k, s, y, f, high);
-                look(t, h, b, limits, k, s, y, f, values);
-                *slope = b > before ? (values[i] - high[i]) / ((b - before) * h) : 0.0;
+                look(t, h, b - 1e-3, limits, k, s, y, f, high);
+                look(t, h, b + 1e-3, limits, k, s, y, f, values);
+                *slope = (values[i] - high[i]) / (2e-3 * h);
             }
         }
     return first;
 }
 
-/* As choose, up to the first event; report: which indicator, the interval, its distance from 0, an instant of grazing. */
+/* As choose, up to the first event; report: indicator, interval, distance from 0, an instant of grazing. */
 long follow(long intervals, const double *cuts, const long *rows, const double *limits, const double *k,
             const double *table, double tolerance, const double *sizes, double *size, double *y, double *kept,
             long most, double *ends, long *counts, const double *margins, double near, double *report)
@@ -223,7 +222,7 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
             int which = -1;
             const double part = first_event(t, h, limits, k, s, path, f, margins, near, &which, &slope, &report[3]);
             if (part <= 1.0) {
-                double values[I], best = part * h, least = INFINITY, now = best;
+                double values[I], best = part * h, least = INFINITY, now = best, earlier = 0.0, off_earlier = 0.0;
                 for (int n = 0; n < CORRECTIONS; ++n) {
                     double target, off;
                     memcpy(whole, y, sizeof whole);
@@ -232,11 +231,15 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
                     watch(&time, k, s, whole, values);
                     target = row_target(t, k, s, limits, y, which, margins);
                     off = values[which] - target;
-                    if (!(fabs(off) < least))
-                        break;
-                    least = fabs(off);
-                    best = now;
-                    if (!(slope < 0) || off == 0.0)
+                    if (n > 0 && (off - off_earlier) / (now - earlier) < 0)
+                        slope = (off - off_earlier) / (now - earlier);
+                    earlier = now;
+                    off_earlier = off;
+                    if (fabs(off) < least) {
+                        least = fabs(off);
+                        best = now;
+                    }
+                    if (!(slope < 0) || fabs(off) <= 1e-3 * margins[which])
                         break;
                     now = fmin(fmax(now - off / slope, 0.5 * now), h);
                 }
@@ -372,7 +375,15 @@ class CompiledSteps:
         return *self._chosen("follow", segment, k, y, size, tolerance, sizes, margins, _GRAZING, report), report
 
     def _chosen(
-        self, name: str, segment: Segment, k: Floats, y: Floats, size: Floats, tolerance: float, sizes: Floats, *more: Any
+        self,
+        name: str,
+        segment: Segment,
+        k: Floats,
+        y: Floats,
+        size: Floats,
+        tolerance: float,
+        sizes: Floats,
+        *more: Any,
     ) -> tuple[Floats, Integers]:
         intervals = len(segment.rows)
         most, counts, stages = 4 * intervals + 1000, np.empty(intervals, dtype=np.int_), _stage_room(1, y)

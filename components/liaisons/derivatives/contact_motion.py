@@ -1,9 +1,9 @@
 """A motion with contacts as a function of values, with derivatives of the steps that were taken.
 
-The last step before an event of a contact ends where an event indicator g is 0: its size is an implicit function of the
-state, dh = -(∂g/∂y δy + ∂g/∂k + ∂g/∂t δt)/(dg/dh).  All steps up to the next recorded time begin when the event is over,
-and move along with its instant.  So what textbooks write as a saltation matrix is a product of derivatives of the last
-step, of the impact, and of the steps behind it.
+The last step before an event of a contact ends where an event indicator g is 0: its size h is an implicit function of
+the state, dh = -(∂g/∂y δy + ∂g/∂k δk + ∂g/∂t δt)/(dg/dh).  The steps behind it, up to the next recorded time, move along
+with its instant.  So what textbooks write as a saltation matrix is a product of derivatives: of the last step, of the
+impact, and of the steps behind it.
 """
 
 from __future__ import annotations
@@ -57,7 +57,6 @@ class _Phase:
     last_slope: Floats
     indicator: Floats | None
     grazing: float
-
 
     def is_doubtful(self) -> bool:
         """Whether derivatives by some values may not exist."""
@@ -150,7 +149,7 @@ class ContactMotion(SteppedMotion):
         return float(of_t @ moved[0, :count] + of_h @ moved[1, :count])
 
     def _tangents(self, run: Run) -> tuple[Floats, list[_Undefined]]:
-        """Derivatives of the states at the recorded times; and from when on, by which values, there are none, and why."""
+        """Derivatives of the states at the recorded times; and where, by which values, there are none, and why."""
         f, k, count = self.functions, run.k, len(run.k)
         of_y, slope = f.start_tangents(k, self.table[0]).full(), np.zeros(count)
         records, undefined = np.empty((len(self.times), f.states, count)), list[_Undefined]()
@@ -167,11 +166,16 @@ class ContactMotion(SteppedMotion):
                 size = np.abs(terms[0]) + np.abs(terms[1]) + np.abs(terms[2]).sum(axis=0)
                 changes = (np.abs(change) > _CONSTANT * size) & (np.abs(change) * values > _NEGLIGIBLE)
                 if changes.any():
-                    undefined.append((instant, changes, "contacts act in another order or mode for neighbouring values", True))
+                    undefined.append(
+                        (instant, changes, "contacts act in another order or mode for neighbouring values", True)
+                    )
             of_y = landing.of_k + landing.of_t * slope + landing.of_y @ of_y
             if phase is run.legs[0] and self.times[0] == self.start_time:
                 records[0] = of_y
-            of_t, of_h = (a[:, None] * slope + b[:, None] * phase.last_slope for a, b in zip(phase.moved, phase.moved_last, strict=True))
+            of_t, of_h = (
+                a[:, None] * slope + b[:, None] * phase.last_slope
+                for a, b in zip(phase.moved, phase.moved_last, strict=True)
+            )
             steps = replace(steps, of_t=of_t, of_h=of_h)
             free = phase.indicator is not None
             regular = steps.part(0, len(steps.t) - free)
@@ -198,13 +202,13 @@ class ContactMotion(SteppedMotion):
         f, k, contacts = self.functions, self._checked(values), self.contacts
         y, sizes = (x.full().ravel() for x in f.start(k, self.table[0]))
         none = np.zeros(contacts.gaps)
-        memory = ContactMemory((0,) * contacts.count, none, none + self.start_time)
+        memory = ContactMemory((0,) * contacts.count, none, none + self.start_time, started=False)
         margins = np.full(contacts.count, _MARGIN)
         records, shared = np.empty((len(self.times), f.states)), self.table[self._row(self.times)]
         phases, size, stuck = list[_Phase](), np.array([self.times[-1] - self.start_time]), 0
         for whole in self._segments(k):
             segment, slope, which = whole, whole.slopes[0], None
-            landing = self._after_jump(k, segment, y)
+            landing = self._after_jump(k, segment, y, memory)
             while True:
                 time = max(float(segment.instants[0]), float(segment.limits[0]))
                 point = time, k, self._remembering(memory)[segment.rows[0]]
@@ -221,12 +225,15 @@ class ContactMotion(SteppedMotion):
                 states, stages = f.steps.advance(steps, k, landing.y, keep=keep_stages)
                 self._refuse_states(k, steps.t + steps.h, steps.table[steps.rows], states)
                 recorded, y = steps.recorded, states[-1]
-                records[recorded], shared[recorded] = states[steps.records >= 0], steps.table[steps.rows[steps.records >= 0]]
+                records[recorded], shared[recorded] = (
+                    states[steps.records >= 0],
+                    steps.table[steps.rows[steps.records >= 0]],
+                )
                 if not phases and self.times[0] == self.start_time:
                     records[0], shared[0] = landing.y, segment.table[segment.rows[0]]
                 slopes = None
+                at = float(ends[-1]), k, steps.table[steps.rows[-1]], y
                 if which is not None:
-                    at = ends[-1], k, steps.table[steps.rows[-1]], y
                     slopes = contacts.indicator_slopes(*at).full()[which]
                 phases.append(
                     _Phase(steps, stages, landing, slope, moved, moved_last, whole.slopes[-1], slopes, grazing)
@@ -237,7 +244,7 @@ class ContactMotion(SteppedMotion):
                 if stuck > _MOST_EVENTS:
                     raise SimulationError(f"{self.name}: {stuck} events of {contacts.names[which]} at t = {time:g} s")
                 segment = _remaining(segment, float(ends[-1]), interval)
-                landing, slope = Landing.unchanged(y, len(k)), None
+                landing, slope = contacts.restore(Landing.unchanged(y, len(k)), at[:3], memory), None
         return Run(k, phases, [self.times[None], k[:, None], shared.T, records.T])
 
     def _remembering(self, memory: ContactMemory) -> Floats:
@@ -245,10 +252,14 @@ class ContactMotion(SteppedMotion):
         values = [*memory.values()]
         return np.hstack([self.table[:, : -len(values)], np.tile(values, (len(self.table), 1))])
 
-    def _after_jump(self, k: Floats, segment: Segment, y: Floats) -> Landing:
+    def _after_jump(self, k: Floats, segment: Segment, y: Floats, memory: ContactMemory) -> Landing:
         """State after a known event, before the contacts act."""
-        landed, slopes = self._landed(k, segment.event, y)
         landing = Landing.unchanged(y, len(k))
+        if segment.event is not None:
+            before = segment.event[0] - event_margin(segment.event[0])
+            row = self._remembering(memory)[self._row(np.array(before))]
+            landing = self.contacts.restore(landing, (before, k, row), memory)
+        landed, slopes = self._landed(k, segment.event, landing.y)
         if slopes is None:
             return landing
         of_k, of_y = slopes

@@ -29,7 +29,7 @@ _TOUCHING, _STILL, _BALANCED, _OVERLAP, _DRIFT, _STUCK = 1e-12, 2e-12, 1e-13, 1e
 the rate of what sticks."""
 _LOWEST, _LIFTED, _COUNTED = 1e-12, 1e-9, 1e-6
 """Parts of the scale: bounces below are summed; also those of what was closed; impacts count after a higher fall."""
-_AT_ONCE, _MOST_IMPACTS, _SINGULAR, _DEGENERATE = 8, 1000, 1e10, 1e-9
+_AT_ONCE, _RESTORATIONS, _MOST_IMPACTS, _SINGULAR, _DEGENERATE = 8, 2, 1000, 1e10, 1e-9
 
 Modes = tuple[int, ...]
 """Of gaps 1 (closed) or 0, of dry friction its direction, 0 where it sticks."""
@@ -40,7 +40,7 @@ Modes = tuple[int, ...]
 class Landing:
     """State after an event, and its derivatives.
 
-    :param of_k: by the values, (states, values); ``of_y``: by the state before it; ``of_t``: by the instant, (states, 1).
+    :param of_k: by the values, (states, values); ``of_y``: by the state before; ``of_t``: by the instant, (states, 1).
     :param conditions: a row [by instant, values, state before] for each number that must stay 0, in units of its scale.
     """
 
@@ -147,6 +147,18 @@ class Contacts:
         return self._function([held, direction, approaching], pushed, slack, x, self._slopes(ca.vertcat(pushed, slack)))
 
     @cached_property
+    def _restored(self) -> ca.Function:
+        """Function of a point, and what is held -> state with gaps and rates of what is held put to 0, and slopes."""
+        held, none, numbers = ca.SX.sym("held", self.count), ca.SX.zeros(self.count), self._contacts.numbers
+        frictions = ca.SX.zeros(self.count - self.gaps)
+        impulses = self._forces(numbers["v"], held, none, impulses=True)
+        closed = ca.vertcat(held[: self.gaps, :], frictions)
+        shifts = self._forces(ca.vertcat(numbers["gap"], frictions), closed, none, impulses=True)[: self.gaps, :]
+        symbols = ca.vertcat(self._contacts.impulses, self._contacts.shifts)
+        restored = ca.substitute(self._contacts.restored, symbols, ca.vertcat(impulses, shifts))
+        return self._function([held], restored, self._slopes(restored))
+
+    @cached_property
     def _rest_slopes(self) -> ca.Function:
         """Function of a point, what is held, and directions -> derivatives of the slacks at rest."""
         held, direction = (ca.SX.sym(name, self.count) for name in ("held", "direction"))
@@ -193,7 +205,9 @@ class Contacts:
     # ---- modes
 
     def _numbers(self, point: tuple[Any, ...]) -> _Numbers:
-        values = dict(zip(self._contacts.numbers, (x.full().ravel() for x in self._numbers_function(*point)), strict=True))
+        values = dict(
+            zip(self._contacts.numbers, (x.full().ravel() for x in self._numbers_function(*point)), strict=True)
+        )
         values["G"] = values["G"].reshape(self.count, self.count).T
         return _Numbers(**values)
 
@@ -271,6 +285,14 @@ class Contacts:
 
     # ---- an event
 
+    def restore(self, landing: Landing, point: tuple[float, Floats, Floats], memory: ContactMemory) -> Landing:
+        """The state before an event, without the drift of what is closed or sticks."""
+        held = self._held(memory.modes)
+        for _ in range(_RESTORATIONS * bool(held.any())):
+            y, slopes = (x.full() for x in self._restored(*point, landing.y, held))
+            landing = landing.then(y.ravel(), slopes)
+        return landing
+
     def settle(
         self, landing: Landing, point: tuple[float, Floats, Floats], memory: ContactMemory, which: int | None
     ) -> tuple[Landing, ContactMemory, float]:
@@ -280,8 +302,8 @@ class Contacts:
         :param point: instant, values and shared values.
         :param which: contact whose indicator is 0; None at a known instant.
         """
-        (time, k, s), modes = point, memory.modes
-        impacts, rests_from, closed = memory.impacts.copy(), memory.rests_from.copy(), list(modes[: self.gaps])
+        (time, k, s), modes_before = point, memory.modes
+        impacts, rests_from, closed = memory.impacts.copy(), memory.rests_from.copy(), list(modes_before[: self.gaps])
 
         def inspect() -> _Numbers:
             return self._numbers((time, k, s, landing.y))
@@ -330,12 +352,16 @@ class Contacts:
                 raise self._refusal(at, time, why)
         size = np.inf
         while True:
-            modes, weak, rate = self._rest(c, time, touching, memory.modes)
+            modes, weak, rate = self._rest(c, time, touching, modes_before)
             low, flight = self._lowest(c, touching, closed, modes, rate)
             if low is None:
                 size = flight
                 break
-            hit(np.array([float(i < self.gaps and (i == low or modes[i] == 1)) for i in range(self.count)]), *np.zeros((2, self.count)), [])
+            hit(
+                np.array([float(i < self.gaps and (i == low or modes[i] == 1)) for i in range(self.count)]),
+                *np.zeros((2, self.count)),
+                [],
+            )
             fall = rate[low]
             rests_from[low] = time if closed[low] else time + 2 * c.v[low] / (-fall * (1 - c.restitution[low]))
             closed[low] = 2
@@ -345,7 +371,11 @@ class Contacts:
             slopes = self._rest_slopes(time, k, s, landing.y, self._held(modes), self._directions(modes)).full()
             landing = landing.under(slopes[weak] / c.acceleration_scale[weak, None])
         still = np.flatnonzero(np.abs(c.v) <= _STILL * c.rate_scale).tolist()
-        still = [i for i in still if i != which and self._relevant(i, touching) and not self._holds(memory.modes, i)]
+        still = [
+            i
+            for i in still
+            if i != which and self._relevant(i, touching) and not (memory.started and self._holds(modes_before, i))
+        ]
         if still:
             slopes = self._touch_slopes(time, k, s, landing.y).full()[self.gaps :]
             landing = landing.under(slopes[still] / c.rate_scale[still, None])
@@ -409,11 +439,13 @@ class ContactMemory:
     """What an FMU remembers of contacts.
 
     :param impacts: of each gap; ``rests_from``: instant at which it rests [s].
+    :param started: whether modes were chosen already.
     """
 
     modes: Modes
     impacts: Floats
     rests_from: Floats
+    started: bool = True
 
     def values(self) -> Iterator[float]:
         """As shared values of the motion."""

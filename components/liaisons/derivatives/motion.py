@@ -153,7 +153,7 @@ class SteppedMotion(ABC):
             yield signal, number, row
 
     def _weighted(self, run: Run, weights: Weights) -> tuple[Floats, Floats, Floats, Floats]:
-        """Signals, weights, and derivatives of the weighted sum by the values, and by the states at the recorded times."""
+        """Signals, weights, and derivatives of the weighted sum by values, and by states at the recorded times."""
         f, count = self.functions, len(run.k)
         signals = self._evaluated(run, f.outputs)
         factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
@@ -371,6 +371,7 @@ class DifferentiableMotion(SteppedMotion):
             spans, elapsed = np.diff(segment.instants)[interval], ends - segment.instants[interval]
             result.append((np.where(spans > 0, elapsed / np.where(spans > 0, spans, 1), 1), counts))
         return result
+
 
 def recorded_times(times: ArrayLike, start_time: float) -> Floats:
     """Times as an array [s].

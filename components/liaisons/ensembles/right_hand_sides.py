@@ -39,7 +39,7 @@ class ContactColumns:
     :param contacts: unilateral liaisons, then dry friction; ``gaps``: number of the former.
     :param numbers: by which modes are chosen, without contact forces, as in ``core.h``.
     :param indicators: each falls below 0 where the mode of its contact ends.
-    :param pushed: y after ``impulses`` of the contacts.
+    :param pushed: y after ``impulses`` of the contacts; ``restored``: also moved along the gaps, and nothing is summed.
     """
 
     contacts: tuple[Contact, ...]
@@ -47,7 +47,9 @@ class ContactColumns:
     numbers: dict[str, ca.SX]
     indicators: ca.SX
     pushed: ca.SX
+    restored: ca.SX
     impulses: ca.SX
+    shifts: ca.SX
 
 
 @final
@@ -223,10 +225,16 @@ def right_hand_side(
         contacts = _contact_columns(model, (t, y, u, k, memory), sums)
         watched = ca.vertcat(contacts.indicators, *contacts.numbers.values())
         still = ca.SX.zeros(sums.numel())
-        y, start, rates, sizes = (ca.vertcat(*x) for x in ((y, sums), (start, still), (rates, still), (sizes, still + 1)))
+        y, start, rates, sizes = (
+            ca.vertcat(*x) for x in ((y, sums), (start, still), (rates, still), (sizes, still + 1))
+        )
         projected, landed = (None if x is None else ca.vertcat(x, sums) for x in (projected, landed))
 
-    maps = [x for x in (rates, projected, landed, contacts and contacts.pushed) if x is not None]
+    maps = [
+        x
+        for x in (rates, projected, landed, contacts and contacts.pushed, contacts and contacts.restored)
+        if x is not None
+    ]
     needed = _needed_states(ca.vertcat(outputs, conditions, watched), y, maps)
     if not needed:
         raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
@@ -243,7 +251,7 @@ def right_hand_side(
         before=before,
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
         sizes=sizes[needed],
-        contacts=contacts and replace(contacts, pushed=contacts.pushed[needed]),
+        contacts=contacts and replace(contacts, pushed=contacts.pushed[needed], restored=contacts.restored[needed]),
     )
 
 
@@ -273,7 +281,7 @@ def _contact_columns(model: Model, point: Sequence[ca.SX], sums: ca.SX) -> Conta
     contacts, gaps = model.contacts, sum(not c.friction for c in model.contacts)
     columns = _scalars(model.contact, t, y, u, k)
     numbers = dict(zip(model.contact.name_out(), columns, strict=True))
-    impulses, unmoved = ca.SX.sym("impulses", len(contacts)), ca.SX.zeros(gaps)
+    impulses, shifts, unmoved = ca.SX.sym("impulses", len(contacts)), ca.SX.sym("shifts", gaps), ca.SX.zeros(gaps)
     once, _ = _scalars(model.push, t, y, u, k, memory, impulses, unmoved)
     twice, operators = _scalars(model.push, t, once, u, k, memory, impulses, unmoved)
     compliance = ca.reshape(numbers["G"], len(contacts), len(contacts))
@@ -282,7 +290,9 @@ def _contact_columns(model: Model, point: Sequence[ca.SX], sums: ca.SX) -> Conta
     of_parts = [sum(lost[i] for i, name in enumerate(losses) if name == part) for part in dict.fromkeys(losses)]
     added = ca.vertcat(impulses[:gaps, :], operators, *of_parts)
     indicators = _scalars(model.indicate, t, y, u, k, memory)[0]
-    return ContactColumns(contacts, gaps, numbers, indicators, ca.vertcat((y + twice) / 2, sums + added), impulses)
+    pushed = ca.vertcat((y + twice) / 2, sums + added)
+    restored = ca.vertcat(_scalars(model.push, t, y, u, k, memory, impulses, shifts)[0], sums)
+    return ContactColumns(contacts, gaps, numbers, indicators, pushed, restored, impulses, shifts)
 
 
 def _driven_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
