@@ -99,9 +99,7 @@ def test_page_in_the_fmu(fmu: Callable[..., Path]) -> None:
 def test_impacts_are_differentiated_also_at_the_edge_of_a_domain(bounce: float, fmu: Callable[..., Path]) -> None:
     """Runs of an FMU to the side where there are values; z = 2 e (t - 0.5) at 0.9 s."""
     for subject, method, bound in ((Sledge, "steps", 1e-12), (fmu(Sledge), "differences", 1e-8)):
-        found = sensitivities(
-            subject, "bounce", stop_time=0.9, step_size=0.3, record="z", bounce=bounce, z_dot_0=-2.0
-        )
+        found = sensitivities(subject, "bounce", stop_time=0.9, step_size=0.3, record="z", bounce=bounce, z_dot_0=-2.0)
         assert found.method == method
         assert found.derivative("z", "bounce")[-1] == pytest.approx(0.8, abs=bound)
 

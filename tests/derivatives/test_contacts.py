@@ -49,9 +49,7 @@ def height(t: float, count: int, **at: Any) -> Any:
 def flights() -> tuple[NDArray, list[int]]:
     """Times in the first ten flights, a microsecond from the impacts and between, and the number of the flight."""
     ends = [0.0, *(float(impacts(i, **BALL)) for i in range(10))]
-    pairs = [
-        (x, n) for n, (a, b) in enumerate(pairwise(ends)) for x in (a + 1e-6, (a + b) / 2, b - 1e-6)
-    ]
+    pairs = [(x, n) for n, (a, b) in enumerate(pairwise(ends)) for x in (a + 1e-6, (a + b) / 2, b - 1e-6)]
     return np.array([x for x, _ in pairs]), [n for _, n in pairs]
 
 
@@ -259,16 +257,22 @@ def test_balls_that_touch_are_struck_as_one() -> None:
 
 # ---- both modes, and the doors
 
+SWUNG = {"mu_static": 0.3, "mu_sliding": 0.2, "belt_dot": 0.2, "x_0": -0.1}
 SHAKEN = {"height_0": 0.3, "bounce": 0.5, "table.amplitude": 0.02, "table.angular_frequency": 15.0}
 MOTIONS: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
     "bounces that end": ("BouncingBall", BALL, {"record": ["height", "impact_loss", "gap_impulse", "energy"]}),
     "a table that moves": ("BouncingBall", SHAKEN, {"operators": {"table": "Sinusoid"}, "record": ["height", "work"]}),
-    "stick-slip": ("DryOscillator", BELT, {"record": ["x", "x_dot", "dissipated"]}),
+    "stick-slip": ("DryOscillator", SWUNG, {"record": ["x", "x_dot", "dissipated"]}),
     "balls": ("BallRow", {"bounce": 0.6, "mass[2]": 2.0}, {"record": ["x"], "start_values": {"x_0[3]": 1.5}}),
 }
 
 
-@pytest.fixture(scope="module", params=MOTIONS)
+QUICK = {"bounces that end", "stick-slip"}
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in MOTIONS]
+)
 def motion(request: pytest.FixtureRequest) -> Motion:
     subject, values, options = MOTIONS[request.param]
     starts = {**options.get("start_values", {}), **values}
@@ -278,12 +282,9 @@ def motion(request: pytest.FixtureRequest) -> Motion:
 def test_forward_is_adjoint(motion) -> None:
     signals, derivatives = motion.forward(motion.values)
     weights = np.random.default_rng(5).normal(size=signals.shape)
-    weights[np.isnan(derivatives).any(axis=2)] = 0  # where it starts by sticking
     _, backwards = motion.adjoint(motion.values, weights)
-    forwards = np.tensordot(weights, np.nan_to_num(derivatives))
-    np.testing.assert_allclose(
-        backwards, forwards, rtol=0, atol=1e-12 * np.abs(weights[..., None] * np.nan_to_num(derivatives)).sum()
-    )
+    terms = weights[..., None] * derivatives
+    np.testing.assert_allclose(backwards, terms.sum(axis=(0, 1)), rtol=0, atol=1e-12 * np.abs(terms).sum())
 
 
 def test_differences_agree(motion) -> None:
@@ -291,10 +292,8 @@ def test_differences_agree(motion) -> None:
     for i, value in enumerate(motion.values):
         move = 1e-6 * value * np.eye(len(motion.values))[i]
         difference = (motion(motion.values + move) - motion(motion.values - move)) / (2e-6 * value)
-        finite = np.isfinite(derivatives[:, :, i])
-        assert finite.mean() > 0.9
-        size = 1 + np.abs(derivatives[:, :, i][finite]).max()
-        np.testing.assert_allclose(difference[finite], derivatives[:, :, i][finite], atol=1e-5 * size)
+        size = 1 + np.abs(derivatives[:, :, i]).max()
+        np.testing.assert_allclose(difference, derivatives[:, :, i], atol=1e-5 * size)
 
 
 def test_jax_has_the_same() -> None:

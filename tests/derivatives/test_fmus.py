@@ -146,7 +146,7 @@ def test_differences_of_a_ball_are_right_or_not_a_number_beside_its_impacts(capl
     near = 1e-6  # differences of a closed form that is as exact as doubles: 1e-16/1e-6
     high, low = (BouncingBall.exact(times, height_0=1 + move) for move in (near, -near))
     exact = np.array([high[name] - low[name] for name in names]) / (2 * near)
-    bad = np.isnan(derivatives).any(axis=0)
+    bad = np.any(np.isnan(derivatives), axis=0)
     # The tolerance of runs, 1e-10, over the least of their differences, 1e-3.
     assert_allclose(derivatives[:, ~bad], exact[:, ~bad], atol=1e-6)
     # An impact at t goes through t (1 ± 0.002) when h goes through 1 ± 0.004; the bounces end at 9 √(2h/g) = 4.06 s.

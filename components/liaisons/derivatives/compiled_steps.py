@@ -360,7 +360,7 @@ class CompiledSteps:
         :param size: of the first step; then of the next one.
         :returns: counts are empty where no step is small enough.
         """
-        return self._chosen("choose", segment, k, y, size, tolerance, sizes)
+        return self._chosen("choose", segment, k, y, size, [float(tolerance), sizes], [])
 
     def follow(
         self, segment: Segment, k: Floats, y: Floats, size: Floats, *, tolerance: float, sizes: Floats, margins: Floats
@@ -372,26 +372,20 @@ class CompiledSteps:
             indicator from 0, and an instant at which one comes near to 0, or not-a-number.
         """
         report = np.empty(4)
-        return *self._chosen("follow", segment, k, y, size, tolerance, sizes, margins, _GRAZING, report), report
+        control = [float(tolerance), sizes]
+        return *self._chosen("follow", segment, k, y, size, control, [margins, _GRAZING, report]), report
 
-    def _chosen(
-        self,
-        name: str,
-        segment: Segment,
-        k: Floats,
-        y: Floats,
-        size: Floats,
-        tolerance: float,
-        sizes: Floats,
-        *more: Any,
+    def _chosen(  # noqa: PLR0917
+        self, name: str, segment: Segment, k: Floats, y: Floats, size: Floats, control: list[Any], more: list[Any]
     ) -> tuple[Floats, Integers]:
+        """Ends of steps that a function chooses."""
         intervals = len(segment.rows)
         most, counts, stages = 4 * intervals + 1000, np.empty(intervals, dtype=np.int_), _stage_room(1, y)
         while True:
             state, first, ends = y.copy(), size.copy(), np.empty(most)
             motion = [intervals, segment.instants, segment.rows, segment.limits, k, segment.table]
-            control = [float(tolerance), sizes, first, state, stages, most, ends, counts, *more]
-            done = self._call("run", name, *motion, *control)
+            chosen = [first, state, stages, most, ends, counts]
+            done = self._call("run", name, *motion, *control, *chosen, *more)
             if done <= most:
                 y[:], size[:] = state, first
                 return ends[: done if done >= 0 else -1 - done], counts if done >= 0 else counts[:0]

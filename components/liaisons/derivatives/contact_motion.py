@@ -1,15 +1,15 @@
 """A motion with contacts as a function of values, with derivatives of the steps that were taken.
 
 The last step before an event of a contact ends where an event indicator g is 0: its size h is an implicit function of
-the state, dh = -(∂g/∂y δy + ∂g/∂k δk + ∂g/∂t δt)/(dg/dh).  The steps behind it, up to the next recorded time, move along
-with its instant.  So what textbooks write as a saltation matrix is a product of derivatives: of the last step, of the
+the state, dh = -(∂g/∂y δy + ∂g/∂k δk + ∂g/∂t δt)/(dg/dh).  The steps behind it move along with its instant, up to the
+next recorded time.  So what textbooks write as a saltation matrix is a product of derivatives: of the last step, of the
 impact, and of the steps behind it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Self, TypeAlias, final
+from typing import Any, Self, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -192,7 +192,7 @@ class ContactMotion(SteppedMotion):
                 size = -(by_y @ of_y + of_g[1 : 1 + count] + of_g[0] * begins) / (by_y @ by_size + of_g[0])
                 of_y, slope = of_y + by_size[:, None] * size, begins + size
             if np.isfinite(phase.grazing):
-                undefined.append((phase.grazing, of_y.any(axis=0), "a contact is grazed", True))
+                undefined.append((phase.grazing, np.any(of_y != 0, axis=0), "a contact is grazed", True))
         return records, undefined
 
     # ---- the run
@@ -268,9 +268,10 @@ class ContactMotion(SteppedMotion):
 
 def with_contacts(motion: SteppedMotion, contacts: Contacts) -> ContactMotion:
     """A motion whose contacts act; after each break of an input their modes are chosen anew."""
-    settings = {item.name: getattr(motion, item.name) for item in fields(SteppedMotion)}
-    table = np.hstack([motion.table, np.zeros((len(motion.table), contacts.remembered))])
-    return ContactMotion(**settings | {"table": table, "jumps": motion.breaks[1:-1]}, contacts=contacts)
+    settings: dict[str, Any] = {item.name: getattr(motion, item.name) for item in fields(SteppedMotion)}
+    settings["table"] = np.hstack([motion.table, np.zeros((len(motion.table), contacts.remembered))])
+    settings["jumps"] = motion.breaks[1:-1]
+    return ContactMotion(**settings, contacts=contacts)
 
 
 def _steps(segment: Segment, ends: Floats, counts: Integers, stops: bool) -> tuple[Steps, Floats, Floats]:

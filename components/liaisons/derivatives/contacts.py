@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Any, final
+from typing import TypeAlias, final
 
 import casadi as ca
 import numpy as np
@@ -31,7 +31,10 @@ _LOWEST, _LIFTED, _COUNTED = 1e-12, 1e-9, 1e-6
 """Parts of the scale: bounces below are summed; also those of what was closed; impacts count after a higher fall."""
 _AT_ONCE, _RESTORATIONS, _MOST_IMPACTS, _SINGULAR, _DEGENERATE = 8, 2, 1000, 1e10, 1e-9
 
-Modes = tuple[int, ...]
+Booleans: TypeAlias = NDArray[np.bool_]
+Point: TypeAlias = tuple[float, Floats, Floats]
+"""Instant [s], values and shared values."""
+Modes: TypeAlias = tuple[int, ...]
 """Of gaps 1 (closed) or 0, of dry friction its direction, 0 where it sticks."""
 
 
@@ -136,7 +139,7 @@ class Contacts:
 
     @cached_property
     def _impact(self) -> ca.Function:
-        """Function of a point, what is held, directions, and which gaps approach -> state, slacks, impulses, slopes."""
+        """Function of a point, what is held, directions, and which gaps approach -> state, slacks, and their slopes."""
         held, direction, approaching = (ca.SX.sym(name, self.count) for name in ("held", "direction", "approaching"))
         numbers = self._contacts.numbers
         rebound = ca.vertcat(numbers["restitution"], ca.SX.zeros(self.count - self.gaps))
@@ -144,7 +147,7 @@ class Contacts:
         x = self._forces(rate, held, direction, impulses=True)
         pushed = ca.substitute(self._contacts.pushed, self._contacts.impulses, x)
         slack = self._slack(rate, x, held, direction, numbers["slide"])
-        return self._function([held, direction, approaching], pushed, slack, x, self._slopes(ca.vertcat(pushed, slack)))
+        return self._function([held, direction, approaching], pushed, slack, self._slopes(ca.vertcat(pushed, slack)))
 
     @cached_property
     def _restored(self) -> ca.Function:
@@ -204,9 +207,9 @@ class Contacts:
 
     # ---- modes
 
-    def _numbers(self, point: tuple[Any, ...]) -> _Numbers:
+    def _numbers(self, point: Point, y: Floats) -> _Numbers:
         values = dict(
-            zip(self._contacts.numbers, (x.full().ravel() for x in self._numbers_function(*point)), strict=True)
+            zip(self._contacts.numbers, (x.full().ravel() for x in self._numbers_function(*point, y)), strict=True)
         )
         values["G"] = values["G"].reshape(self.count, self.count).T
         return _Numbers(**values)
@@ -285,7 +288,7 @@ class Contacts:
 
     # ---- an event
 
-    def restore(self, landing: Landing, point: tuple[float, Floats, Floats], memory: ContactMemory) -> Landing:
+    def restore(self, landing: Landing, point: Point, memory: ContactMemory) -> Landing:
         """The state before an event, without the drift of what is closed or sticks."""
         held = self._held(memory.modes)
         for _ in range(_RESTORATIONS * bool(held.any())):
@@ -294,113 +297,119 @@ class Contacts:
         return landing
 
     def settle(
-        self, landing: Landing, point: tuple[float, Floats, Floats], memory: ContactMemory, which: int | None
+        self, landing: Landing, point: Point, memory: ContactMemory, which: int | None
     ) -> tuple[Landing, ContactMemory, float]:
         """State and memory after impacts and changes of modes at an instant, and the size of the next step at most.
 
         :param landing: so far, at this instant.
-        :param point: instant, values and shared values.
         :param which: contact whose indicator is 0; None at a known instant.
         """
-        (time, k, s), modes_before = point, memory.modes
-        impacts, rests_from, closed = memory.impacts.copy(), memory.rests_from.copy(), list(modes_before[: self.gaps])
+        c = self._numbers(point, landing.y)
+        closed = np.array(memory.modes[: self.gaps]) == 1
+        touching = self._touching(c, point[0], closed)
+        new = [i for i in np.flatnonzero(touching & ~closed) if i != which]
+        if new:
+            landing = landing.under(self._touch_slopes(*point, landing.y).full()[new] / c.scale[new, None])
+        landing, c, impacts = self._struck(landing, point, c, touching)
+        landing, c, modes, rests_from, size = self._rested(landing, point, c, touching, memory)
+        holds = [memory.started and self._holds(memory.modes, i) for i in range(self.count)]
+        still = np.flatnonzero((np.abs(c.v) <= _STILL * c.rate_scale) & ~np.array(holds)).tolist()
+        still = [i for i in still if i != which and self._can_push(i, touching)]
+        if still:
+            slopes = self._touch_slopes(*point, landing.y).full()[self.gaps :]
+            landing = landing.under(slopes[still] / c.rate_scale[still, None])
+        return landing, ContactMemory(modes, memory.impacts + impacts, rests_from), size
 
-        def inspect() -> _Numbers:
-            return self._numbers((time, k, s, landing.y))
-
-        def hit(held: Floats, direction: Floats, approaching: Floats, slacks: list[int]) -> None:
-            nonlocal landing
-            y, slack, _, slopes = (x.full() for x in self._impact(time, k, s, landing.y, held, direction, approaching))
-            states, scale = len(landing.y), c.rate_scale
-            weak = [i for i in slacks if slack[i, 0] <= _DEGENERATE * scale[i]]
-            landing = landing.under(slopes[states:][weak] / scale[weak, None]).then(y.ravel(), slopes[:states])
-
-        c = inspect()
+    def _touching(self, c: _Numbers, time: float, closed: Booleans) -> Booleans:
+        """Which gaps are at 0; those that are closed may have drifted from it."""
         rounding = _TOUCHING * c.scale + 2 * np.spacing(abs(time)) * c.rate_scale[: self.gaps]
         for i in np.flatnonzero(c.gap < -_OVERLAP * c.scale - rounding):
             raise SimulationError(
                 f"{self._name}: {self.names[i]} = {c.gap[i]:.6g} at t = {time:.9g} s: bodies overlap; "
                 "start with a gap >= 0, and let no prescribed coordinate jump through a body"
             )
-        touching = c.gap <= np.where(closed, _DRIFT * c.scale, rounding)
-        new = [i for i in np.flatnonzero(touching) if not closed[i] and i != which]
-        if new:
-            slopes = self._touch_slopes(time, k, s, landing.y).full()
-            landing = landing.under(slopes[new] / c.scale[new, None])
-        for count in range(_MOST_IMPACTS + 1):
-            approaching = touching & (c.v[: self.gaps] < -_STILL * c.rate_scale[: self.gaps])
-            if not approaching.any():
-                break
-            if count == _MOST_IMPACTS:
-                raise self._refusal(np.flatnonzero(touching).tolist(), time, "more than 1000 impacts at one instant")
-            takes = touching & (c.v[: self.gaps] <= _STILL * c.rate_scale[: self.gaps])
-            at = [i for i in range(self.count) if (takes[i] if i < self.gaps else self._takes(takes, i))]
-            negative = np.append(c.v[: self.gaps] < 0, np.zeros(self.count - self.gaps)).astype(float)
-            rate = c.v * (1 + negative * np.append(c.restitution, np.zeros(self.count - self.gaps)))
-            problem = _Problem(rate, _BALANCED * c.rate_scale, c.slide, at, impulses=True)
-            first = [int(i in at) if i < self.gaps else 1 for i in range(self.count)]
-            modes, x, _ = self._choose(c, problem, time, first)
-            before = c.v
-            hit(self._held(modes), self._directions(modes), negative, at)
-            counts = (x > 0) & (before < -_STILL * c.rate_scale)
-            fell = before[: self.gaps] ** 2 > 2 * np.abs(c.a[: self.gaps]) * _COUNTED * c.scale
-            impacts += counts[: self.gaps] & fell
-            c = inspect()
-            loss = -x * (before + c.v) / 2
-            if loss.sum() < -1e-9 * np.abs(x) @ (np.abs(before) + 1e-2 * c.rate_scale):
-                why = "Newton's restitution and friction would gain energy (Kane): take less of either"
-                raise self._refusal(at, time, why)
-        size = np.inf
-        while True:
-            modes, weak, rate = self._rest(c, time, touching, modes_before)
-            low, flight = self._lowest(c, touching, closed, modes, rate)
-            if low is None:
-                size = flight
-                break
-            hit(
-                np.array([float(i < self.gaps and (i == low or modes[i] == 1)) for i in range(self.count)]),
-                *np.zeros((2, self.count)),
-                [],
-            )
-            fall = rate[low]
-            rests_from[low] = time if closed[low] else time + 2 * c.v[low] / (-fall * (1 - c.restitution[low]))
-            closed[low] = 2
-            c = inspect()
-        rests_from = np.where([m == 1 and not was for m, was in zip(modes, closed, strict=False)], time, rests_from)
-        if weak:
-            slopes = self._rest_slopes(time, k, s, landing.y, self._held(modes), self._directions(modes)).full()
-            landing = landing.under(slopes[weak] / c.acceleration_scale[weak, None])
-        still = np.flatnonzero(np.abs(c.v) <= _STILL * c.rate_scale).tolist()
-        still = [
-            i
-            for i in still
-            if i != which and self._relevant(i, touching) and not (memory.started and self._holds(modes_before, i))
-        ]
-        if still:
-            slopes = self._touch_slopes(time, k, s, landing.y).full()[self.gaps :]
-            landing = landing.under(slopes[still] / c.rate_scale[still, None])
-        return landing, ContactMemory(modes, impacts, rests_from), size
+        return c.gap <= np.where(closed, _DRIFT * c.scale, rounding)
 
-    def _relevant(self, i: int, touching: NDArray[np.bool_]) -> bool:
+    def _struck(
+        self, landing: Landing, point: Point, c: _Numbers, touching: Booleans
+    ) -> tuple[Landing, _Numbers, Floats]:
+        """State after impacts, one after the other, until nothing approaches; and how many of each gap count."""
+        gaps, impacts, rebound = slice(self.gaps), np.zeros(self.gaps), np.zeros(self.count)
+        for _ in range(_MOST_IMPACTS):
+            least = _STILL * c.rate_scale[gaps]
+            if not (touching & (c.v[gaps] < -least)).any():
+                return landing, c, impacts
+            takes = touching & (c.v[gaps] <= least)
+            chosen = [
+                i
+                for i, normal in enumerate(self._normals)
+                if (i < self.gaps and takes[i]) or (normal >= 0 and takes[normal])
+            ]
+            rebound[gaps] = (c.v[gaps] < 0) * c.restitution
+            problem = _Problem(c.v * (1 + rebound), _BALANCED * c.rate_scale, c.slide, chosen, impulses=True)
+            first = [int(i in chosen or i >= self.gaps) for i in range(self.count)]
+            modes, x, _ = self._choose(c, problem, point[0], first)
+            fell = c.v[gaps] ** 2 > 2 * np.abs(c.a[gaps]) * _COUNTED * c.scale
+            impacts += (x[gaps] > 0) & (c.v[gaps] < -least) & fell
+            before, modes_of = c, (self._held(modes), self._directions(modes), (rebound > 0).astype(float))
+            landing = self._pushed(landing, point, c, modes_of, chosen)
+            c = self._numbers(point, landing.y)
+            loss = -x @ (before.v + c.v) / 2
+            if loss < -1e-9 * np.abs(x) @ (np.abs(before.v) + 1e-2 * c.rate_scale):
+                why = "Newton's restitution and friction would gain energy (Kane): take less of either"
+                raise self._refusal(chosen, point[0], why)
+        raise self._refusal(
+            np.flatnonzero(touching).tolist(), point[0], f"more than {_MOST_IMPACTS} impacts at one instant"
+        )
+
+    def _pushed(
+        self, landing: Landing, point: Point, c: _Numbers, modes: tuple[Floats, Floats, Floats], chosen: list[int]
+    ) -> Landing:
+        """State after impulses in some modes: what is held, directions, which gaps approach."""
+        y, slack, slopes = (x.full() for x in self._impact(*point, landing.y, *modes))
+        states = len(y)
+        weak = [i for i in chosen if slack[i, 0] <= _DEGENERATE * c.rate_scale[i]]
+        return landing.under(slopes[states:][weak] / c.rate_scale[weak, None]).then(y.ravel(), slopes[:states])
+
+    def _rested(
+        self, landing: Landing, point: Point, c: _Numbers, touching: Booleans, memory: ContactMemory
+    ) -> tuple[Landing, _Numbers, Modes, Floats, float]:
+        """State after the last of bounces that are summed; modes, instants of rest, and the next step at most."""
+        closed, rests_from, stopped = np.array(memory.modes[: self.gaps]) == 1, memory.rests_from.copy(), set[int]()
+        while True:
+            modes, weak, rate = self._modes_at_rest(c, point[0], touching, memory.modes)
+            bounces = [i for i in np.flatnonzero(touching).tolist() if modes[i] != 1 and i not in stopped]
+            low, size = self._lowest(c, bounces, closed, rate)
+            if low is None:
+                break
+            held = np.array([float(i < self.gaps and (i == low or modes[i] == 1)) for i in range(self.count)])
+            lasts = 0.0 if closed[low] else 2 * c.v[low] / (-rate[low] * (1 - c.restitution[low]))
+            rests_from[low] = point[0] + lasts
+            landing = self._pushed(landing, point, c, (held, 0 * held, 0 * held), [])
+            c = self._numbers(point, landing.y)
+            stopped.add(low)
+        for i in range(self.gaps):
+            if modes[i] == 1 and not closed[i] and i not in stopped:
+                rests_from[i] = point[0]
+        if weak:
+            slopes = self._rest_slopes(*point, landing.y, self._held(modes), self._directions(modes)).full()
+            landing = landing.under(slopes[weak] / c.acceleration_scale[weak, None])
+        return landing, c, modes, rests_from, size
+
+    def _can_push(self, i: int, touching: Booleans) -> bool:
         """Whether a contact can have a force."""
         normal = i if i < self.gaps else self._normals[i]
         return normal < 0 or bool(touching[normal])
 
-    def _takes(self, takes: NDArray[np.bool_], i: int) -> bool:
-        """Whether dry friction has an impulse."""
-        return self._normals[i] >= 0 and bool(takes[self._normals[i]])
-
-    def _rest(
-        self, c: _Numbers, time: float, touching: NDArray[np.bool_], present: Modes
+    def _modes_at_rest(
+        self, c: _Numbers, time: float, touching: Booleans, present: Modes
     ) -> tuple[Modes, list[int], Floats]:
         """Modes of what touches and rests, contacts that could as well be in another one, and accelerations."""
         modes, chosen = list(present), list[int]()
         for i, normal in enumerate(self._normals):
             least = _STUCK if i >= self.gaps and self._holds(present, i) else _STILL
             still = abs(c.v[i]) <= least * c.rate_scale[i]
-            if i < self.gaps and not (touching[i] and still):
-                modes[i] = 0
-            elif normal >= 0 and not touching[normal]:
+            if (i < self.gaps and not (touching[i] and still)) or (normal >= 0 and not touching[normal]):
                 modes[i] = 0
             elif i >= self.gaps and not still:
                 modes[i] = 1 if c.v[i] > 0 else -1
@@ -414,18 +423,16 @@ class Contacts:
             bound = np.inf if i < self.gaps else c.stick[i - self.gaps] * (x[normal] if normal >= 0 else 1)
             own = x[i] * c.G[i, i] if i < self.gaps else (bound - abs(x[i])) * c.G[i, i]
             slack = own if self._holds(found, i) else rate[i] if i < self.gaps else found[i] * rate[i]
-            if slack <= _DEGENERATE * c.acceleration_scale[i] and self._relevant(i, np.array(found[: self.gaps]) == 1):
+            if slack <= _DEGENERATE * c.acceleration_scale[i] and self._can_push(i, np.array(found[: self.gaps]) == 1):
                 weak.append(i)
         return found, weak, rate
 
-    def _lowest(
-        self, c: _Numbers, touching: NDArray[np.bool_], closed: list[int], modes: Modes, rate: Floats
-    ) -> tuple[int | None, float]:
+    def _lowest(self, c: _Numbers, gaps: list[int], closed: Booleans, rate: Floats) -> tuple[int | None, float]:
         """A gap whose bounces are summed from here on, and the step in which the next impact of all others lies."""
         size = np.inf
-        for i in range(self.gaps):
+        for i in gaps:
             v, a = c.v[i], rate[i]
-            if modes[i] == 1 or closed[i] == 2 or not touching[i] or not (v > _STILL * c.rate_scale[i] and a < 0):
+            if not (v > _STILL * c.rate_scale[i] and a < 0):
                 continue
             if v * v / (-2 * a) <= (_LIFTED if closed[i] else _LOWEST) * c.scale[i]:
                 return i, size

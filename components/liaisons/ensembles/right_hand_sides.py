@@ -190,8 +190,7 @@ def right_hand_side(
         extra = ca.SX.sym("extra", 2 + (DEGREE + 1) * len(driven))
         once, instant = ca.vertcat(once, extra), extra[0]
         inputs |= _driven_inputs(model, driven, extra[1:], t)
-    modes = symbols("modes", _mode_names(model))
-    once = ca.vertcat(once, modes)
+    once, sums = ca.vertcat(once, symbols("modes", _mode_names(model))), symbols("sums", _summed_names(model))
     constants, moved = (each, once), list[tuple[Model, ca.SX]]()
     for triple in model.active:
         if triple.value in moving:
@@ -205,7 +204,6 @@ def right_hand_side(
     at_start = [instant, ca.substitute(u, t, instant), k]
     start, memory = _scalars(model.start, *at_start)
     at_start.insert(1, start)
-    sums = symbols("sums", _summed_names(model))
     memory = stack(symbol_of.get(name, value) for name, value in zip(model.memory, ca.vertsplit(memory), strict=True))
     remembered = _scalars(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
     outputs = _scalars(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
@@ -220,37 +218,45 @@ def right_hand_side(
     before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
     booked = _scalars(model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory)[0]
     landed = None if driven is None else _scalars(model.jump, t, y, u, k, booked)[0]
-    sizes, contacts, watched = _scalars(model.nominals, *at_start)[0], None, ca.SX(0, 1)
-    if model.contacts:
-        contacts = _contact_columns(model, (t, y, u, k, memory), sums)
-        watched = ca.vertcat(contacts.indicators, *contacts.numbers.values())
-        still = ca.SX.zeros(sums.numel())
-        y, start, rates, sizes = (
-            ca.vertcat(*x) for x in ((y, sums), (start, still), (rates, still), (sizes, still + 1))
-        )
-        projected, landed = (None if x is None else ca.vertcat(x, sums) for x in (projected, landed))
-
-    maps = [
-        x
-        for x in (rates, projected, landed, contacts and contacts.pushed, contacts and contacts.restored)
-        if x is not None
-    ]
-    needed = _needed_states(ca.vertcat(outputs, conditions, watched), y, maps)
-    if not needed:
-        raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
-    return RightHandSide(
-        symbols=(t, *constants, y[needed]),
-        start=start[needed],
-        rates=rates[needed],
-        projected=None if projected is None else projected[needed],
+    whole = RightHandSide(
+        symbols=(t, *constants, y),
+        start=start,
+        rates=rates,
+        projected=projected,
         outputs=outputs,
         conditions=conditions,
         condition_texts=texts,
         prescribed={a.value: inputs[a.value] for a in model.active if a.value in {*moving, *(driven or ())}},
-        landed=None if landed is None or ca.is_equal(landed[needed], y[needed], 1) else landed[needed],
+        landed=landed,
         before=before,
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
-        sizes=sizes[needed],
+        sizes=_scalars(model.nominals, *at_start)[0],
+    )
+    found = _reduced(_with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole)
+    if found is None:
+        raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
+    return found
+
+
+def _reduced(whole: RightHandSide) -> RightHandSide | None:
+    """The equations of the states on which outputs, conditions and contacts depend; None: of no state."""
+    y, contacts, landed = whole.symbols[3], whole.contacts, whole.landed
+    maps = [x for x in (whole.rates, whole.projected, landed) if x is not None]
+    watched = [whole.outputs, whole.conditions]
+    if contacts:
+        maps += [contacts.pushed, contacts.restored]
+        watched += [contacts.indicators, *contacts.numbers.values()]
+    needed = _needed_states(ca.vertcat(*watched), y, maps)
+    if not needed:
+        return None
+    return replace(
+        whole,
+        symbols=(*whole.symbols[:3], y[needed]),
+        start=whole.start[needed],
+        rates=whole.rates[needed],
+        projected=None if whole.projected is None else whole.projected[needed],
+        landed=None if landed is None or ca.is_equal(landed[needed], y[needed], 1) else landed[needed],
+        sizes=whole.sizes[needed],
         contacts=contacts and replace(contacts, pushed=contacts.pushed[needed], restored=contacts.restored[needed]),
     )
 
@@ -275,24 +281,44 @@ def _summed_names(model: Model) -> list[str]:
     return [*impulses, *operators, *dict.fromkeys(map(_loss, model.contacts))]
 
 
-def _contact_columns(model: Model, point: Sequence[ca.SX], sums: ca.SX) -> ContactColumns:
-    """Expressions of the contacts; what is pushed are the states, then the sums."""
-    t, y, u, k, memory = point
-    contacts, gaps = model.contacts, sum(not c.friction for c in model.contacts)
-    columns = _scalars(model.contact, t, y, u, k)
-    numbers = dict(zip(model.contact.name_out(), columns, strict=True))
+def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], sums: ca.SX) -> RightHandSide:
+    """The equations with contacts; behind the states are the sums of what impacts add to.
+
+    :param point: t, y, u, k and memory.
+    """
+    assert model.contact is not None
+    assert model.push is not None
+    assert model.indicate is not None
+    contacts, gaps, y = model.contacts, sum(not c.friction for c in model.contacts), point[1]
+    numbers = dict(zip(model.contact.name_out(), _scalars(model.contact, *point), strict=True))
     impulses, shifts, unmoved = ca.SX.sym("impulses", len(contacts)), ca.SX.sym("shifts", gaps), ca.SX.zeros(gaps)
-    once, _ = _scalars(model.push, t, y, u, k, memory, impulses, unmoved)
-    twice, operators = _scalars(model.push, t, once, u, k, memory, impulses, unmoved)
+    once, _ = _scalars(model.push, *point, impulses, unmoved)
+    twice, operators = _scalars(model.push, point[0], once, *point[2:], impulses, unmoved)
     compliance = ca.reshape(numbers["G"], len(contacts), len(contacts))
     lost = -impulses * (numbers["v"] + compliance @ impulses / 2)  # at the mean of the rates before and after
     losses = list(map(_loss, contacts))
     of_parts = [sum(lost[i] for i, name in enumerate(losses) if name == part) for part in dict.fromkeys(losses)]
-    added = ca.vertcat(impulses[:gaps, :], operators, *of_parts)
-    indicators = _scalars(model.indicate, t, y, u, k, memory)[0]
-    pushed = ca.vertcat((y + twice) / 2, sums + added)
-    restored = ca.vertcat(_scalars(model.push, t, y, u, k, memory, impulses, shifts)[0], sums)
-    return ContactColumns(contacts, gaps, numbers, indicators, pushed, restored, impulses, shifts)
+    columns = ContactColumns(
+        contacts,
+        gaps,
+        numbers,
+        indicators=_scalars(model.indicate, *point)[0],
+        pushed=ca.vertcat((y + twice) / 2, sums + ca.vertcat(impulses[:gaps, :], operators, *of_parts)),
+        restored=ca.vertcat(_scalars(model.push, *point, impulses, shifts)[0], sums),
+        impulses=impulses,
+        shifts=shifts,
+    )
+    still = ca.SX.zeros(sums.numel())
+    return replace(
+        whole,
+        symbols=(*whole.symbols[:3], ca.vertcat(y, sums)),
+        start=ca.vertcat(whole.start, still),
+        rates=ca.vertcat(whole.rates, still),
+        projected=None if whole.projected is None else ca.vertcat(whole.projected, sums),
+        landed=None if whole.landed is None else ca.vertcat(whole.landed, sums),
+        sizes=ca.vertcat(whole.sizes, still + 1),
+        contacts=columns,
+    )
 
 
 def _driven_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
