@@ -109,7 +109,7 @@ def smooth_model(
     """
     equations = flattening.composed(subject) if isinstance(subject, System) else subject
     declared = equations if isinstance(equations, Model) else component(equations)
-    for refuse in (refuse_contacts, refuse_samples)[contacts:]:
+    for refuse in (refuse_samples,) if contacts else (refuse_contacts, refuse_samples):
         refuse(declared, task, remedy, error)
     return declared.flat() if isinstance(declared, Model) else flat_model(declared)
 
