@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import casadi as ca
 import numpy as np
@@ -117,6 +117,7 @@ class Contacts:
         self.names = [contact.name for contact in contacts.contacts]
         self.gaps, self.count = contacts.gaps, len(self.names)
         self.remembered = self.count + 2 * self.gaps
+        self._ends = np.cumsum([column.numel() for column in contacts.numbers.values()])[:-1]
         self._normals = [self.names.index(c.normal) if c.normal else -1 for c in contacts.contacts]
 
     # ---- functions
@@ -124,7 +125,7 @@ class Contacts:
     @cached_property
     def _numbers_function(self) -> ca.Function:
         """Function of a point -> numbers."""
-        return self._function([], *self._contacts.numbers.values())
+        return self._function([], ca.vertcat(*self._contacts.numbers.values()))
 
     @cached_property
     def _touch_slopes(self) -> ca.Function:
@@ -146,7 +147,7 @@ class Contacts:
         rate = numbers["v"] * (1 + approaching * rebound)
         x = self._forces(rate, held, direction, impulses=True)
         pushed = ca.substitute(self._contacts.pushed, self._contacts.impulses, x)
-        slack = self._slack(rate, x, held, direction, numbers["slide"])
+        slack = stack(self._slacks(rate, x, self._matrix(), (held, direction), numbers["slide"]))
         return self._function([held, direction, approaching], pushed, slack, self._slopes(ca.vertcat(pushed, slack)))
 
     @cached_property
@@ -167,9 +168,8 @@ class Contacts:
         held, direction = (ca.SX.sym(name, self.count) for name in ("held", "direction"))
         a = self._contacts.numbers["a"]
         x = self._forces(a, held, direction, impulses=False)
-        return self._function(
-            [held, direction], self._slopes(self._slack(a, x, held, direction, self._contacts.numbers["stick"]))
-        )
+        slack = stack(self._slacks(a, x, self._matrix(), (held, direction), self._contacts.numbers["stick"]))
+        return self._function([held, direction], self._slopes(slack))
 
     def _function(self, further: list[ca.SX], *results: ca.SX) -> ca.Function:
         return ca.Function("contact", [*self._equations.symbols, *further], ca.cse([ca.densify(x) for x in results]))
@@ -194,25 +194,24 @@ class Contacts:
     def _matrix(self) -> ca.SX:
         return ca.reshape(self._contacts.numbers["G"], self.count, self.count)
 
-    def _slack(self, rate: ca.SX, x: ca.SX, held: ca.SX, direction: ca.SX, bound: ca.SX) -> ca.SX:
-        """What is >= 0 in consistent modes: forces of what is closed, rates of what is not, in units of rates."""
-        after, G, rows = rate + self._matrix() @ x, self._matrix(), []
+    def _slacks(self, rate: Any, x: Any, G: Any, modes: tuple[Any, Any], bound: Any) -> list[Any]:
+        """What is >= 0 in consistent modes: forces of what is closed, rates of what is not; in units of rates.
+
+        :param rate: without the forces x; ``modes``: what is held, and directions; of numbers, or of expressions.
+        """
+        after, (held, direction), rows = rate + G @ x, modes, []
         for i, normal in enumerate(self._normals):
-            if i < self.gaps:
-                rows.append(held[i] * x[i] * G[i, i] + (1 - held[i]) * after[i])
-                continue
-            most = bound[i - self.gaps] * (x[normal] if normal >= 0 else 1)
-            rows.append(held[i] * (most - ca.fabs(x[i])) * G[i, i] + direction[i] * after[i])
-        return stack(rows)
+            least = 0 if i < self.gaps else bound[i - self.gaps] * (x[normal] if normal >= 0 else 1)
+            force = x[i] if i < self.gaps else least - abs(x[i])
+            rows.append(held[i] * force * G[i, i] + (1 - held[i] if i < self.gaps else direction[i]) * after[i])
+        return rows
 
     # ---- modes
 
     def _numbers(self, point: Point, y: Floats) -> _Numbers:
-        values = dict(
-            zip(self._contacts.numbers, (x.full().ravel() for x in self._numbers_function(*point, y)), strict=True)
-        )
-        values["G"] = values["G"].reshape(self.count, self.count).T
-        return _Numbers(**values)
+        columns = np.split(self._numbers_function(*point, y).full().ravel(), self._ends)
+        values = dict(zip(self._contacts.numbers, columns, strict=True))
+        return _Numbers(**values | {"G": values["G"].reshape(self.count, self.count).T})
 
     def _holds(self, modes: Modes, i: int) -> bool:
         if i < self.gaps:
@@ -228,40 +227,24 @@ class Contacts:
         return np.array([float(i >= self.gaps and touching[i] and modes[i]) for i in range(self.count)])
 
     def _forces_in(self, c: _Numbers, p: _Problem, modes: Modes) -> tuple[Floats, Floats] | None:
-        """Forces in some modes, and the rates with them; None if there are none, or more than one."""
-        held, P, x = np.flatnonzero(self._held(modes)), np.eye(self.count), np.zeros(self.count)
+        """Forces in some modes, and slacks; None if there are none, or more than one."""
+        flags, direction = self._held(modes), self._directions(modes)
+        held, P, x = np.flatnonzero(flags), np.eye(self.count), np.zeros(self.count)
         for i, normal in enumerate(self._normals[self.gaps :], start=self.gaps):
-            sliding = -modes[i] * c.slide[i - self.gaps]
+            sliding = -direction[i] * c.slide[i - self.gaps]
             if normal >= 0:
                 P[i, normal] = sliding
             elif not p.impulses:
                 x[i] = sliding
-        matrix = c.G[held] @ P[:, held]
         if held.size:
+            matrix = c.G[held] @ P[:, held]
             if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > _SINGULAR:
                 return None
             x += P[:, held] @ np.linalg.solve(matrix, -(p.rate + c.G @ x)[held])
-        return x, p.rate + c.G @ x
-
-    def _consistent(self, c: _Numbers, p: _Problem, modes: Modes, x: Floats, rate: Floats) -> bool:
-        """Whether forces push where rates are 0, and so on."""
-        for i in p.chosen:
-            tolerance, normal = p.tolerance[i], self._normals[i]
-            little = tolerance / c.G[i, i]
-            if i < self.gaps:
-                right = x[i] >= -little if modes[i] else rate[i] >= -tolerance
-            elif normal >= 0 and not modes[normal]:
-                right = modes[i] == 0  # all modes are alike: one will do
-            elif modes[i] == 0:
-                right = abs(x[i]) <= p.stick[i - self.gaps] * (x[normal] if normal >= 0 else 1) + little
-            else:
-                right = modes[i] * rate[i] >= -tolerance
-            if not right:
-                return False
-        return True
+        return x, np.array(self._slacks(p.rate, x, c.G, (flags, direction), p.stick))
 
     def _choose(self, c: _Numbers, p: _Problem, time: float, first: list[int]) -> tuple[Modes, Floats, Floats]:
-        """Modes that are consistent, the present ones first, then those that hold most; forces and rates in them."""
+        """Modes that are consistent, the present ones first, then those that hold most; forces and slacks in them."""
         if len(p.chosen) > _AT_ONCE:
             raise self._refusal(p.chosen, time, "more than eight contacts at once")
         unique = True
@@ -271,7 +254,9 @@ class Contacts:
                 modes[i] = mode
             forces = self._forces_in(c, p, tuple(modes))
             unique &= forces is not None
-            if forces is None or not self._consistent(c, p, tuple(modes), *forces):
+            # In each mode friction that nothing presses on has no force: one will do.
+            idle = [i for i in p.chosen if modes[i] and self._normals[i] >= 0 and not modes[self._normals[i]]]
+            if forces is None or idle or (forces[1] < -p.tolerance)[p.chosen].any():
                 continue
             tied = list(modes)
             for i in p.chosen:
@@ -334,7 +319,7 @@ class Contacts:
         self, landing: Landing, point: Point, c: _Numbers, touching: Booleans
     ) -> tuple[Landing, _Numbers, Floats]:
         """State after impacts, one after the other, until nothing approaches; and how many of each gap count."""
-        gaps, impacts, rebound = slice(self.gaps), np.zeros(self.gaps), np.zeros(self.count)
+        gaps, impacts, approaching = slice(self.gaps), np.zeros(self.gaps), np.zeros(self.count)
         for _ in range(_MOST_IMPACTS):
             least = _STILL * c.rate_scale[gaps]
             if not (touching & (c.v[gaps] < -least)).any():
@@ -345,13 +330,14 @@ class Contacts:
                 for i, normal in enumerate(self._normals)
                 if (i < self.gaps and takes[i]) or (normal >= 0 and takes[normal])
             ]
-            rebound[gaps] = (c.v[gaps] < 0) * c.restitution
-            problem = _Problem(c.v * (1 + rebound), _BALANCED * c.rate_scale, c.slide, chosen, impulses=True)
+            approaching[gaps] = c.v[gaps] < 0
+            rate = c.v * (1 + approaching * np.pad(c.restitution, (0, self.count - self.gaps)))
+            problem = _Problem(rate, _BALANCED * c.rate_scale, c.slide, chosen, impulses=True)
             first = [int(i in chosen or i >= self.gaps) for i in range(self.count)]
             modes, x, _ = self._choose(c, problem, point[0], first)
             fell = c.v[gaps] ** 2 > 2 * np.abs(c.a[gaps]) * _COUNTED * c.scale
             impacts += (x[gaps] > 0) & (c.v[gaps] < -least) & fell
-            before, modes_of = c, (self._held(modes), self._directions(modes), (rebound > 0).astype(float))
+            before, modes_of = c, (self._held(modes), self._directions(modes), approaching)
             landing = self._pushed(landing, point, c, modes_of, chosen)
             c = self._numbers(point, landing.y)
             loss = -x @ (before.v + c.v) / 2
@@ -404,7 +390,7 @@ class Contacts:
     def _modes_at_rest(
         self, c: _Numbers, time: float, touching: Booleans, present: Modes
     ) -> tuple[Modes, list[int], Floats]:
-        """Modes of what touches and rests, contacts that could as well be in another one, and accelerations."""
+        """Modes of what touches and rests, contacts that could as well be in another one, and slacks."""
         modes, chosen = list(present), list[int]()
         for i, normal in enumerate(self._normals):
             least = _STUCK if i >= self.gaps and self._holds(present, i) else _STILL
@@ -416,16 +402,9 @@ class Contacts:
             else:
                 chosen.append(i)
         problem = _Problem(c.a, _BALANCED * c.acceleration_scale, c.stick, chosen, impulses=False)
-        found, x, rate = self._choose(c, problem, time, modes)
-        weak = []
-        for i in chosen:
-            normal = self._normals[i]
-            bound = np.inf if i < self.gaps else c.stick[i - self.gaps] * (x[normal] if normal >= 0 else 1)
-            own = x[i] * c.G[i, i] if i < self.gaps else (bound - abs(x[i])) * c.G[i, i]
-            slack = own if self._holds(found, i) else rate[i] if i < self.gaps else found[i] * rate[i]
-            if slack <= _DEGENERATE * c.acceleration_scale[i] and self._can_push(i, np.array(found[: self.gaps]) == 1):
-                weak.append(i)
-        return found, weak, rate
+        found, _, slack = self._choose(c, problem, time, modes)
+        low, closed = slack <= _DEGENERATE * c.acceleration_scale, np.array(found[: self.gaps]) == 1
+        return found, [i for i in chosen if low[i] and self._can_push(i, closed)], slack
 
     def _lowest(self, c: _Numbers, gaps: list[int], closed: Booleans, rate: Floats) -> tuple[int | None, float]:
         """A gap whose bounces are summed from here on, and the step in which the next impact of all others lies."""
