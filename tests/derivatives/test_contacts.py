@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 import liaisons.jax
-from liaisons import gradient, sensitivities
+from liaisons import System, gradient, identify, sensitivities
 from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import SimulationError
+from liaisons.models import BouncingBall, DryOscillator
 
 mp = mpmath.mp.clone()
 mp.dps = 40
@@ -294,6 +295,39 @@ def test_differences_agree(motion) -> None:
         difference = (motion(motion.values + move) - motion(motion.values - move)) / (2e-6 * value)
         size = 1 + np.abs(derivatives[:, :, i]).max()
         np.testing.assert_allclose(difference, derivatives[:, :, i], atol=1e-5 * size)
+
+
+def test_a_system_is_differentiated_as_its_parts_in_one() -> None:
+    system = System("lift")
+    ball = system.add("ball", "BouncingBall", height_0=0.3, bounce=0.5)
+    lift = system.add("lift", "Sinusoid", amplitude=0.02, angular_frequency=15.0)
+    system.connect(lift["y"], ball["table"])
+    times, names = [0.5, 1.0, 2.0], ("height", "impact_loss")
+    by = {"ball.height_0": "height_0", "lift.amplitude": "table.amplitude"}
+    whole = sensitivities(system, list(by), times=times, record=[f"ball.{name}" for name in names])
+    options: Any = {"operators": {"table": "Sinusoid"}, "start_values": SHAKEN}
+    part = sensitivities("BouncingBall", list(by.values()), times=times, record=names, **options)
+    assert whole.method == "steps"
+    np.testing.assert_allclose(whole.derivatives, part.derivatives, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("subject", "signal", "values", "others"),
+    [
+        ("BouncingBall", "height", {"bounce": 0.83, "height_0": 1.0}, {}),
+        ("DryOscillator", "x", {"mu_static": 0.3, "mu_sliding": 0.2}, {"belt_dot": 0.2, "x_0": 0.0, "x_dot_0": 0.2}),
+    ],
+)
+def test_fits_go_through_impacts_and_stick_slip(subject: str, signal: str, values: Any, others: Any) -> None:
+    """Values from noisy heights of bounces, and from stick-slip, within four of their standard deviations."""
+    times = np.linspace(0.03, 2.5, 60)
+    closed_form = {"BouncingBall": BouncingBall, "DryOscillator": DryOscillator}[subject].exact
+    noise = 1e-3 * np.random.default_rng(0).normal(size=len(times))
+    data = {"time": times, signal: closed_form(times, **values, **others)[signal] + noise}
+    near = {name: 1.03 * value for name, value in values.items()}
+    fit = identify(subject, data, unknown=list(values), noise=1e-3, start_values=near | others)
+    for (name, value), deviation in zip(values.items(), np.sqrt(np.diag(fit.covariance)), strict=True):
+        assert abs(fit.values[name] - value) < 4 * deviation < 0.01
 
 
 def test_jax_has_the_same() -> None:
