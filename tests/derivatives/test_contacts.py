@@ -88,6 +88,14 @@ def test_an_impact_at_a_recorded_time_has_two_derivatives() -> None:
     )
 
 
+def test_a_start_at_rest_alone() -> None:
+    """On the table, which carries the weight."""
+    s = sensitivities("BouncingBall", ["mass", "height_0"], times=[0.0], record=["gap_force", "height"], height_0=0.0)
+    assert s["gap_force"] == pytest.approx([9.81])
+    assert s.derivative("gap_force", "mass") == pytest.approx([9.81])
+    assert np.isnan(s.derivative("height", "height_0")).all()  # above it is in the air, below it is nowhere
+
+
 # ---- a table that moves
 
 LIFT = PPoly(np.array([[-1.0], [2.0], [0.0]]), [0, 2.0])

@@ -17,13 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.base.logs import logger
 from liaisons.derivatives.contacts import ContactMemory, Contacts, Landing
 from liaisons.derivatives.motion import (
+    STAGE_NUMBERS,
     Run,
     SteppedMotion,
     Weights,
     event_margin,
     recorded_times,
 )
-from liaisons.derivatives.steps import Floats, Integers, Segment, Steps
+from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.errors import SimulationError
 
 _MARGIN = 1e-13
@@ -40,7 +41,8 @@ _MOST_EVENTS = 1000
 class _Phase:
     """Steps between two events.
 
-    :param landing: at its start.
+    :param y: first state, behind the landing.
+    :param stages: states of stages; None: to be calculated once more.
     :param slope: derivatives of the first instant by the values; None: those of the event before it.
     :param moved: derivatives of starts and of sizes of the steps by the first instant, (2, steps).
     :param moved_last: by the last instant; ``last_slope``: its derivatives by the values.
@@ -49,7 +51,8 @@ class _Phase:
     """
 
     steps: Steps
-    stages: Floats
+    y: Floats
+    stages: Floats | None
     landing: Landing
     slope: Floats | None
     moved: Floats
@@ -90,19 +93,18 @@ class ContactMotion(SteppedMotion):
         of_y, of_instant, none = np.zeros(f.states), 0.0, np.zeros_like(by_state)
         for phase in reversed(run.legs):
             steps, count, of_first = phase.steps, len(phase.steps.t), 0.0
+            stages = self._stages(run, phase)
             if phase.indicator is not None:
-                last, stages = steps.part(count - 1, count), phase.stages[-1:]
+                last, last_stages = steps.part(count - 1, count), stages[-1:]
                 of_g, by_y = phase.indicator, phase.indicator[1 + len(run.k) :].copy()
-                k_g, (t_g,), (h_g,) = f.steps.adjoint(last, run.k, stages, none, by_y)
-                of_k, (of_t,), (of_h,) = f.steps.adjoint(last, run.k, stages, none, of_y)
+                k_g, (t_g,), (h_g,) = f.steps.adjoint(last, run.k, last_stages, none, by_y)
+                of_k, (of_t,), (of_h,) = f.steps.adjoint(last, run.k, last_stages, none, of_y)
                 ratio = (of_h + of_instant) / (h_g + of_g[0])
                 total += of_k - ratio * (k_g + of_g[1 : 1 + len(run.k)])
                 of_y = of_y - ratio * by_y
                 of_first = (of_t + of_instant - ratio * (t_g + of_g[0])) * phase.moved[0, -1]
                 count -= 1
-            else:
-                total += of_instant * phase.last_slope
-            of_k, of_t, of_h = f.steps.adjoint(steps.part(0, count), run.k, phase.stages, by_state, of_y)
+            of_k, of_t, of_h = f.steps.adjoint(steps.part(0, count), run.k, stages, by_state, of_y)
             total += of_k + self._along(of_t, of_h, phase.moved_last) * phase.last_slope
             of_first += self._along(of_t, of_h, phase.moved)
             if phase is run.legs[0] and self.times[0] == self.start_time:
@@ -155,7 +157,7 @@ class ContactMotion(SteppedMotion):
         records, undefined = np.empty((len(self.times), f.states, count)), list[_Undefined]()
         values = np.where(k == 0, 1.0, np.abs(k))
         for phase in run.legs:
-            landing, steps = phase.landing, phase.steps
+            landing, steps, stages = phase.landing, phase.steps, self._stages(run, phase)
             slope = slope if phase.slope is None else phase.slope
             instant = float(steps.t[0])
             if slope.any():
@@ -180,12 +182,12 @@ class ContactMotion(SteppedMotion):
             free = phase.indicator is not None
             regular = steps.part(0, len(steps.t) - free)
             if len(regular.t):
-                records[regular.recorded], of_y = f.steps.tangents(regular, k, phase.stages, np.eye(count), of_y)
+                records[regular.recorded], of_y = f.steps.tangents(regular, k, stages, np.eye(count), of_y)
             if free:
                 last, none = steps.part(len(steps.t) - 1, len(steps.t)), np.zeros((1, 1))
                 last = replace(last, of_t=np.hstack([last.of_t, none]), of_h=np.hstack([last.of_h, none + 1]))
                 directions, first = np.eye(count, count + 1), np.pad(of_y, ((0, 0), (0, 1)))
-                _, ends = f.steps.tangents(last, k, phase.stages[-1:], directions, first)
+                _, ends = f.steps.tangents(last, k, stages[-1:], directions, first)
                 of_y, by_size, begins = ends[:, :count], ends[:, count], last.of_t[0, :count]
                 of_g = phase.indicator
                 by_y = of_g[1 + count :]
@@ -206,7 +208,8 @@ class ContactMotion(SteppedMotion):
         margins = np.full(contacts.count, _MARGIN)
         records, shared = np.empty((len(self.times), f.states)), self.table[self._row(self.times)]
         phases, size, stuck = list[_Phase](), np.array([self.times[-1] - self.start_time]), 0
-        for whole in self._segments(k):
+        room, instants = STAGE_NUMBERS, self.times.copy()
+        for whole in self._segments(k) or [self._start(k)]:
             segment, slope, which = whole, whole.slopes[0], None
             landing = self._after_jump(k, segment, y, memory)
             while True:
@@ -222,21 +225,37 @@ class ContactMotion(SteppedMotion):
                 which, interval, _, grazing = report
                 which, interval = None if which < 0 else int(which), int(interval)
                 steps, moved, moved_last = _steps(segment, ends, counts[: interval + 1], which is not None)
-                states, stages = f.steps.advance(steps, k, landing.y, keep=keep_stages)
+                room -= len(steps.t) * (METHOD.stages + 1) * len(y)
+                keep = keep_stages and room > 0
+                states, stages = f.steps.advance(steps, k, landing.y, keep=keep)
                 self._refuse_states(k, steps.t + steps.h, steps.table[steps.rows], states)
-                recorded, y = steps.recorded, states[-1]
+                recorded, ends_of_intervals, y = steps.recorded, steps.records >= 0, states[-1]
                 records[recorded], shared[recorded] = (
-                    states[steps.records >= 0],
-                    steps.table[steps.rows[steps.records >= 0]],
+                    states[ends_of_intervals],
+                    steps.table[steps.rows[ends_of_intervals]],
                 )
-                if not phases and self.times[0] == self.start_time:
-                    records[0], shared[0] = landing.y, segment.table[segment.rows[0]]
+                instants[recorded] = np.maximum(instants[recorded], steps.limits[0])
+                if not phases:
+                    first = segment.table[segment.rows[0]]
+                    self._refuse_states(k, np.array([time]), first[None], landing.y[None])
+                    records[self.times == time], shared[self.times == time] = landing.y, first
                 slopes = None
                 at = float(ends[-1]), k, steps.table[steps.rows[-1]], y
                 if which is not None:
                     slopes = contacts.indicator_slopes(*at).full()[which]
                 phases.append(
-                    _Phase(steps, stages, landing, slope, moved, moved_last, whole.slopes[-1], slopes, grazing)
+                    _Phase(
+                        steps,
+                        landing.y,
+                        stages if keep else None,
+                        landing,
+                        slope,
+                        moved,
+                        moved_last,
+                        whole.slopes[-1],
+                        slopes,
+                        grazing,
+                    )
                 )
                 if which is None:
                     break
@@ -245,7 +264,13 @@ class ContactMotion(SteppedMotion):
                     raise SimulationError(f"{self.name}: {stuck} events of {contacts.names[which]} at t = {time:g} s")
                 segment = _remaining(segment, float(ends[-1]), interval)
                 landing, slope = contacts.restore(Landing.unchanged(y, len(k)), at[:3], memory), None
-        return Run(k, phases, [self.times[None], k[:, None], shared.T, records.T])
+        return Run(k, phases, [instants[None], k[:, None], shared.T, records.T])
+
+    def _start(self, k: Floats) -> Segment:
+        """No motion, where the start alone is recorded."""
+        ends, none = np.full(2, self.start_time), np.full(2, -1)
+        row, limits = self._row(ends[:1]), np.array([-np.inf, np.inf])
+        return Segment(ends, np.zeros((2, len(k))), none, row, limits, self.table, None)
 
     def _remembering(self, memory: ContactMemory) -> Floats:
         """Shared values, with what is remembered of the contacts."""

@@ -31,7 +31,7 @@ _EVENT_MARGIN = 8
 _STEP_TOLERANCE, _LEAST_TOLERANCE = 0.002, 4e-15
 """Allowed difference of a step and two halves, over the tolerance, for derivatives have larger errors than states; and
 the least one, a rounding."""
-_CHUNK_NUMBERS, _STAGE_NUMBERS = 2**21, 2**25
+_CHUNK_NUMBERS, STAGE_NUMBERS = 2**21, 2**25
 """Most states of stages in memory: of the steps of one chunk, and of all steps."""
 ROUNDING_OF_INPUTS = 1e-9
 """Largest relative jump of an input that is rounding."""
@@ -141,6 +141,12 @@ class SteppedMotion(ABC):
             if not (np.isfinite(value) and variable.allows(value)):
                 raise SimulationError(f"{self.name}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
         return k
+
+    def _stages(self, run: Run, leg: Any) -> Floats:
+        """States of the stages, which are integrated once more unless they were kept."""
+        if leg.stages is not None:
+            return leg.stages
+        return self.functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
 
     def _evaluated(self, run: Run, program: Program) -> Floats:
         """A program at the recorded times, (rows, times)."""
@@ -323,7 +329,7 @@ class DifferentiableMotion(SteppedMotion):
         y = f.start(k, self.table[0])[0].full().ravel()
         self._refuse_states(k, np.array([self.start_time]), self.table[:1], y[None])
         records, legs, instants = np.tile(y, (len(self.times), 1)), list[_Leg](), self.times.copy()
-        keep = keep_stages and sum(len(steps.t) for steps in chunks) * (METHOD.stages + 1) * len(y) <= _STAGE_NUMBERS
+        keep = keep_stages and sum(len(steps.t) for steps in chunks) * (METHOD.stages + 1) * len(y) <= STAGE_NUMBERS
         for steps in chunks:
             y, landing = self._landed(k, steps.event, y)
             states, stages = f.steps.advance(steps, k, y, keep=keep)
@@ -333,12 +339,6 @@ class DifferentiableMotion(SteppedMotion):
             records[recorded], y = states[steps.records >= 0], states[-1]
             instants[recorded] = np.maximum(instants[recorded], steps.limits[0])
         return Run(k, legs, [instants[None], k[:, None], self.table[self._row(self.times)].T, records.T])
-
-    def _stages(self, run: Run, leg: _Leg) -> Floats:
-        """States of the stages, which are integrated once more unless they were kept."""
-        if leg.stages is not None:
-            return leg.stages
-        return self.functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
 
     # ---- where steps end
 
