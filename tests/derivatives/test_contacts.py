@@ -14,7 +14,19 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 import liaisons.jax
-from liaisons import System, gradient, identify, sensitivities
+from liaisons import (
+    ActiveCoordinate,
+    Coordinate,
+    Gravity,
+    Mechanism,
+    Parameter,
+    System,
+    dry_friction,
+    gradient,
+    identify,
+    sensitivities,
+    unilateral,
+)
 from liaisons.derivatives import Motion, motion_of
 from liaisons.errors import SimulationError
 from liaisons.models import BouncingBall, DryOscillator
@@ -266,12 +278,43 @@ def test_balls_that_touch_are_struck_as_one() -> None:
 
 # ---- both modes, and the doors
 
+
+class ThrownBox(Mechanism):
+    """Box on a spring, thrown onto a slope that moves along: it bounces, slides, sticks and slides back."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    grip = Parameter(0.3, "1", "coefficient of static friction", minimum=0)
+    drag = Parameter(0.25, "1", "coefficient of sliding friction", minimum=0)
+    stiffness = Parameter(3.0, "N/m", "stiffness of the spring", above=0)
+    gravity = Gravity()
+    x = Coordinate("m", "position of the box")
+    z = Coordinate("m", "height of the box", start=0.3)
+    belt = ActiveCoordinate("m", "way of the slope")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "z": self.z})
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z + self.stiffness / 2 * self.x**2
+
+    @unilateral("m", "distance of box and slope", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.z - 0.1 * self.x
+
+    @dry_friction("m/s", "sliding of the box", static="grip", sliding="drag", normal="gap")
+    def slip(self) -> ca.SX:
+        return self.dot(self.x - self.belt)
+
+
+THROWN = {"bounce": 0.5, "grip": 0.3, "drag": 0.25, "mass": 2.0, "x_dot_0": 1.0, "z_0": 0.3}
 SWUNG = {"mu_static": 0.3, "mu_sliding": 0.2, "belt_dot": 0.2, "x_0": -0.1}
 SHAKEN = {"height_0": 0.3, "bounce": 0.5, "table.amplitude": 0.02, "table.angular_frequency": 15.0}
-MOTIONS: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
+MOTIONS: dict[str, tuple[Any, dict[str, float], dict[str, Any]]] = {
     "bounces that end": ("BouncingBall", BALL, {"record": ["height", "impact_loss", "gap_impulse", "energy"]}),
     "a table that moves": ("BouncingBall", SHAKEN, {"operators": {"table": "Sinusoid"}, "record": ["height", "work"]}),
     "stick-slip": ("DryOscillator", SWUNG, {"record": ["x", "x_dot", "dissipated"]}),
+    "a thrown box": (ThrownBox, THROWN, {"record": ["x", "z", "impact_loss"], "start_values": {"belt_dot": 0.5}}),
     "balls": ("BallRow", {"bounce": 0.6, "mass[2]": 2.0}, {"record": ["x"], "start_values": {"x_0[3]": 1.5}}),
 }
 
