@@ -138,7 +138,7 @@ def test_a_bounce_has_its_jump(made: Made) -> None:
             assert derivatives[0, i, k] == pytest.approx(slope, abs=1e-7)
 
 
-def test_differences_of_a_ball_are_right_or_not_a_number_beside_its_impacts(caplog: pytest.LogCaptureFixture) -> None:
+def test_derivatives_of_a_ball_are_right_or_not_a_number_beside_its_impacts(caplog: pytest.LogCaptureFixture) -> None:
     """Of runs of its FMU, as of those that have no equations: where one event lies between two runs there is none."""
     times, names = np.linspace(0, 5, 201), ("height", "height_dot")
     motion = fmu_motion(fmu_file("BouncingBall"), "height_0", times, record=names, start_values={"height_0": 1.0})
@@ -161,7 +161,7 @@ def test_differences_of_a_ball_are_right_or_not_a_number_beside_its_impacts(capl
     assert float(instant.removesuffix(" s")) == pytest.approx(impacts[1], abs=3e-4)  # a fifth of its distance
 
 
-def test_differences_count_where_they_have_weight() -> None:
+def test_gradients_count_what_has_weight() -> None:
     """A cost of 1.2 s alone has a derivative although 1.175 s is recorded beside it, and one of both has none."""
     motion = fmu_motion(
         fmu_file("BouncingBall"),

@@ -18,7 +18,7 @@ from liaisons.base.logs import logger
 from liaisons.derivatives.contacts import ContactMemory, Contacts, Landing
 from liaisons.derivatives.motion import (
     STAGE_NUMBERS,
-    Run,
+    Integration,
     SteppedMotion,
     Weights,
     event_margin,
@@ -150,7 +150,7 @@ class ContactMotion(SteppedMotion):
         count = len(of_t)
         return float(of_t @ moved[0, :count] + of_h @ moved[1, :count])
 
-    def _tangents(self, run: Run) -> tuple[Floats, list[_Undefined]]:
+    def _tangents(self, run: Integration) -> tuple[Floats, list[_Undefined]]:
         """Derivatives of the states at the recorded times; and where, by which values, there are none, and why."""
         f, k, count = self.functions, run.k, len(run.k)
         of_y, slope = f.start_tangents(k, self.table[0]).full(), np.zeros(count)
@@ -199,7 +199,7 @@ class ContactMotion(SteppedMotion):
 
     # ---- the run
 
-    def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Run:
+    def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Integration:
         """Integrate the motion, event by event."""
         f, k, contacts = self.functions, self._checked(values), self.contacts
         y, sizes = (x.full().ravel() for x in f.start(k, self.table[0]))
@@ -264,7 +264,7 @@ class ContactMotion(SteppedMotion):
                     raise SimulationError(f"{self.name}: {stuck} events of {contacts.names[which]} at t = {time:g} s")
                 segment = _remaining(segment, float(ends[-1]), interval)
                 landing, slope = contacts.restore(Landing.unchanged(y, len(k)), at[:3], memory), None
-        return Run(k, phases, [instants[None], k[:, None], shared.T, records.T])
+        return Integration(k, phases, [instants[None], k[:, None], shared.T, records.T])
 
     def _start(self, k: Floats) -> Segment:
         """No motion, where the start alone is recorded."""

@@ -58,7 +58,7 @@ class _Leg:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Run:
+class Integration:
     """A motion that was integrated.
 
     :param legs: integrated steps, between events.
@@ -142,23 +142,23 @@ class SteppedMotion(ABC):
                 raise SimulationError(f"{self.name}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
         return k
 
-    def _stages(self, run: Run, leg: Any) -> Floats:
+    def _stages(self, run: Integration, leg: Any) -> Floats:
         """States of the stages, which are integrated once more unless they were kept."""
         if leg.stages is not None:
             return leg.stages
         return self.functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
 
-    def _evaluated(self, run: Run, program: Program) -> Floats:
+    def _evaluated(self, run: Integration, program: Program) -> Floats:
         """A program at the recorded times, (rows, times)."""
         return program.evaluate(run.points)[0]
 
-    def _output_slopes(self, run: Run) -> Iterator[tuple[int, int, Floats]]:
+    def _output_slopes(self, run: Integration) -> Iterator[tuple[int, int, Floats]]:
         """Signal, number of a value or, behind these, of a state, and derivatives at the recorded times."""
         pairs, slopes = self.functions.output_slopes
         for (signal, number), row in zip(pairs, self._evaluated(run, slopes), strict=True):
             yield signal, number, row
 
-    def _weighted(self, run: Run, weights: Weights) -> tuple[Floats, Floats, Floats, Floats]:
+    def _weighted(self, run: Integration, weights: Weights) -> tuple[Floats, Floats, Floats, Floats]:
         """Signals, weights, and derivatives of the weighted sum by values, and by states at the recorded times."""
         f, count = self.functions, len(run.k)
         signals = self._evaluated(run, f.outputs)
@@ -170,7 +170,7 @@ class SteppedMotion(ABC):
             sums[number] += factors[signal] * slopes
         return signals, factors, sums[:count].sum(axis=1), np.ascontiguousarray(sums[count:].T)
 
-    def _signal_derivatives(self, run: Run, records: Floats) -> Floats:
+    def _signal_derivatives(self, run: Integration, records: Floats) -> Floats:
         """Derivatives of the signals by the values, of those of the states at the recorded times."""
         derivatives = np.zeros((len(self.signals), len(self.times), len(run.k)))
         for signal, number, slopes in self._output_slopes(run):
@@ -322,7 +322,7 @@ class DifferentiableMotion(SteppedMotion):
 
     # ---- the run
 
-    def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Run:
+    def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Integration:
         """Integrate the motion from the start to the last recorded time."""
         f, k = self.functions, self._checked(values)
         chunks = self._chunks(k)
@@ -338,7 +338,7 @@ class DifferentiableMotion(SteppedMotion):
             recorded = steps.recorded
             records[recorded], y = states[steps.records >= 0], states[-1]
             instants[recorded] = np.maximum(instants[recorded], steps.limits[0])
-        return Run(k, legs, [instants[None], k[:, None], self.table[self._row(self.times)].T, records.T])
+        return Integration(k, legs, [instants[None], k[:, None], self.table[self._row(self.times)].T, records.T])
 
     # ---- where steps end
 
