@@ -240,9 +240,9 @@ class ContactMotion(SteppedMotion):
                     self._refuse_states(k, np.array([time]), first[None], landing.y[None])
                     records[self.times == time], shared[self.times == time] = landing.y, first
                 slopes = None
-                at = float(ends[-1]), k, steps.table[steps.rows[-1]], y
+                end = float(ends[-1]), k, steps.table[steps.rows[-1]], y
                 if which is not None:
-                    slopes = contacts.indicator_slopes(*at).full()[which]
+                    slopes = contacts.indicator_slopes(*end).full()[which]
                 phases.append(
                     _Phase(
                         steps,
@@ -263,7 +263,7 @@ class ContactMotion(SteppedMotion):
                 if stuck > _MOST_EVENTS:
                     raise SimulationError(f"{self.name}: {stuck} events of {contacts.names[which]} at t = {time:g} s")
                 segment = _remaining(segment, float(ends[-1]), interval)
-                landing, slope = contacts.restore(Landing.unchanged(y, len(k)), at[:3], memory), None
+                landing, slope = contacts.restore(Landing.unchanged(y, len(k)), end[:3], memory), None
         return Integration(k, phases, [instants[None], k[:, None], shared.T, records.T])
 
     def _start(self, k: Floats) -> Segment:
@@ -288,7 +288,7 @@ class ContactMotion(SteppedMotion):
         if slopes is None:
             return landing
         of_k, of_y = slopes
-        return landing.then(landed, np.hstack([landing.of_t, of_k, of_y]))
+        return landing.mapped(landed, np.hstack([landing.of_t, of_k, of_y]))
 
 
 def with_contacts(motion: SteppedMotion, contacts: Contacts) -> ContactMotion:

@@ -59,7 +59,7 @@ class Landing:
         states = len(y)
         return cls(y, np.zeros((states, values)), np.eye(states), np.zeros((states, 1)))
 
-    def then(self, y: Floats, slopes: Floats) -> Landing:
+    def mapped(self, y: Floats, slopes: Floats) -> Landing:
         """After a further map of the state, with its derivatives [by instant, values, state]."""
         of_t, of_k, of_y = np.split(self.rows(slopes), [1, 1 + self.of_k.shape[1]], axis=1)
         return replace(self, y=y, of_k=of_k, of_y=of_y, of_t=of_t)
@@ -70,7 +70,7 @@ class Landing:
         of_t, of_k, of_y = np.split(slopes, [1, 1 + values], axis=1)
         return np.hstack([of_t + of_y @ self.of_t, of_k + of_y @ self.of_k, of_y @ self.of_y])
 
-    def under(self, slopes: Floats) -> Landing:
+    def conditioned(self, slopes: Floats) -> Landing:
         """With further numbers that must stay 0, by their derivatives [by instant, values, present state]."""
         return replace(self, conditions=(*self.conditions, *self.rows(slopes)))
 
@@ -278,7 +278,7 @@ class Contacts:
         held = self._held(memory.modes)
         for _ in range(_RESTORATIONS * bool(held.any())):
             y, slopes = (x.full() for x in self._restored(*point, landing.y, held))
-            landing = landing.then(y.ravel(), slopes)
+            landing = landing.mapped(y.ravel(), slopes)
         return landing
 
     def settle(
@@ -294,7 +294,7 @@ class Contacts:
         touching = self._touching(c, point[0], closed)
         new = [i for i in np.flatnonzero(touching & ~closed) if i != which]
         if new:
-            landing = landing.under(self._touch_slopes(*point, landing.y).full()[new] / c.scale[new, None])
+            landing = landing.conditioned(self._touch_slopes(*point, landing.y).full()[new] / c.scale[new, None])
         landing, c, impacts = self._struck(landing, point, c, touching)
         landing, c, modes, rests_from, size = self._rested(landing, point, c, touching, memory)
         holds = [memory.started and self._holds(memory.modes, i) for i in range(self.count)]
@@ -302,7 +302,7 @@ class Contacts:
         still = [i for i in still if i != which and self._can_push(i, touching)]
         if still:
             slopes = self._touch_slopes(*point, landing.y).full()[self.gaps :]
-            landing = landing.under(slopes[still] / c.rate_scale[still, None])
+            landing = landing.conditioned(slopes[still] / c.rate_scale[still, None])
         return landing, ContactMemory(modes, memory.impacts + impacts, rests_from), size
 
     def _touching(self, c: _Numbers, time: float, closed: Booleans) -> Booleans:
@@ -355,7 +355,7 @@ class Contacts:
         y, slack, slopes = (x.full() for x in self._impact(*point, landing.y, *modes))
         states = len(y)
         weak = [i for i in chosen if slack[i, 0] <= _DEGENERATE * c.rate_scale[i]]
-        return landing.under(slopes[states:][weak] / c.rate_scale[weak, None]).then(y.ravel(), slopes[:states])
+        return landing.conditioned(slopes[states:][weak] / c.rate_scale[weak, None]).mapped(y.ravel(), slopes[:states])
 
     def _rested(
         self, landing: Landing, point: Point, c: _Numbers, touching: Booleans, memory: ContactMemory
@@ -379,7 +379,7 @@ class Contacts:
                 rests_from[i] = point[0]
         if weak:
             slopes = self._rest_slopes(*point, landing.y, self._held(modes), self._directions(modes)).full()
-            landing = landing.under(slopes[weak] / c.acceleration_scale[weak, None])
+            landing = landing.conditioned(slopes[weak] / c.acceleration_scale[weak, None])
         return landing, c, modes, rests_from, size
 
     def _can_push(self, i: int, touching: Booleans) -> bool:
@@ -402,9 +402,9 @@ class Contacts:
             else:
                 chosen.append(i)
         problem = _Problem(c.a, _BALANCED * c.acceleration_scale, c.stick, chosen, impulses=False)
-        found, _, slack = self._choose(c, problem, time, modes)
-        low, closed = slack <= _DEGENERATE * c.acceleration_scale, np.array(found[: self.gaps]) == 1
-        return found, [i for i in chosen if low[i] and self._can_push(i, closed)], slack
+        chosen_modes, _, slack = self._choose(c, problem, time, modes)
+        low, closed = slack <= _DEGENERATE * c.acceleration_scale, np.array(chosen_modes[: self.gaps]) == 1
+        return chosen_modes, [i for i in chosen if low[i] and self._can_push(i, closed)], slack
 
     def _lowest(self, c: _Numbers, gaps: list[int], closed: Booleans, rate: Floats) -> tuple[int | None, float]:
         """A gap whose bounces are summed from here on, and the step in which the next impact of all others lies."""

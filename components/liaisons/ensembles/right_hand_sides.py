@@ -232,10 +232,10 @@ def right_hand_side(
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
         sizes=_scalars(model.nominals, *at_start)[0],
     )
-    found = _reduced(_with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole)
-    if found is None:
+    reduced = _reduced(_with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole)
+    if reduced is None:
         raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
-    return found
+    return reduced
 
 
 def _reduced(whole: RightHandSide) -> RightHandSide | None:
