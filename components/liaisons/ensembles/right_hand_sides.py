@@ -23,7 +23,7 @@ from liaisons.language import Component, Operator, Variable
 from liaisons.library import Target, component, flattening
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Contact, Model, refuse_contacts, refuse_samples
-from liaisons.mechanics.unilateral import operators_of
+from liaisons.mechanics.unilateral import impulsive_operators
 
 DEGREE = 5
 """Of polynomials that drive inputs."""
@@ -277,7 +277,7 @@ def _loss(contact: Contact) -> str:
 def _summed_names(model: Model) -> list[str]:
     """Names of what impacts add to."""
     impulses = [c.variable("impulse") for c in model.contacts if not c.friction]
-    operators = [f"{name}_impulse" for name in operators_of(model)]
+    operators = [f"{name}_impulse" for name in impulsive_operators(model)]
     return [*impulses, *operators, *dict.fromkeys(map(_loss, model.contacts))]
 
 
