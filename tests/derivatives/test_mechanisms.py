@@ -13,7 +13,7 @@ from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import contact_names
 from liaisons.models import CATALOGUE
 
-# Contacts have events, through which SciPy does not go: tests/test_contacts.py has their derivatives.
+# Contacts have events, through which SciPy does not go: test_contacts.py has their derivatives.
 MECHANISMS = [c for c in CATALOGUE if not issubclass(c, Operator) and not contact_names(c)]
 TIMES = np.linspace(0.0, 1.5, 7)
 STEP = 0.005

@@ -27,7 +27,7 @@ all free coordinates over time, then from these and the forces of all operators.
 """
 DEPENDENT = ("CartesianPendulum", "IsokineticOscillator", "Satellite", "SpatialCat")
 """Their start values satisfy a condition, so that not all of them can be unknown."""
-# identify() refuses contacts.
+# Which parameters of contacts count changes from event to event.
 MECHANISMS = [n for n, c in catalogue().items() if issubclass(c, (Mechanism, Chain)) and not contact_names(c)]
 
 

@@ -30,8 +30,8 @@ class Sensitivities:
 
     :param signals: by name, with units.
     :param names: of the values that they are differentiated by.
-    :param derivatives: shape (signals, times, values); not-a-number, with a warning, at times so near to an event that
-        differences of runs straddle it.
+    :param derivatives: shape (signals, times, values); not-a-number, with a warning, where there are none: at an
+        event, behind one that happens for some neighbouring values only, beside one that differences of runs straddle.
     :param units: of the values.
     :param method: ``"steps"``: of the steps that were taken; ``"directional derivatives"`` of FMUs; ``"differences"``.
     """

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.derivatives.compiled_steps import CompiledSteps
+from liaisons.derivatives.contacts import Contacts
 from liaisons.ensembles.right_hand_sides import RightHandSide, right_hand_side
 from liaisons.expressions import Program, program
 from liaisons.expressions.algebra import stack
@@ -26,6 +27,7 @@ class MotionFunctions:
         self._model, self._equations = model, equations
         self._t, self._k, self._s, self._y = equations.symbols
         self.steps = CompiledSteps(equations)
+        self.contacts = None if equations.contacts is None else Contacts(model.name, equations)
         self.condition_texts = equations.condition_texts
         self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
 

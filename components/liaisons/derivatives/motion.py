@@ -8,10 +8,11 @@ values.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import ClassVar, Self, TypeAlias, final
+from typing import Any, ClassVar, Self, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,7 +31,7 @@ _EVENT_MARGIN = 8
 _STEP_TOLERANCE, _LEAST_TOLERANCE = 0.002, 4e-15
 """Allowed difference of a step and two halves, over the tolerance, for derivatives have larger errors than states; and
 the least one, a rounding."""
-_CHUNK_NUMBERS, _STAGE_NUMBERS = 2**21, 2**25
+_CHUNK_NUMBERS, STAGE_NUMBERS = 2**21, 2**25
 """Most states of stages in memory: of the steps of one chunk, and of all steps."""
 ROUNDING_OF_INPUTS = 1e-9
 """Largest relative jump of an input that is rounding."""
@@ -57,23 +58,21 @@ class _Leg:
 
 @final
 @dataclass(frozen=True, eq=False)
-class _Run:
+class Integration:
     """A motion that was integrated.
 
+    :param legs: integrated steps, between events.
     :param points: t, values, shared values and states at the recorded times, as programs take them.
     """
 
     k: Floats
-    legs: list[_Leg]
+    legs: list[Any]
     points: list[Floats]
 
 
-@final
 @dataclass(frozen=True, eq=False, repr=False)
-class DifferentiableMotion:
-    """A motion as a function of some of its values, with derivatives: those of the steps that were taken.
-
-    Steps are chosen by error control for the values that it is called with; :meth:`frozen` keeps them.
+class SteppedMotion(ABC):
+    """A motion as a function of some of its values, with derivatives of the steps that are taken.
 
     :param name: of what moves.
     :param variables: values that it is a function of, by name.
@@ -83,7 +82,6 @@ class DifferentiableMotion:
     :param signals: names of the recorded outputs.
     :param units: of values and signals.
     :param tolerance: of a step, relative to the size of each state.
-    :param frozen_steps: order of instants, and for it the ends of the steps in each segment; chosen where it differs.
     """
 
     method: ClassVar = "steps"
@@ -100,13 +98,16 @@ class DifferentiableMotion:
     signals: tuple[str, ...]
     units: Mapping[str, str]
     tolerance: float
-    frozen_steps: tuple[object, list[StepEnds]] = (None, [])
-    _latest: dict[bytes, list[Steps]] = field(default_factory=dict, init=False)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the values."""
         return tuple(self.variables)
+
+    @property
+    def step_tolerance(self) -> float:
+        """Allowed difference of a step and two halves, relative."""
+        return max(_STEP_TOLERANCE * self.tolerance, _LEAST_TOLERANCE)
 
     def __call__(self, values: ArrayLike) -> Floats:
         """Signals, (signals, times)."""
@@ -116,8 +117,173 @@ class DifferentiableMotion:
         """Time derivatives of the signals, (signals, times)."""
         return self._evaluated(self._run(values), self.functions.output_rates)
 
+    @abstractmethod
     def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         """Signals, and their derivatives by the values, (signals, times, values)."""
+
+    @abstractmethod
+    def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
+        """Signals, and the derivatives of the sum of weights * signals by the values, (values,).
+
+        :param weights: (signals, times), or a function of the signals that returns them.
+        """
+
+    @abstractmethod
+    def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Any:
+        """Integrate the motion from the start to the last recorded time."""
+
+    def _checked(self, values: ArrayLike) -> Floats:
+        """Values as an array, (values,), each inside its domain."""
+        k = np.array(numbers("values", values, SimulationError), dtype=float)
+        if k.shape != self.values.shape:
+            raise SimulationError(f"{self.name}: values have shape {k.shape}; give {len(self.names)}, one a name")
+        for (name, variable), value in zip(self.variables.items(), k.tolist(), strict=True):
+            if not (np.isfinite(value) and variable.allows(value)):
+                raise SimulationError(f"{self.name}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
+        return k
+
+    def _stages(self, run: Integration, leg: Any) -> Floats:
+        """States of the stages, which are integrated once more unless they were kept."""
+        if leg.stages is not None:
+            return leg.stages
+        return self.functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
+
+    def _evaluated(self, run: Integration, program: Program) -> Floats:
+        """A program at the recorded times, (rows, times)."""
+        return program.evaluate(run.points)[0]
+
+    def _output_slopes(self, run: Integration) -> Iterator[tuple[int, int, Floats]]:
+        """Signal, number of a value or, behind these, of a state, and derivatives at the recorded times."""
+        pairs, slopes = self.functions.output_slopes
+        for (signal, number), row in zip(pairs, self._evaluated(run, slopes), strict=True):
+            yield signal, number, row
+
+    def _weighted(self, run: Integration, weights: Weights) -> tuple[Floats, Floats, Floats, Floats]:
+        """Signals, weights, and derivatives of the weighted sum by values, and by states at the recorded times."""
+        f, count = self.functions, len(run.k)
+        signals = self._evaluated(run, f.outputs)
+        factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
+        if factors.shape != signals.shape:
+            raise SimulationError(f"weights have shape {factors.shape}; give {signals.shape}: (signals, times)")
+        sums = np.zeros((count + f.states, len(self.times)))
+        for signal, number, slopes in self._output_slopes(run):
+            sums[number] += factors[signal] * slopes
+        return signals, factors, sums[:count].sum(axis=1), np.ascontiguousarray(sums[count:].T)
+
+    def _signal_derivatives(self, run: Integration, records: Floats) -> Floats:
+        """Derivatives of the signals by the values, of those of the states at the recorded times."""
+        derivatives = np.zeros((len(self.signals), len(self.times), len(run.k)))
+        for signal, number, slopes in self._output_slopes(run):
+            if number < len(run.k):
+                derivatives[signal, :, number] += slopes
+            else:
+                derivatives[signal] += slopes[:, None] * records[:, number - len(run.k)]
+        return derivatives
+
+    def _refuse_states(self, k: Floats, t: Floats, s: Floats, states: Floats) -> None:
+        """Raise an error for the first state that is not finite, or violates a condition of the mechanism."""
+        lost = ~np.isfinite(states).all(axis=1)
+        texts = self.functions.condition_texts
+        (conditions,) = self.functions.conditions.evaluate([t[None], k[:, None], s.T, states.T])
+        broken = conditions <= 0
+        failed = np.flatnonzero(lost | broken.any(axis=0))
+        if failed.size:
+            reasons = [text for text, row in zip(texts, broken, strict=True) if row[failed[0]]]
+            reason = reasons[0] if reasons else "the motion is not finite"
+            raise SimulationError(f"{self.name}: {reason} (t = {t[failed[0]]:g} s)")
+
+    def _refuse_stuck(self, segment: Segment, k: Floats, y: Floats, ends: Floats, totals: Integers) -> None:
+        """Raise an error where no step is small enough, and there are no totals."""
+        if totals.size:
+            return
+        t = ends[-1:] if ends.size else segment.instants[:1]
+        s = segment.table[self._row(t)[0]]
+        self._refuse_states(k, t, s[None], y[None])
+        near = self.functions.conditions.evaluate([t, k, s, y])[0]
+        reason = self.functions.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
+        raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
+
+    def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
+        """Instants of events and their derivatives by the values."""
+        events, t = self.functions.events, self.start_time
+        while events.numel_out(0):
+            instants, slopes = (x.full() for x in events(t, k, self.table[0]))
+            later = instants[instants > t + event_margin(t)]
+            if not later.size or later.min() > self.times[-1]:
+                return
+            t = float(later.min())
+            for slope in np.unique(slopes[instants.ravel() == t], axis=0):
+                yield t, slope
+
+    def _segments(self, k: Floats) -> list[Segment]:
+        """The motion between its events; an event comes before whatever else is at its instant."""
+        start, stop = self.start_time, self.times[-1]
+        jumps, breaks = (t[(start < t) & (t < stop)] for t in (self.jumps, self.breaks))
+        later = self.times[self.times > start]
+        regular = np.union1d(later, breaks)
+        instants, slopes = [start, *jumps], [np.zeros(len(k))] * (1 + len(jumps))
+        for time, slope in self._events(k):
+            near = regular[np.argmin(np.abs(regular - time))]
+            instants.append(near if abs(near - time) <= event_margin(time) else time)
+            slopes.append(slope)
+        times = np.concatenate([instants, regular])
+        numbers, records = np.arange(len(times)), np.full(len(times), -1)
+        is_event = (numbers > 0) & (numbers < len(instants))
+        records[len(instants) + np.searchsorted(regular, later)] = np.flatnonzero(self.times > start)
+        order = np.lexsort((~is_event, times))
+        slopes = np.concatenate([slopes, np.zeros((len(regular), len(k)))])[order]
+        times, is_event, records = times[order], is_event[order], records[order]
+        segments = list[Segment]()
+        for first, last in pairwise([0, *np.flatnonzero(is_event).tolist(), len(times) - 1]):
+            if last > first:
+                inside = slice(first, last + 1)
+                limits = [
+                    times[end] + sign * (event_margin(times[end]) if is_event[end] else -np.inf)
+                    for end, sign in ((first, 1), (last, -1))
+                ]
+                rows, event = self._row(times[first:last]), (float(times[first]), slopes[first]) if first else None
+                intervals = times[inside], slopes[inside], records[inside]
+                segments.append(Segment(*intervals, rows, np.array(limits), self.table, event))
+        return segments
+
+    def _row(self, t: Floats) -> Integers:
+        """Rows of shared values that hold from some instants on."""
+        return np.maximum(np.searchsorted(self.breaks, t, side="right") - 1, 0)
+
+    def _landed(self, k: Floats, event: Event | None, y: Floats) -> tuple[Floats, _Landing | None]:
+        """State after an event, and its derivatives; the same state where there is none."""
+        f = self.functions
+        if event is None:
+            return y, None
+        time, slope = event
+        sides = time - event_margin(time), time + event_margin(time)
+        before, after = (self.table[row] for row in self._row(np.array(sides)))
+        previous, now = (f.prescribed(*point).full() for point in ((sides[0], k, before), (sides[1], k, after)))
+        for name, change, value in zip(f.prescribed_names, now - previous, previous, strict=True):
+            if abs(change[0]) > ROUNDING_OF_INPUTS * (1 + abs(value[0])) and name in f.carrying:
+                raise SimulationError(
+                    f"{self.name}: {name} jumps at t = {time:g} s and carries states along, which is not differentiated"
+                )
+        if f.landed is None:
+            return y, None
+        landed, of_k, of_y, of_time = (x.full() for x in f.landed(sides[1], k, after, y, sides[0], before))
+        return landed.ravel(), (of_k + of_time * slope, of_y)
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class DifferentiableMotion(SteppedMotion):
+    """A motion whose events have instants that depend on values alone.
+
+    Steps are chosen by error control for the values that it is called with; :meth:`frozen` keeps them.
+
+    :param frozen_steps: order of instants, and for it the ends of the steps in each segment; chosen where it differs.
+    """
+
+    frozen_steps: tuple[object, list[StepEnds]] = (None, [])
+    _latest: dict[bytes, list[Steps]] = field(default_factory=dict, init=False)
+
+    def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
         f, run = self.functions, self._run(values, keep_stages=True)
         of_k, of_y = np.eye(len(run.k)), f.start_tangents(run.k, self.table[0]).full()
         records = np.broadcast_to(of_y, (len(self.times), *of_y.shape)).copy()
@@ -126,28 +292,11 @@ class DifferentiableMotion:
                 by_k, by_y = leg.landing
                 of_y = by_k + by_y @ of_y
             records[leg.steps.recorded], of_y = f.steps.tangents(leg.steps, run.k, self._stages(run, leg), of_k, of_y)
-        derivatives = np.zeros((len(self.signals), len(self.times), len(run.k)))
-        for signal, number, slopes in self._output_slopes(run):
-            if number < len(run.k):
-                derivatives[signal, :, number] += slopes
-            else:
-                derivatives[signal] += slopes[:, None] * records[:, number - len(run.k)]
-        return self._evaluated(run, f.outputs), derivatives
+        return self._evaluated(run, f.outputs), self._signal_derivatives(run, records)
 
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
-        """Signals, and the derivatives of the sum of weights * signals by the values, (values,).
-
-        :param weights: (signals, times), or a function of the signals that returns them.
-        """
         f, run = self.functions, self._run(values, keep_stages=True)
-        signals = self._evaluated(run, f.outputs)
-        factors = numbers("weights", weights(signals) if callable(weights) else weights, SimulationError)
-        if factors.shape != signals.shape:
-            raise SimulationError(f"weights have shape {factors.shape}; give {signals.shape}: (signals, times)")
-        sums = np.zeros((len(run.k) + f.states, len(self.times)))
-        for signal, number, slopes in self._output_slopes(run):
-            sums[number] += factors[signal] * slopes
-        total, by_state = sums[: len(run.k)].sum(axis=1), np.ascontiguousarray(sums[len(run.k) :].T)
+        signals, _, total, by_state = self._weighted(run, weights)
         of_y = np.zeros(f.states)
         for leg in reversed(run.legs):
             steps = leg.steps
@@ -173,24 +322,14 @@ class DifferentiableMotion:
 
     # ---- the run
 
-    def _checked(self, values: ArrayLike) -> Floats:
-        """Values as an array, (values,), each inside its domain."""
-        k = np.array(numbers("values", values, SimulationError), dtype=float)
-        if k.shape != self.values.shape:
-            raise SimulationError(f"{self.name}: values have shape {k.shape}; give {len(self.names)}, one a name")
-        for (name, variable), value in zip(self.variables.items(), k.tolist(), strict=True):
-            if not (np.isfinite(value) and variable.allows(value)):
-                raise SimulationError(f"{self.name}: {name} = {value:g}: must be {variable.domain() or 'finite'}")
-        return k
-
-    def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> _Run:
+    def _run(self, values: ArrayLike, *, keep_stages: bool = False) -> Integration:
         """Integrate the motion from the start to the last recorded time."""
         f, k = self.functions, self._checked(values)
         chunks = self._chunks(k)
         y = f.start(k, self.table[0])[0].full().ravel()
         self._refuse_states(k, np.array([self.start_time]), self.table[:1], y[None])
         records, legs, instants = np.tile(y, (len(self.times), 1)), list[_Leg](), self.times.copy()
-        keep = keep_stages and sum(len(steps.t) for steps in chunks) * (METHOD.stages + 1) * len(y) <= _STAGE_NUMBERS
+        keep = keep_stages and sum(len(steps.t) for steps in chunks) * (METHOD.stages + 1) * len(y) <= STAGE_NUMBERS
         for steps in chunks:
             y, landing = self._landed(k, steps.event, y)
             states, stages = f.steps.advance(steps, k, y, keep=keep)
@@ -199,84 +338,9 @@ class DifferentiableMotion:
             recorded = steps.recorded
             records[recorded], y = states[steps.records >= 0], states[-1]
             instants[recorded] = np.maximum(instants[recorded], steps.limits[0])
-        return _Run(k, legs, [instants[None], k[:, None], self.table[self._row(self.times)].T, records.T])
-
-    def _stages(self, run: _Run, leg: _Leg) -> Floats:
-        """States of the stages, which are integrated once more unless they were kept."""
-        if leg.stages is not None:
-            return leg.stages
-        return self.functions.steps.advance(leg.steps, run.k, leg.y, keep=True)[1]
-
-    def _evaluated(self, run: _Run, program: Program) -> Floats:
-        """A program at the recorded times, (rows, times)."""
-        return program.evaluate(run.points)[0]
-
-    def _output_slopes(self, run: _Run) -> Iterator[tuple[int, int, Floats]]:
-        """Signal, number of a value or, behind these, of a state, and derivatives at the recorded times."""
-        pairs, slopes = self.functions.output_slopes
-        for (signal, number), row in zip(pairs, self._evaluated(run, slopes), strict=True):
-            yield signal, number, row
-
-    def _refuse_states(self, k: Floats, t: Floats, s: Floats, states: Floats) -> None:
-        """Raise an error for the first state that is not finite, or violates a condition of the mechanism."""
-        lost = ~np.isfinite(states).all(axis=1)
-        texts = self.functions.condition_texts
-        (conditions,) = self.functions.conditions.evaluate([t[None], k[:, None], s.T, states.T])
-        broken = conditions <= 0
-        failed = np.flatnonzero(lost | broken.any(axis=0))
-        if failed.size:
-            reasons = [text for text, row in zip(texts, broken, strict=True) if row[failed[0]]]
-            reason = reasons[0] if reasons else "the motion is not finite"
-            raise SimulationError(f"{self.name}: {reason} (t = {t[failed[0]]:g} s)")
+        return Integration(k, legs, [instants[None], k[:, None], self.table[self._row(self.times)].T, records.T])
 
     # ---- where steps end
-
-    def _segments(self, k: Floats) -> list[Segment]:
-        """The motion between its events; an event comes before whatever else is at its instant."""
-        start, stop = self.start_time, self.times[-1]
-        jumps, breaks = (t[(start < t) & (t < stop)] for t in (self.jumps, self.breaks))
-        later = self.times[self.times > start]
-        regular = np.union1d(later, breaks)
-        instants, slopes = [start, *jumps], [np.zeros(len(k))] * (1 + len(jumps))
-        for time, slope in self._events(k):
-            near = regular[np.argmin(np.abs(regular - time))]
-            instants.append(near if abs(near - time) <= _margin(time) else time)
-            slopes.append(slope)
-        times = np.concatenate([instants, regular])
-        numbers, records = np.arange(len(times)), np.full(len(times), -1)
-        is_event = (numbers > 0) & (numbers < len(instants))
-        records[len(instants) + np.searchsorted(regular, later)] = np.flatnonzero(self.times > start)
-        order = np.lexsort((~is_event, times))
-        slopes = np.concatenate([slopes, np.zeros((len(regular), len(k)))])[order]
-        times, is_event, records = times[order], is_event[order], records[order]
-        segments = list[Segment]()
-        for first, last in pairwise([0, *np.flatnonzero(is_event).tolist(), len(times) - 1]):
-            if last > first:
-                inside = slice(first, last + 1)
-                limits = [
-                    times[end] + sign * (_margin(times[end]) if is_event[end] else -np.inf)
-                    for end, sign in ((first, 1), (last, -1))
-                ]
-                rows, event = self._row(times[first:last]), (float(times[first]), slopes[first]) if first else None
-                intervals = times[inside], slopes[inside], records[inside]
-                segments.append(Segment(*intervals, rows, np.array(limits), self.table, event))
-        return segments
-
-    def _events(self, k: Floats) -> Iterator[tuple[float, Floats]]:
-        """Instants of events and their derivatives by the values."""
-        events, t = self.functions.events, self.start_time
-        while events.numel_out(0):
-            instants, slopes = (x.full() for x in events(t, k, self.table[0]))
-            later = instants[instants > t + _margin(t)]
-            if not later.size or later.min() > self.times[-1]:
-                return
-            t = float(later.min())
-            for slope in np.unique(slopes[instants.ravel() == t], axis=0):
-                yield t, slope
-
-    def _row(self, t: Floats) -> Integers:
-        """Rows of shared values that hold from some instants on."""
-        return np.maximum(np.searchsorted(self.breaks, t, side="right") - 1, 0)
 
     def _chunks(self, k: Floats) -> list[Steps]:
         """All steps for some values, in chunks that fit into memory."""
@@ -295,42 +359,18 @@ class DifferentiableMotion:
 
     def _step_ends(self, k: Floats, segments: Sequence[Segment]) -> list[StepEnds]:
         """Ends of steps that keep to the tolerance, segment by segment."""
-        f, tolerance = self.functions, max(_STEP_TOLERANCE * self.tolerance, _LEAST_TOLERANCE)
+        f, tolerance = self.functions, self.step_tolerance
         y, sizes = (x.full().ravel() for x in f.start(k, self.table[0]))
         size, result = np.array([self.times[-1] - self.start_time]), list[StepEnds]()
         for segment in segments:
             y, _ = self._landed(k, segment.event, y)
             ends, totals = f.steps.choose(segment, k, y, size, tolerance=tolerance, sizes=np.abs(sizes))
-            if not totals.size:
-                t = ends[-1:] if ends.size else segment.instants[:1]
-                self._refuse_states(k, t, self.table[self._row(t)], y[None])
-                near = f.conditions.evaluate([t, k, self.table[self._row(t)].T[:, 0], y])[0]
-                reason = f.condition_texts[int(near.argmin())] if near.size else "there may be a singularity"
-                raise SimulationError(f"{self.name}: no step is small enough at t = {t[0]:g} s: {reason}")
+            self._refuse_stuck(segment, k, y, ends, totals)
             counts = np.diff(totals, prepend=0)
             interval = np.repeat(np.arange(len(counts)), counts)
             spans, elapsed = np.diff(segment.instants)[interval], ends - segment.instants[interval]
             result.append((np.where(spans > 0, elapsed / np.where(spans > 0, spans, 1), 1), counts))
         return result
-
-    def _landed(self, k: Floats, event: Event | None, y: Floats) -> tuple[Floats, _Landing | None]:
-        """State after an event, and its derivatives; the same state where there is none."""
-        f = self.functions
-        if event is None:
-            return y, None
-        time, slope = event
-        sides = time - _margin(time), time + _margin(time)
-        before, after = (self.table[row] for row in self._row(np.array(sides)))
-        previous, now = (f.prescribed(*point).full() for point in ((sides[0], k, before), (sides[1], k, after)))
-        for name, change, value in zip(f.prescribed_names, now - previous, previous, strict=True):
-            if abs(change[0]) > ROUNDING_OF_INPUTS * (1 + abs(value[0])) and name in f.carrying:
-                raise SimulationError(
-                    f"{self.name}: {name} jumps at t = {time:g} s and carries states along, which is not differentiated"
-                )
-        if f.landed is None:
-            return y, None
-        landed, of_k, of_y, of_time = (x.full() for x in f.landed(sides[1], k, after, y, sides[0], before))
-        return landed.ravel(), (of_k + of_time * slope, of_y)
 
 
 def recorded_times(times: ArrayLike, start_time: float) -> Floats:
@@ -351,6 +391,6 @@ def _sequence(segments: Sequence[Segment]) -> list[tuple[bool, bytes]]:
     return [(segment.event is None, segment.records.tobytes()) for segment in segments]
 
 
-def _margin(time: float) -> float:
+def event_margin(time: float) -> float:
     """Distance from an event at which the equations of one side hold [s]."""
     return _EVENT_MARGIN * float(np.spacing(abs(time)))

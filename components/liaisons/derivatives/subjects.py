@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import finite, listed, named, numbers, positive
 from liaisons.base.array_names import split
 from liaisons.cosim import OperatorFmu, System
+from liaisons.derivatives.contact_motion import ContactMotion, with_contacts
 from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import motion_functions
 from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, recorded_times
@@ -20,13 +21,13 @@ from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, operator_mode
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
 from liaisons.library import Target, component, flattening, fmu_file
-from liaisons.mechanics.model import Model, contact_names
+from liaisons.mechanics.model import Model
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Subject: TypeAlias = "Target | Model | System"
-Motion: TypeAlias = "DifferentiableMotion | FmuMotion"
+Motion: TypeAlias = "DifferentiableMotion | ContactMotion | FmuMotion"
 
 
 def motion_of(
@@ -116,7 +117,7 @@ def motion_of(
     jumps = breaks[1:-1][np.any(np.hstack(jumped), axis=1)[1:-1]] if driven else breaks[:0]
     own = {name: variables[name] for name in names}
     described = own | {name: outputs[name] for name in signals}
-    return DifferentiableMotion(
+    motion = DifferentiableMotion(
         model.name,
         functions,
         own,
@@ -130,16 +131,17 @@ def motion_of(
         units={name: variable.unit for name, variable in described.items()},
         tolerance=tolerance,
     )
+    return motion if functions.contacts is None else with_contacts(motion, functions.contacts)
 
 
 def _subject_of_runs(subject: Subject) -> System | Path | None:
-    """The system or FMU whose runs are differentiated, where equations are not at hand, have contacts, or sample."""
+    """The system or FMU whose runs are differentiated, where equations are not at hand, or sample."""
     if isinstance(subject, (System, Model)):
         return subject if isinstance(subject, System) else None
     if _is_file(subject):
         return Path(subject)
     declared = component(cast("Target", subject))
-    return fmu_file(subject) if contact_names(declared) or declared.is_sampled() else None
+    return fmu_file(subject) if declared.is_sampled() else None
 
 
 def _is_file(subject: object) -> TypeGuard[str | Path]:
@@ -153,7 +155,7 @@ def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
     if _is_file(subject):
         subject, starts = flattening.model_of(subject)
     remedy = "give its class or .fmu file, whose runs are differentiated"
-    model = smooth_model(subject, "a motion with exact derivatives", remedy)
+    model = smooth_model(subject, "a motion with exact derivatives", remedy, contacts=True)
     settings = settable(model, {}).values() if starts else ()
     return model, {v.name: starts[v.name] for v in settings if starts[v.name] != v.start}
 

@@ -8,7 +8,7 @@ others keep their start values and are numbers in the expressions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, final
 
@@ -22,12 +22,34 @@ from liaisons.expressions.algebra import closure, stack
 from liaisons.language import Component, Operator, Variable
 from liaisons.library import Target, component, flattening
 from liaisons.mechanics import assemble
-from liaisons.mechanics.model import Model, refuse_contacts, refuse_samples
+from liaisons.mechanics.model import Contact, Model, refuse_contacts, refuse_samples
+from liaisons.mechanics.unilateral import impulsive_operators
 
 DEGREE = 5
 """Of polynomials that drive inputs."""
 INTEGRALS = ("work", "dissipated")
 """States that no motion depends on; integrated only for outputs that need them."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ContactColumns:
+    """Expressions of the contacts of a motion, whose modes are the last shared values.
+
+    :param contacts: unilateral liaisons, then dry friction; ``gaps``: number of the former.
+    :param numbers: by which modes are chosen, without contact forces, as in ``core.h``.
+    :param indicators: each falls below 0 where the mode of its contact ends.
+    :param pushed: y after ``impulses`` of the contacts; ``restored``: also moved along the gaps, and nothing is summed.
+    """
+
+    contacts: tuple[Contact, ...]
+    gaps: int
+    numbers: dict[str, ca.SX]
+    indicators: ca.SX
+    pushed: ca.SX
+    restored: ca.SX
+    impulses: ca.SX
+    shifts: ca.SX
 
 
 @final
@@ -47,6 +69,7 @@ class RightHandSide:
     :param before: t and the shared values before a jump.
     :param events: instants at which the equations are not smooth; where they recur, the first ones after t.
     :param sizes: nominal values of y.
+    :param contacts: None: there are none.
     """
 
     symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
@@ -61,6 +84,7 @@ class RightHandSide:
     before: tuple[ca.SX, ca.SX]
     events: ca.SX
     sizes: ca.SX
+    contacts: ContactColumns | None = None
 
 
 @lru_cache(maxsize=32)
@@ -70,16 +94,22 @@ def flat_model(declared: type[Component]) -> Model:
 
 
 def smooth_model(
-    subject: Target | Model | System, task: str, remedy: str, error: type[LiaisonsError] = ComponentError
+    subject: Target | Model | System,
+    task: str,
+    remedy: str,
+    error: type[LiaisonsError] = ComponentError,
+    *,
+    contacts: bool = False,
 ) -> Model:
-    """The model of a component or a system without contacts and samples, its arrays element by element.
+    """The model of a component or a system without samples, its arrays element by element.
 
     :param task: what needs it, for the error; ``remedy``: what the user may do instead.
+    :param contacts: whether it may have any.
     :raises LiaisonsError: if there are contacts or samples.
     """
     equations = flattening.composed(subject) if isinstance(subject, System) else subject
     declared = equations if isinstance(equations, Model) else component(equations)
-    for refuse in (refuse_contacts, refuse_samples):
+    for refuse in (refuse_samples,) if contacts else (refuse_contacts, refuse_samples):
         refuse(declared, task, remedy, error)
     return declared.flat() if isinstance(declared, Model) else flat_model(declared)
 
@@ -160,6 +190,7 @@ def right_hand_side(
         extra = ca.SX.sym("extra", 2 + (DEGREE + 1) * len(driven))
         once, instant = ca.vertcat(once, extra), extra[0]
         inputs |= _driven_inputs(model, driven, extra[1:], t)
+    once, sums = ca.vertcat(once, symbols("modes", _mode_names(model))), symbols("sums", _summed_names(model))
     constants, moved = (each, once), list[tuple[Model, ca.SX]]()
     for triple in model.active:
         if triple.value in moving:
@@ -173,12 +204,13 @@ def right_hand_side(
     at_start = [instant, ca.substitute(u, t, instant), k]
     start, memory = _scalars(model.start, *at_start)
     at_start.insert(1, start)
+    memory = stack(symbol_of.get(name, value) for name, value in zip(model.memory, ca.vertsplit(memory), strict=True))
     remembered = _scalars(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
     outputs = _scalars(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
-    rates = _scalars(model.derivatives, t, y, u, k)[0]
+    rates = _scalars(model.derivatives, t, y, u, k, memory)[0]
     projected = None if model.project is None else _scalars(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
-    conditions, begun = (_scalars(model.conditions, *point)[0] for point in ((t, y, u, k), at_start))
+    conditions, begun = (_scalars(model.conditions, *point, memory)[0] for point in ((t, y, u, k), at_start))
     domains = [(v, bound) for v in model.inputs for bound in domain_gaps(v, inputs[v.name]) if v.name not in symbol_of]
     conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
@@ -186,24 +218,106 @@ def right_hand_side(
     before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
     booked = _scalars(model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory)[0]
     landed = None if driven is None else _scalars(model.jump, t, y, u, k, booked)[0]
-
-    maps = [x for x in (rates, projected, landed) if x is not None]
-    needed = _needed_states(ca.vertcat(outputs, conditions), y, maps)
-    if not needed:
-        raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
-    return RightHandSide(
-        symbols=(t, *constants, y[needed]),
-        start=start[needed],
-        rates=rates[needed],
-        projected=None if projected is None else projected[needed],
+    whole = RightHandSide(
+        symbols=(t, *constants, y),
+        start=start,
+        rates=rates,
+        projected=projected,
         outputs=outputs,
         conditions=conditions,
         condition_texts=texts,
         prescribed={a.value: inputs[a.value] for a in model.active if a.value in {*moving, *(driven or ())}},
-        landed=None if landed is None or ca.is_equal(landed[needed], y[needed], 1) else landed[needed],
+        landed=landed,
         before=before,
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
-        sizes=_scalars(model.nominals, *at_start)[0][needed],
+        sizes=_scalars(model.nominals, *at_start)[0],
+    )
+    reduced = _reduced(_with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole)
+    if reduced is None:
+        raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
+    return reduced
+
+
+def _reduced(whole: RightHandSide) -> RightHandSide | None:
+    """The equations of the states on which outputs, conditions and contacts depend; None: of no state."""
+    y, contacts, landed = whole.symbols[3], whole.contacts, whole.landed
+    maps = [x for x in (whole.rates, whole.projected, landed) if x is not None]
+    watched = [whole.outputs, whole.conditions]
+    if contacts:
+        maps += [contacts.pushed, contacts.restored]
+        watched += [contacts.indicators, *contacts.numbers.values()]
+    needed = _needed_states(ca.vertcat(*watched), y, maps)
+    if not needed:
+        return None
+    return replace(
+        whole,
+        symbols=(*whole.symbols[:3], y[needed]),
+        start=whole.start[needed],
+        rates=whole.rates[needed],
+        projected=None if whole.projected is None else whole.projected[needed],
+        landed=None if landed is None or ca.is_equal(landed[needed], y[needed], 1) else landed[needed],
+        sizes=whole.sizes[needed],
+        contacts=contacts and replace(contacts, pushed=contacts.pushed[needed], restored=contacts.restored[needed]),
+    )
+
+
+def _mode_names(model: Model) -> list[str]:
+    """Names of what the memory of contacts has, and no motion changes but at events."""
+    gaps = [c for c in model.contacts if not c.friction]
+    modes = [c.variable("direction" if c.friction else "closed") for c in model.contacts]
+    return modes + [c.variable(ending) for ending in ("impacts", "rests_from") for c in gaps]
+
+
+def _loss(contact: Contact) -> str:
+    """Name of the energy that impacts of a contact take."""
+    part, dot, _ = contact.name.rpartition(".")
+    return f"{part}{dot}impact_loss"
+
+
+def _summed_names(model: Model) -> list[str]:
+    """Names of what impacts add to."""
+    impulses = [c.variable("impulse") for c in model.contacts if not c.friction]
+    operators = [f"{name}_impulse" for name in impulsive_operators(model)]
+    return [*impulses, *operators, *dict.fromkeys(map(_loss, model.contacts))]
+
+
+def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], sums: ca.SX) -> RightHandSide:
+    """The equations with contacts; behind the states are the sums of what impacts add to.
+
+    :param point: t, y, u, k and memory.
+    """
+    assert model.contact is not None
+    assert model.push is not None
+    assert model.indicate is not None
+    contacts, gaps, y = model.contacts, sum(not c.friction for c in model.contacts), point[1]
+    numbers = dict(zip(model.contact.name_out(), _scalars(model.contact, *point), strict=True))
+    impulses, shifts, unmoved = ca.SX.sym("impulses", len(contacts)), ca.SX.sym("shifts", gaps), ca.SX.zeros(gaps)
+    once, _ = _scalars(model.push, *point, impulses, unmoved)
+    twice, operators = _scalars(model.push, point[0], once, *point[2:], impulses, unmoved)
+    compliance = ca.reshape(numbers["G"], len(contacts), len(contacts))
+    lost = -impulses * (numbers["v"] + compliance @ impulses / 2)  # at the mean of the rates before and after
+    losses = list(map(_loss, contacts))
+    of_parts = [sum(lost[i] for i, name in enumerate(losses) if name == part) for part in dict.fromkeys(losses)]
+    columns = ContactColumns(
+        contacts,
+        gaps,
+        numbers,
+        indicators=_scalars(model.indicate, *point)[0],
+        pushed=ca.vertcat((y + twice) / 2, sums + ca.vertcat(impulses[:gaps, :], operators, *of_parts)),
+        restored=ca.vertcat(_scalars(model.push, *point, impulses, shifts)[0], sums),
+        impulses=impulses,
+        shifts=shifts,
+    )
+    still = ca.SX.zeros(sums.numel())
+    return replace(
+        whole,
+        symbols=(*whole.symbols[:3], ca.vertcat(y, sums)),
+        start=ca.vertcat(whole.start, still),
+        rates=ca.vertcat(whole.rates, still),
+        projected=None if whole.projected is None else ca.vertcat(whole.projected, sums),
+        landed=None if whole.landed is None else ca.vertcat(whole.landed, sums),
+        sizes=ca.vertcat(whole.sizes, still + 1),
+        contacts=columns,
     )
 
 
@@ -232,7 +346,7 @@ def domain_gaps(variable: Variable, value: ca.SX) -> list[ca.SX]:
 
 def _scalars(function: ca.Function, *arguments: Any) -> list[ca.SX]:
     """Results of a function as scalar expressions, although its own graph may be of matrices."""
-    columns = [ca.SX(0, 1) if isinstance(argument, list) else argument for argument in arguments]
+    columns = [ca.SX(0, 1) if isinstance(argument, list) else argument for argument in arguments[: function.n_in()]]
     try:
         return [ca.densify(result) for result in function.call(columns, True, False)]
     except RuntimeError as error:

@@ -99,7 +99,7 @@ def identify(
     finite("start_time", start_time, IdentificationError)
     if segments is not None:
         whole("segments", segments, IdentificationError)
-    model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError)
+    model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, contacts=True)
     experiments = measurements(data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing)
     for experiment in experiments:
         if experiment.inputs and experiment.times[0] > start_time:

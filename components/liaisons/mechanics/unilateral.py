@@ -190,7 +190,7 @@ class ContactModes:
         flags, v, alpha = stack(held), numbers["v"], STABILISATION
         target = -2 * alpha * v - alpha**2 * ca.vertcat(numbers["gap"], ca.SX.zeros(count - first, 1))
         K = ca.diag(flags) @ self._G @ P + ca.diag(1 - flags)
-        forces = P @ _eliminated(K, flags * (target - self._rows["a"] - self._G @ d)) + d
+        forces = P @ eliminated(K, flags * (target - self._rows["a"] - self._G @ d)) + d
         return forces, self._watched(flags, forces)
 
     def _watched(self, flags: ca.SX, forces: ca.SX) -> ca.SX:
@@ -244,7 +244,7 @@ def _is_position(name: str, names: Sequence[str]) -> bool:
     return f"{part}{dot}p_{own}" in names or own.endswith(Orientation.quaternion)
 
 
-def _eliminated(K: ca.SX, right: ca.SX) -> ca.SX:
+def eliminated(K: ca.SX, right: ca.SX) -> ca.SX:
     """K⁻¹ right by Gauss's elimination without pivoting: modes are chosen so that it needs none."""
     n = K.shape[0]
     rows = [[K[i, j] for j in range(n)] + [right[i]] for i in range(n)]
