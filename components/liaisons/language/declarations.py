@@ -298,7 +298,7 @@ class ActiveCoordinate(Symbol):
 
 
 class Input(Symbol):
-    """An input of an operator, to be connected with an output of the mechanism that it controls."""
+    """An input of an operator or sampled component, to be connected with an output of the mechanism that it controls."""
 
     example = 'Input("rad/s", "rate of the swing")'
 
@@ -307,6 +307,23 @@ class InternalState(Symbol):
     """A state that is no coordinate, for example the friction of a thermostat; ``internal_rates`` gives its rate."""
 
     example = 'InternalState("1/s", "friction of the thermostat")'
+
+
+class DiscreteState(Symbol):
+    """A number that a sampled component holds from one sample to the next; ``update`` gives the next one.
+
+    :param start: value before the first sample.
+    """
+
+    example = 'DiscreteState("rad.s", "integral of the error")'
+    causality: ClassVar[Causality] = "local"
+
+
+class DiscreteOutput(DiscreteState):
+    """An output of a sampled component, constant between samples; ``update`` gives the next one."""
+
+    example = 'DiscreteOutput("N", "force of the motor")'
+    causality: ClassVar[Causality] = "output"
 
 
 class Size(Declaration[int]):

@@ -13,17 +13,18 @@ from liaisons.language.chain import Chain
 from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
+from liaisons.language.sampled import Sampled
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
 from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, described
-from liaisons.mechanics.printing import of_operator
+from liaisons.mechanics.printing import of_operator, of_sampled
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
     """Model of a component: derived, and laid out as variables and functions; names: docs/reference/fmu.md.
 
-    :param component: a subclass of Mechanism, Chain or Operator.
+    :param component: a subclass of Mechanism, Chain, Operator or Sampled.
     :param n: number of links of a chain, or of elements of a mechanism; as declared by default.
     :raises ComponentError: if n is no whole number, is too small, or the component has no Size n.
     """
@@ -32,8 +33,7 @@ def assemble(component: type[Component], n: object = None) -> Model:
 
 def _operator_model(component: type[Operator], n: object) -> Model:
     """Model of an operator: variables and functions."""
-    if n is not None:
-        raise ComponentError(f"{component.__name__}: n = {n!r}: an operator has no size")
+    _reject_size(component, n)
     operator = component()
     operator.lookups = []
     x, rates = operator.internal, operator.internal_rate_column()
@@ -72,10 +72,45 @@ def _operator_model(component: type[Operator], n: object) -> Model:
     )
 
 
+def _sampled_model(component: type[Sampled], n: object) -> Model:
+    """Model of a sampled component, whose memory has its discrete states."""
+    _reject_size(component, n)
+    sampled, none = component(), ca.SX(0, 1)
+    start = stack(ca.SX.sym(f"{state.name}_0") for state in component.discrete_states)
+    memory = ca.SX.sym("m", 2 * start.numel() + 1)
+    k, y = ca.vertcat(sampled.parameter_column, start), ca.SX.sym("y", 0)
+    vectors = {"t": sampled.clock, "y": y, "u": sampled.input_column, "k": k, "m": memory}
+    limits, names = sampled.conditions(memory), [state.name for state in component.discrete_states]
+    results = {
+        **dict.fromkeys(("derivatives", "jump", "nominals"), none),
+        "start": (none, sampled.start(start)),
+        "sample": sampled.sample(memory),
+        "remember": memory,
+        "outputs_function": sampled.readable(memory),
+        "conditions": stack(limits.values()),
+        "events": stack(sampled.events()),
+        "draw": sampled.next_event_time(),
+    }
+    return Model(
+        **described(sampled),
+        memory=(*(f"{name}_before" for name in names), *names, "sample"),
+        **model_functions(vectors, results, merge=False),
+        drawn=(NEXT_EVENT,),
+        condition_texts=tuple(limits),
+        equations=of_sampled(sampled),
+    )
+
+
+def _reject_size(component: type[Component], n: object) -> None:
+    if n is not None:
+        raise ComponentError(f"{component.__name__}: n = {n!r}: it has no size")
+
+
 _MODELS: dict[type[Component], Callable[[Any, object], Model]] = {
     Chain: lambda component, n: chain_model(component, component(n).sizes["n"]),
     Mechanism: lambda component, n: mechanism_model(component if n is None else component.of_size(n)),
     Operator: _operator_model,
+    Sampled: _sampled_model,
 }
 """Model of a component of each kind, of some size where it is not None."""
 

@@ -141,6 +141,7 @@ class Model(Layout):
     push: ca.Function | None = None
     indicate: ca.Function | None = None
     forced_motion: ca.Function | None = None
+    sample: ca.Function | None = None
 
     @property
     def indicators(self) -> tuple[str, ...]:
