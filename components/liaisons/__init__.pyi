@@ -34,6 +34,8 @@ from .language import Box as Box
 from .language import Chain as Chain
 from .language import Coordinate as Coordinate
 from .language import Cylindrical as Cylindrical
+from .language import DiscreteOutput as DiscreteOutput
+from .language import DiscreteState as DiscreteState
 from .language import Experiment as Experiment
 from .language import Flash as Flash
 from .language import Floor as Floor
@@ -53,6 +55,7 @@ from .language import Prismatic as Prismatic
 from .language import Revolute as Revolute
 from .language import Rod as Rod
 from .language import Rope as Rope
+from .language import Sampled as Sampled
 from .language import Screw as Screw
 from .language import Shapes as Shapes
 from .language import Size as Size

@@ -12,7 +12,7 @@ import casadi as ca
 
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.language.checks import Formulas, require_units
+from liaisons.language.checks import Formulas
 from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import DiscreteOutput, DiscreteState, Input, Parameter
 from liaisons.language.layout import Layout, event_output
@@ -69,7 +69,6 @@ class Sampled(Component, abstract=True):
         )
 
     def _check(self) -> None:
-        require_units(type(self))
         if not self.discrete_states:
             raise ComponentError(f"{type(self).__name__} declares no DiscreteState and no DiscreteOutput")
         formulas, symbols = Formulas(self), self.symbols | {"t": self.clock}
@@ -88,9 +87,7 @@ class Sampled(Component, abstract=True):
         is_new = instant > last + self.period / 2
         is_due = ca.logic_and(is_near, instant > last - self.period / 2)
         before = ca.if_else(ca.logic_and(is_near, is_new), after, before)
-        return ca.vertcat(
-            before, ca.if_else(is_due, self._updated(before), after), ca.if_else(is_due, instant, last)
-        )
+        return ca.vertcat(before, ca.if_else(is_due, self._updated(before), after), ca.if_else(is_due, instant, last))
 
     @final
     def start(self, start: ca.SX) -> ca.SX:
