@@ -1,4 +1,4 @@
-"""Sampled components as FMUs: when samples are taken, with which inputs, what is refused, states, every master's way."""
+"""Sampled components as FMUs: when samples are taken, with which inputs, what is refused, states, importers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import casadi as ca
 import fmpy
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, Instance, Library
+from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, Instance
 from numpy.typing import NDArray
 
 from liaisons.errors import BuildError, ComponentError
@@ -21,6 +21,7 @@ LATE = "each sample has to be a communication point: choose a communication step
 class Integrator(Sampled):
     """What the reading adds up to."""
 
+    period = Parameter(T, "s", "sampling period", above=0)
     weight = Parameter(1.5, "m", "weight of the reading", tunable=True)
     reading = Input("1", "what is read")
     total = DiscreteState("m", "sum")

@@ -68,9 +68,9 @@ def running_outputs(model: Model) -> ca.Function:
     """Return the function (t, y, u, k, m) → z, after the sample that may be due."""
     if model.sample is None:
         return model.outputs_function
-    t, y, u, k, m = arguments = model.sample.sx_in()
-    memory = model.sample.call(arguments, True, False)[0]
-    return ca.Function("running", arguments, model.outputs_function.call([t, y, u, k, memory], True, False))
+    arguments = model.sample.sx_in()
+    memory = model.sample.call(arguments, True, False)
+    return ca.Function("running", arguments, model.outputs_function.call([*arguments[:4], *memory], True, False))
 
 
 def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_array:

@@ -298,7 +298,7 @@ class ActiveCoordinate(Symbol):
 
 
 class Input(Symbol):
-    """An input of an operator or sampled component, to be connected with an output of the mechanism that it controls."""
+    """An input of an operator, to be connected with an output of the mechanism that it controls."""
 
     example = 'Input("rad/s", "rate of the swing")'
 

@@ -31,7 +31,7 @@ class Sampled(Component, abstract=True):
     :raises ComponentError: when the subclass is defined, for an unknown symbol, a wrong size or unit.
     """
 
-    period = Parameter(0.02, "s", "sampling period", above=0)
+    period = Parameter(0.1, "s", "sampling period", above=0)
     delay = Parameter(0.0, "s", "delay of computation: from a sample to the change of outputs", minimum=0)
     inputs = DeclarationsOf(Input)
     discrete_states = DeclarationsOf(DiscreteState)

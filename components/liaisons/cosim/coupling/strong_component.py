@@ -60,7 +60,7 @@ class Newton:
             for i, k in pairs:
                 curve, value = node.curves[k], node.values.start + i
                 effects = [(value, node.sources[k], 1.0, 0), (node.slopes.start + i, curve.rate, 1.0, 0)]
-                if not initial:
+                if not (initial or signals.held[curve.data[0]]):
                     effects += _through_motion(signals.triple(value), curve)
                 entries += [
                     (position[row], position[column], number, factor, power)

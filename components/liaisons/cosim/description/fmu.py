@@ -133,6 +133,12 @@ class Fmu:
         marked = (event.type, event.causality, event.continuous, event.unit) == ("Real", "local", False, "s")
         return event if marked else None
 
+    @property
+    def is_sampled(self) -> bool:
+        """Whether its outputs are constant but for events that it announces, so that it reads inputs there alone."""
+        outputs = [self.variables[name] for name in self._scalars(RECORDED, ("output",), math.inf)]
+        return self.next_event_time is not None and not any(variable.continuous for variable in outputs)
+
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
         """Whether an output depends directly on an input, in step mode or in initialization mode."""
         variable = self.variables[output]

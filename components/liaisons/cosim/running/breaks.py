@@ -29,6 +29,7 @@ class Breaks:
     """The breaks of a simulation, in order of time.
 
     :ivar divides: whether steps can be divided: all FMUs take steps of any size.
+    :ivar are_samples: whether all are samples and late outputs of sampled FMUs, which hold between them.
     :ivar next: the next one [s]; infinite if there is none; set to one before it that was found in between.
     """
 
@@ -37,6 +38,7 @@ class Breaks:
         sources = {name for name, _ in simulation.feeds.values()} if self.divides else set()
         announced = {name: part.fmu.next_event_time for name, part in simulation.parts.items() if name in sources}
         variables = {name: variable for name, variable in announced.items() if variable is not None}
+        self.are_samples = not simulation.drives and all(simulation.parts[name].fmu.is_sampled for name in variables)
         self._bus = bus
         self._numbers = [np.zeros(1) for _ in variables]
         self._calls: list[Call] = [

@@ -121,6 +121,11 @@ class Run:
             self._breaks = Breaks(simulation, self._instances, self._bus)
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
             self._divides = self._breaks.divides and self._estimate.can_estimate and not reads_samples
+            self._are_samples = self._breaks.are_samples and not (
+                self._estimate.can_estimate
+                or self._coupled
+                or any(part.approximation.interpolates for part in parts.values())
+            )
             self._loop = Loop(self._step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
@@ -250,6 +255,11 @@ class Run:
                     self._advance([(time + points[done]) / 2], in_result=False)
                 else:
                     done += self._advance(points[done : min(last, free)])
+            elif self._are_samples:
+                on_time = points[done] - breaks.next <= near
+                loop.advance([points[done] if on_time else breaks.next], in_result=on_time)
+                done += on_time
+                breaks.find_next(float(loop.times[loop.done - 1]))
             elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
                 before = breaks.next - tiny
                 halves = [(time + before) / 2, before]
