@@ -9,6 +9,7 @@ from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
 from .check import verdict as verdict
 from .cosim import Signal as Signal
+from .cosim import sampled as sampled
 from .derivatives import gradient as gradient
 from .derivatives import linearize as linearize
 from .derivatives import sensitivities as sensitivities

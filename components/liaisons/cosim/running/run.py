@@ -94,8 +94,8 @@ class Run:
             if folders is None:
                 folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
             for name, part in parts.items():
-                folder = folders[part.fmu.path]
-                if not part.isolated:
+                folder = folders.get(part.fmu.path, Path())
+                if not part.isolated and part.fmu.function is None:
                     try_to_start(part, folder, times)
                 instance = make(
                     name,

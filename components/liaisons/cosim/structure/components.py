@@ -13,6 +13,7 @@ from typing import Any, Literal, final, get_args
 from liaisons.base.arguments import as_path, settings_beside, shown
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.cosim.description.fmu import Fmu, read
+from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.description.start_values import Starts, start_values, structural_sizes
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
@@ -91,7 +92,7 @@ class SystemComponent:
     def of(
         cls,
         name: str,
-        path: Path | str,
+        path: Path | str | SampledFunction,
         starts: Mapping[str, object],
         *,
         isolated: bool | float = False,
@@ -102,7 +103,8 @@ class SystemComponent:
         :param isolated: True: as long as :data:`TIME_LIMIT`.
         :raises SimulationError: if the file cannot be used here, or a start value or solver does not fit.
         """
-        fmu = read(as_path(f"{name}: fmu", path))
+        is_function = isinstance(path, SampledFunction)
+        fmu = path.description() if is_function else read(as_path(f"{name}: fmu", path))
         with settings_beside(fmu.variables):
             limit = time_limit(f"{name}: isolated =", isolated)
             if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
