@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import reduce
 from typing import final
 
 import casadi as ca
@@ -120,13 +118,18 @@ class Sampled(Component, abstract=True):
 
     @final
     def events(self) -> Sequence[ca.SX]:
-        """The next sample after ``clock``, and the next change of outputs."""
-        return [self.period * (self._index(self.clock - lag) + 1) + lag for lag in (0, self.delay)]
+        """The next sample and the next change of outputs, after an instant that clocks of importers may miss."""
+        return [self._event(self._index(self.clock - lag) + 1, lag) for lag in (ca.SX(0), self.delay)]
 
     @final
     def next_event_time(self) -> ca.SX:
         """The first of :meth:`events`."""
-        return reduce(ca.fmin, self.events(), ca.SX(sys.float_info.max))
+        return ca.fmin(*self.events())
+
+    def _event(self, index: ca.SX, lag: ca.SX) -> ca.SX:
+        """Instant of a sample or, late, of the outputs; a delay of a whole period is the next sample, to the bit."""
+        is_whole = lag > (1 - NEAR) * self.period
+        return self.period * (index + is_whole) + ca.if_else(is_whole, 0, lag)
 
     def split(self, memory: ca.SX) -> list[ca.SX]:
         """Discrete states before and after the last sample, and its instant."""

@@ -26,7 +26,7 @@ class _Memory:
     """What a function has done until an instant.
 
     :ivar before: outputs before the last sample, and its state; ``after``: those after it.
-    :ivar last: instant of the last sample [s].
+    :ivar last: instant of the last sample [s]; ``seen``: its inputs.
     :ivar waits: whether inputs were set since.
     """
 
@@ -36,6 +36,7 @@ class _Memory:
     time: float = 0.0
     last: float = 0.0
     waits: bool = True
+    seen: Vector | None = None
 
 
 @final
@@ -105,7 +106,10 @@ class SampledInstance(Instance):
         memory.waits = False
         if not function.is_sample(memory.time) or instant < memory.last - function.period / 2:
             return 0
-        before = memory.after if instant > memory.last + function.period / 2 else memory.before
+        is_new = instant > memory.last + function.period / 2
+        if not is_new and memory.seen is not None and np.array_equal(memory.seen, memory.inputs):
+            return 0
+        before = memory.after if is_new else memory.before
         readings = dict(zip(self._inputs, memory.inputs.tolist(), strict=True)) | {TIME: instant}
         arguments = [readings[name.rpartition(".")[2]] for name in function.reads]
         try:
@@ -121,7 +125,7 @@ class SampledInstance(Instance):
             count = f"{len(self._outputs)} finite number{'s' * (len(self._outputs) > 1)}"
             self._error = f"{function.name} returns {outputs.tolist()} at t = {instant:.10g} s, expected {count}"
             return ERROR
-        memory.before, memory.after, memory.last = before, (outputs, state), instant
+        memory.before, memory.after, memory.last, memory.seen = before, (outputs, state), instant, memory.inputs.copy()
         return 0
 
     def _read(self, names: Sequence[str], values: Vector) -> int:
@@ -151,7 +155,7 @@ class SampledInstance(Instance):
         if not function.is_due(memory.last + function.period, memory.time):
             self._error = f"a sample lies inside the step from t = {time.value:.10g} s of {size.value:.10g} s"
             return ERROR
-        memory.waits = False
+        memory.waits = not self._inputs
         return 0
 
     def _save(self, saved: list[_Memory]) -> int:

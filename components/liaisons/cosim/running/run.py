@@ -38,7 +38,7 @@ from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, collect_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
-from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.breaks import Breaks
 from liaisons.cosim.running.contacts import missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
@@ -260,7 +260,7 @@ class Run:
                 loop.advance([points[done] if on_time else breaks.next], in_result=on_time)
                 done += on_time
                 breaks.find_next(float(loop.times[loop.done - 1]))
-            elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
+            elif breaks.next - time > 2 * (tiny := breaks.gap(breaks.next, size)):
                 before = breaks.next - tiny
                 halves = [(time + before) / 2, before]
                 self._advance(halves if self._is_first_of_piece() else halves[1:], in_result=False)
@@ -349,7 +349,7 @@ class Run:
             self._coupled.forget_past()
         bus.perform(self._settle)
         if self._estimate.can_estimate:
-            loop.begin_piece(gap(time, size))
+            loop.begin_piece(self._breaks.gap(time, size))
         loop.rows[loop.done - 1] = bus.values
         self._breaks.find_next(time)
 

@@ -146,6 +146,14 @@ class SystemComponent:
         }
 
     @property
+    def sampling_period(self) -> float:
+        """Sampling period [s]; 0 where it does not sample."""
+        if isinstance(self.fmu.function, SampledFunction):
+            return self.fmu.function.period
+        period = self.fmu.variables.get("period") if self.fmu.is_sampled else None
+        return 0.0 if period is None else float(str(self.starts.get("period", period.start)))
+
+    @property
     def carried(self) -> frozenset[VariableType]:
         """Types that can be read and set: strings have other addresses in another process."""
         return NUMBERS if self.isolated else RECORDED
