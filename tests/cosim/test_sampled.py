@@ -198,9 +198,7 @@ def test_what_a_function_does_wrong_has_its_name(function: Any, message: str) ->
 def test_an_error_later_has_the_result_so_far() -> None:
     system = System("late")
     oscillator(system)
-    late = sampled(
-        lambda t, x: -x if t < 0.5 else [][0], period=T, reads=["time", "plant.x"], writes=["plant.x_force"]
-    )
+    late = sampled(lambda t, x: -x if t < 0.5 else [][0], period=T, reads=["time", "plant.x"], writes=["plant.x_force"])
     system.add("controller", late)
     with pytest.raises(IncompleteError, match=r"controller: <lambda> fails at t = 0.5 s: IndexError") as caught:
         system.simulate(1.0, T)

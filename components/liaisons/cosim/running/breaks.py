@@ -69,5 +69,3 @@ class Breaks:
         if self.divides:
             instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
         self.next = min((t for t in instants if time + rounding(time) < t < _NEVER), default=math.inf)
-
-

@@ -48,6 +48,7 @@ from liaisons.cosim.running.input_reconstruction import (
     initial_derivatives,
     input_reconstructions,
 )
+from liaisons.cosim.running.linearization import Linearization, linearized
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.stepping import FreeInput, RunState
 from liaisons.cosim.running.trial import try_to_start
@@ -453,6 +454,20 @@ class Run:
         self._require_states()
         simulation, starts = self._simulation, {**(start_values or {}), **keywords}
         self.start(with_start_values(simulation.title, simulation.parts, starts, single=simulation.single))
+
+    def linearize(self) -> Linearization:
+        """The linear system that deviations from the present point follow; its outputs are those that are recorded.
+
+        Its inputs are those that nothing feeds, those of functions of time, and outputs of sampled components, which
+        hold.
+
+        :raises SimulationError: for an FMU that provides no directional derivatives.
+        """
+        self._require_open()
+        values = {
+            name: float(self._bus.values[k]) for name, k in zip(self._simulation.recorded, self._columns, strict=True)
+        }
+        return linearized(self._simulation, self._instances, self.time, values)
 
     def _require_states(self) -> None:
         self._require_open()
