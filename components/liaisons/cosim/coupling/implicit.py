@@ -135,9 +135,7 @@ class Coupled:
         for component in self._components:
             if initial:
                 component.read_start_values()
-            component.forget_derivatives()
             self._solve(component, "initialization" if initial else "instant")
-            component.forget_derivatives()
             self.signals.measure()
         self.signals.before[:] = self.signals.now
 
@@ -154,6 +152,8 @@ class Coupled:
         finally:
             signals.held[:] = held
         self.forget_past()
+        for component in self._components:
+            component.forget_derivatives()
         self.settle(initial=False)
 
     def forget_past(self) -> None:
