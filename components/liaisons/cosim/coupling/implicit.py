@@ -136,7 +136,6 @@ class Coupled:
             if initial:
                 component.read_start_values()
             self._solve(component, "initialization" if initial else "instant")
-            self.signals.measure()
         self.signals.before[:] = self.signals.now
 
     def cross_break(self) -> None:
@@ -160,7 +159,8 @@ class Coupled:
         """Forget the points before the present one."""
         self.signals.since[:] = 0.0
         for history in (*self._histories, self._driven):
-            history.memory.reset()
+            if history.made.size:
+                history.memory.reset()
 
     def save(self) -> list[Any]:
         """All that later steps depend on, for :meth:`restore`."""

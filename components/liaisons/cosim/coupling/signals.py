@@ -235,10 +235,6 @@ class Signals:
         units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
         return np.unique(units, return_inverse=True)[1]
 
-    def measure(self) -> None:
-        """Update the largest value of each unit."""
-        np.maximum.at(self.sizes, self.kinds, np.abs(self.now[: self.count]))
-
 
 @final
 class SignalHistory:
