@@ -442,6 +442,7 @@ EQUATIONS = {  # a line of each, by hand
     "prescribed_only": "Θ_angle,angle = m reach²",
     "operator": "crouch˙₃ = rate · (crouch₂ − crouch₃)",
     "regulator": "elapsed˙ = 1",
+    "sampled": "filtered",
     "system": "ẋ_mass = p_x,mass/m_mass",
     "held": "ẋ",
 }

@@ -8,8 +8,10 @@ from typing import get_args
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import chosen, finite, listed, named
+from liaisons.cosim.description.fmu import read
 from liaisons.cosim.running.linearization import Linearization, Method
 from liaisons.derivatives.fmu_equations import FmuEquations
+from liaisons.errors import SimulationError
 from liaisons.library import Target, fmu_file
 
 
@@ -45,6 +47,9 @@ def linearize(
         chosen("linearize: method", method, get_args(Method))
     chosen_inputs = None if inputs is None else listed("linearize: inputs", inputs)
     chosen_outputs = None if outputs is None else listed("linearize: outputs", outputs)
+    if read(path, prefers="ModelExchange").is_sampled:
+        words = "its outputs hold, and depend on nothing between samples; linearize what it controls"
+        raise SimulationError(f"{path.stem} is sampled: {words}")
     with FmuEquations(path, values, inputs=chosen_inputs, outputs=chosen_outputs, time=time) as equations:
         states = len(equations.states)
         point = equations(time, equations.x, equations.u)
