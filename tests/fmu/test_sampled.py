@@ -97,14 +97,14 @@ def test_clocks_of_importers_miss_samples_by_rounding(library) -> None:
 @pytest.mark.parametrize("target", ["fmi2", "fmi3"])
 def test_a_step_across_a_sample_is_refused(library, target: str) -> None:
     instance = library(Integrator, target).start(reading=1.0)
-    late = f"{LATE}; at t = 0.03 it does not (-0.01); the step from t = 0 is taken back"
+    late = f"{LATE}; at t = 0.03 it does not (-0.02); the step from t = 0 is taken back"
     instance.step(0.0, 1.5 * T, DISCARD, late)
     instance.step(0.0, 1.5 * T, ERROR, late)
     instance = library(Integrator, target).start(reading=1.0)
     instance.step(0.0, 1.5 * T, DISCARD, late)
     instance.step(0.0, T)
     instance.step(T, T / 2)
-    instance.step(1.5 * T, T, DISCARD, f"{LATE}; at t = 0.05 it does not (-0.01); the step from t = 0.03 is taken back")
+    instance.step(1.5 * T, T, DISCARD, f"{LATE}; at t = 0.05 it does not (-0.02); the step from t = 0.03 is taken back")
     instance.set(reading=1.0)
     assert instance["total"] == 3.0
 

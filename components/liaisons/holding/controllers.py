@@ -185,7 +185,6 @@ class Controller:
         mechanism = system.add(self.name, fmu, **values, **follows, **starts)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
-            system.connect(part["elapsed"], part["sampled"])
             for i, name in enumerate(self.states, start=1):
                 system.connect(sources[name] if name in sources else mechanism[name], part[f"reading_{i}"])
         return system

@@ -13,7 +13,7 @@ from liaisons.language.chain import Chain
 from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
-from liaisons.language.sampled import Sampled
+from liaisons.language.sampled import LATE, Sampled, SampledStates
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
@@ -39,14 +39,20 @@ def _operator_model(component: type[Operator], n: object) -> Model:
     x, rates = operator.internal, operator.internal_rate_column()
     triple, next_event = operator.triple(), operator.next_event_time()
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
-    k, none = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1)
-    vectors = {"t": operator.clock, "y": x, "u": operator.input_column, "k": k, "m": none}
-    sampled, limits = operator.samples(), operator.conditions()
-    after = (sampled.get(state.name, operator.symbols[state.name]) for state in component.internal_states)
+    k, memory, names, limits = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1), (), operator.conditions()
+    own: dict[str, Any] = {"derivatives": rates, "outputs_function": stack([*triple, x, rates])}
+    events, at_start = stack(map(ca.SX, operator.events())), memory
+    if isinstance(operator, SampledStates):
+        before, memory, names = _memory(operator)
+        k, at_start, held = ca.vertcat(k, before), operator.memory_at_start(before), operator.readable(memory)
+        own["outputs_function"] = ca.vertcat(own["outputs_function"], operator.discrete)
+        own = {name: ca.substitute(value, operator.discrete, held) for name, value in own.items()}
+        own |= {"sample": operator.after_sample(memory), "events": events}
+        limits = {LATE: operator.margin(memory), **limits}
+    vectors = {"t": operator.clock, "y": x, "u": operator.input_column, "k": k, "m": memory}
     read = {
-        "derivatives": rates,
-        "outputs_function": stack([*triple, x, rates]),
-        "jump": stack(map(ca.SX, after)),
+        **own,
+        "jump": x,
         "conditions": stack(map(ca.SX, limits.values())),
         **({} if next_event is None else {"draw": next_event}),
     }
@@ -55,15 +61,10 @@ def _operator_model(component: type[Operator], n: object) -> Model:
     if operator.lookups:
         table = _lookup_table(operator, vectors, read)
         read = _with_all_rows(operator, read)
-    results = read | {
-        "start": (start, none),
-        "remember": none,
-        "nominals": ca.SX.ones(x.shape),
-        "events": stack(map(ca.SX, operator.events())),
-    }
+    results = {"events": events, **read, "start": (start, at_start), "remember": memory, "nominals": ca.SX.ones(x.shape)}
     return Model(
         **described(operator),
-        memory=(),
+        memory=names,
         **model_functions(vectors, results, merge=False),
         drawn=() if next_event is None else (NEXT_EVENT,),
         condition_texts=tuple(limits),
@@ -76,15 +77,14 @@ def _sampled_model(component: type[Sampled], n: object) -> Model:
     """Model of a sampled component, whose memory has its discrete states."""
     _reject_size(component, n)
     sampled, none = component(), ca.SX(0, 1)
-    start = stack(ca.SX.sym(f"{state.name}_0") for state in component.discrete_states)
-    memory = ca.SX.sym("m", 2 * start.numel() + 1)
+    start, memory, names = _memory(sampled)
     k, y = ca.vertcat(sampled.parameter_column, start), ca.SX.sym("y", 0)
     vectors = {"t": sampled.clock, "y": y, "u": sampled.input_column, "k": k, "m": memory}
-    limits, names = sampled.conditions(memory), [state.name for state in component.discrete_states]
+    limits = sampled.conditions(memory)
     results = {
         **dict.fromkeys(("derivatives", "jump", "nominals"), none),
-        "start": (none, sampled.start(start)),
-        "sample": sampled.sample(memory),
+        "start": (none, sampled.after_sample(sampled.memory_at_start(start))),
+        "sample": sampled.after_sample(memory),
         "remember": memory,
         "outputs_function": sampled.readable(memory),
         "conditions": stack(limits.values()),
@@ -93,12 +93,19 @@ def _sampled_model(component: type[Sampled], n: object) -> Model:
     }
     return Model(
         **described(sampled),
-        memory=(*(f"{name}_before" for name in names), *names, "sample"),
+        memory=names,
         **model_functions(vectors, results, merge=False),
         drawn=(NEXT_EVENT,),
         condition_texts=tuple(limits),
         equations=of_sampled(sampled),
     )
+
+
+def _memory(sampled: SampledStates) -> tuple[ca.SX, ca.SX, tuple[str, ...]]:
+    """Start values of discrete states, the memory that has them, and names of its numbers."""
+    names = [state.name for state in sampled.discrete_states]
+    start = stack(ca.SX.sym(f"{name}_0") for name in names)
+    return start, ca.SX.sym("m", 2 * len(names) + 1), (*(f"{name}_before" for name in names), *names, "last_sample")
 
 
 def _reject_size(component: type[Component], n: object) -> None:
@@ -126,8 +133,13 @@ def _lookup_table(operator: Operator, vectors: Mapping[str, ca.SX], results: Map
     seen = stack([*(row for lookup in lookups for row in (lookup.begin, lookup.end)), behind])
     has_events = any(ca.is_equal(lookup.time, t) for lookup in lookups)
     own = {name: value for name, value in results.items() if name != "draw" or not has_events}
+    events = own.pop("events", None)
     elements = {name for column in columns for name in column.names}
-    unseen = [name for name in map(str, ca.symvar(stack(own.values()))) if name in elements]
+    unseen = [
+        name
+        for name in map(str, ca.symvar(stack([*own.values(), ca.SX(0, 1) if events is None else events])))
+        if name in elements
+    ]
     if unseen:
         raise ComponentError(f"{type(operator).__name__}: {unseen[0]} is part of a table: ask interval() for it")
     times = stack(lookup.time for lookup in lookups)
@@ -138,6 +150,7 @@ def _lookup_table(operator: Operator, vectors: Mapping[str, ca.SX], results: Map
         rests=tuple(lookup.rests for lookup in lookups),
         times=ca.Function("times", [t, vectors["y"], vectors["u"], behind], [times]),
         has_events=has_events,
+        events=events if events is None else ca.Function("events", [t, vectors["y"], vectors["u"], seen], [events]),
         **model_functions({**vectors, "k": seen}, own, merge=False),
     )
 

@@ -232,7 +232,7 @@ void core_start(Instance *self) {
     self->call.results[1] = self->v.m;
     self->model->start(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
     self->s->unstarted = 0;
-    self->refused = !core_settle(self, self->s->time);
+    self->refused = !core_sample(self) || !core_settle(self, self->s->time);
 }
 
 int core_remember(Instance *self) {
