@@ -13,6 +13,7 @@ from liaisons.errors import BuildError, ComponentError
 from liaisons.fmu import build
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
 from liaisons.mechanics import assemble
+from liaisons.models import Regulator
 
 T = 0.02
 LATE = "each sample has to be a communication point: choose a communication step that divides the period"
@@ -193,6 +194,40 @@ def test_an_output_depends_on_inputs_at_samples(library, target: str) -> None:
 def test_the_python_back_end_refuses_it(tmp_path) -> None:
     with pytest.raises(BuildError, match="Integrator: FMUs in Python take no samples; take backend='native'"):
         build(assemble(Integrator), tmp_path, backend="python")
+
+
+def acceleration(times: NDArray) -> NDArray:
+    """T x''' = w - x'', with w = -2 cos 3t held from its samples: exponentials."""
+    a, found = 0.0, []
+    samples = np.arange(np.ceil(times[-1] / T) + 2) * T
+    for t in samples:
+        w = -2 * float(signal(t))
+        inside = times[(times >= t - 1e-9) & (times < t + T - 1e-9)]
+        found += [w + (a - w) * np.exp(-(x - t) / T) for x in inside]
+        a = w + (a - w) * np.exp(-1)
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("target", "kind", "size"),
+    [(f"fmi{v}", MODEL_EXCHANGE, part * T) for v in "23" for part in (1.0, 1.5, 0.37)]
+    + [("fmi3", "event mode", part * T) for part in (1.0, 1.5, 0.37)]
+    + [(f"fmi{v}", CO_SIMULATION, part * T) for v in "23" for part in (1.0, 0.5, 0.2)],
+)
+def test_a_regulator_in_every_kind_of_importer(library, target: str, kind: str, size: float) -> None:
+    """At any step where there are events; in Co-Simulation at steps that reach its samples."""
+    times = np.unique(np.concatenate([np.arange(60) * size, np.arange(60) * T]))
+    table = np.array(list(zip(times, signal(times), strict=True)), dtype=[("time", float), ("reading_1", float)])
+    events = {"use_event_mode": True, "early_return_allowed": True} if kind == "event mode" else {}
+    path = library(Regulator, target).path
+    gains = {"gain_1": [2.0] * 50} if target == "fmi3" else {f"gain_1[{i}]": 2.0 for i in range(1, 51)}
+    result = fmpy.simulate_fmu(
+        str(path), fmi_type=CO_SIMULATION if events else kind, stop_time=30 * size, step_size=size, input=table,
+        output_interval=size, output=["y_ddot"], relative_tolerance=1e-10, start_values={"period": T, **gains}, **events,
+    )  # fmt: skip
+    found, expected = result["y_ddot"], acceleration(result["time"])
+    assert np.max(np.abs(found - expected)) < (1e-6 if kind == MODEL_EXCHANGE else 1e-9)  # FMPy's solver, or ours
+    assert len(found) > 30
 
 
 class TestDeclarations:
