@@ -52,10 +52,10 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
         return quintic((y, v, a), (y_1, v_1, a_1), tau, h, u) + self.value
 
     def last_sample(self, t: ca.SX) -> ca.SX:
-        return self._samples(t + NEAR * self.period)[0]
+        return self._samples(t)[0]
 
     def events(self) -> list[ca.SX]:
-        return [self._samples(self.clock + NEAR * self.period)[1]]
+        return [self._samples(self.clock)[1]]
 
     def next_event_time(self) -> ca.SX:
         """Next repeated instant of this round, the start of the next round, or the next sample if these are announced.
@@ -72,6 +72,6 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
         """Instants of the last sample before or at t, and of the next one [s]."""
         (t_0,), (t_1,) = self.interval(self.time_of_round(t), "instant", rests=True)
         begin, period = self.rounds(t) * self.repeats, self.period
-        count = ca.floor((t - begin - t_0) / period)
+        count = ca.floor((t - begin - t_0) / period + NEAR)
         last = ca.if_else(t_1 > t_0, t_0, t_0 + period * count)
         return begin + last, begin + ca.fmin(ca.if_else(t_1 > t_0, t_1, last + period), self.repeats)

@@ -8,7 +8,6 @@ import casadi as ca
 
 from liaisons.base.units import ANY
 from liaisons.language import DiscreteState, Input, InternalState, Parameter, ParameterArray
-from liaisons.language.sampled import NEAR
 from liaisons.models.knotted_motion import DIMENSION, KNOTS, KnottedMotion
 
 READINGS = 24
@@ -48,14 +47,14 @@ class Regulator(KnottedMotion):
 
     def update(self) -> dict[str, ca.SX]:
         gains = [f"gain_{i}" for i in range(1, READINGS + 1)]
-        t = self.clock + NEAR * self.period
+        t = self.clock
         (offset, advance, *row), _ = self.interval(self.time_of_round(t), "offset", "advance", *gains, rests=True)
         readings = (self.symbols[f"reading_{i}"] for i in range(1, READINGS + 1))
         return {"wanted": offset + self.rounds(t) * advance - sum(map(mul, row, readings))}
 
     def internal_rates(self) -> dict[str, ca.SX]:
         limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
-        bounds, _ = self.interval(self.time_of_round(self.clock + NEAR * self.period), *limits, rests=True)
+        bounds, _ = self.interval(self.time_of_round(self.clock), *limits, rests=True)
         lowest, highest, slowest, fastest, least, most = bounds
         x, v, a, H, p, wanted = self.value, self.rate, self.acceleration, self.period, 1 / self.period, self.wanted
         for low, high in (
