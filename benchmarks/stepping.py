@@ -3,9 +3,9 @@
     python benchmarks/stepping.py [--quick]
 
 A pendulum is kept upside down by a torque that a function of Python sets from its angle and rate, fifty times a second.
-FMPy's loop is what one writes with it: ``setReal``, ``doStep``, ``getReal`` of an instance of the same FMU, and ``reset``
-with new start values before each episode.  A sampled PID and the same function as ``sampled(...)`` stand in systems, where
-``run.step()`` does it all.  All is processor time of the thread.
+FMPy's loop is what one writes with it: ``setReal``, ``doStep``, ``getReal`` of an instance of the same FMU, and
+``reset`` with new start values before each episode.  A sampled PID and the same function as ``sampled(...)`` stand in
+systems, where ``run.step()`` does it all.  All is processor time of the thread.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import fmpy
 import numpy as np
@@ -148,7 +150,7 @@ def importer(path: str, kind: str, size: float, delay: float, *, event_mode: boo
     """Times and output of a simulation by FMPy, whose inputs are right at steps and samples."""
     times = np.unique(np.concatenate([np.arange(60) * size, np.arange(60) * T]))
     table = np.array(list(zip(times, signal(times), strict=True)), dtype=[("time", float), ("reading", float)])
-    options = {"use_event_mode": True, "early_return_allowed": True} if event_mode else {}
+    options: dict[str, Any] = {"use_event_mode": True, "early_return_allowed": True} if event_mode else {}
     result = fmpy.simulate_fmu(
         path, fmi_type=kind, stop_time=30 * size, step_size=size, output_interval=size, input=table,
         output=["output"], start_values={"delay": delay}, **options,
@@ -184,7 +186,7 @@ def test_event_mode_takes_the_inputs_that_are_set_in_it(library) -> None:
 @pytest.mark.parametrize("target", ["fmi2", "fmi3"])
 def test_an_output_depends_on_inputs_at_samples(library, target: str) -> None:
     """So importers that order their calls by dependencies set inputs before they read the outputs."""
-    text = fmpy.read_model_description(str(library(Integrator, target).path))
+    text: Any = fmpy.read_model_description(str(library(Integrator, target).path))
     (output,) = [unknown for unknown in text.outputs if unknown.variable.name == "output"]
     assert {known.name for known in output.dependencies} >= {"reading"}
     variability = {variable.name: variable.variability for variable in text.modelVariables}
@@ -218,12 +220,12 @@ def test_a_regulator_in_every_kind_of_importer(library, target: str, kind: str, 
     """At any step where there are events; in Co-Simulation at steps that reach its samples."""
     times = np.unique(np.concatenate([np.arange(60) * size, np.arange(60) * T]))
     table = np.array(list(zip(times, signal(times), strict=True)), dtype=[("time", float), ("reading_1", float)])
-    events = {"use_event_mode": True, "early_return_allowed": True} if kind == "event mode" else {}
+    events: dict[str, Any] = {"use_event_mode": True, "early_return_allowed": True} if kind == "event mode" else {}
     path = library(Regulator, target).path
     gains = {"gain_1": [2.0] * 50} if target == "fmi3" else {f"gain_1[{i}]": 2.0 for i in range(1, 51)}
     result = fmpy.simulate_fmu(
         str(path), fmi_type=CO_SIMULATION if events else kind, stop_time=30 * size, step_size=size, input=table,
-        output_interval=size, output=["y_ddot"], relative_tolerance=1e-10, start_values={"period": T, **gains}, **events,
+        output_interval=size, output=["y_ddot"], relative_tolerance=1e-10, start_values=gains | {"period": T}, **events,
     )  # fmt: skip
     found, expected = result["y_ddot"], acceleration(result["time"])
     assert np.max(np.abs(found - expected)) < (1e-6 if kind == MODEL_EXCHANGE else 1e-9)  # FMPy's solver, or ours

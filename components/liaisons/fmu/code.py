@@ -173,10 +173,10 @@ def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> lis
         call = f"with_rows{suffix}({function.name()}, arguments, results, integers, reals, memory)"
         statements[name] = f"return {call};"
     if "instants" in row_functions:  # its arguments are (k, t)
-        others = "[TABLE] = arguments[TABLE]"
+        as_rows = "arguments[1], NULL, NULL, arguments[0], [TABLE] = arguments[TABLE]"
         statements["instants"] = (
-            f"return with_rows({row_functions['instants'].name()}, (const double *[TABLE + 1]){{arguments[1], NULL, NULL, "
-            f"arguments[0], {others}}}, results, integers, reals, memory);"
+            f"return with_rows({row_functions['instants'].name()}, (const double *[TABLE + 1]){{{as_rows}}}, results, "
+            "integers, reals, memory);"
         )
     if model.table and model.table.has_events:
         statements["instants"] = "return next_instant(arguments, results);"

@@ -43,7 +43,7 @@ class SampledStates(Component, abstract=True):
         """Discrete states after a sample, by name, from those before it and the inputs."""
 
     def last_sample(self, t: ca.SX) -> ca.SX:
-        """Instant of the last sample before or at t [s], which clocks of importers may miss; by default t = n period."""
+        """Instant of the last sample before or at t [s], which clocks may miss; by default a multiple of the period."""
         return self.period * ca.floor(t / self.period + NEAR)
 
     @classmethod

@@ -134,8 +134,8 @@ def sampled(
         controller = sampled(feedback, period=0.02, reads=["cart.theta", "cart.theta_dot"], writes=["cart.theta_force"])
         system.add("controller", controller)
 
-    With a ``state`` the function takes it first and returns it last, ``(outputs, state)``; it must return a new one, and
-    not change what it was given: a run returns to earlier states, and calls again where readings at an instant change.
+    With a ``state`` the function takes it first and returns it last, ``(outputs, state)``.  It must return a new one,
+    not change the one it is given: runs return to earlier states, and call again where readings at an instant change.
 
     :param period: sampling period [s]: samples are at its multiples.
     :param reads: names of the arguments: variables ``"component.variable"``, with which they are connected, or names of

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from ctypes import c_double
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class _Memory:
 class SampledInstance(Instance):
     """Calls a function at samples, with the inputs of their instants; where these change there, once more."""
 
-    functions = {"get": "it", "set": "it", "step": "it", "save": "it", "restore": "it"}
+    functions: ClassVar[Mapping[Action, str]] = {}
 
     def __init__(self, name: str, fmu: Fmu) -> None:
         assert isinstance(fmu.function, SampledFunction)
@@ -56,7 +56,7 @@ class SampledInstance(Instance):
         start = np.zeros(len(self._outputs)), self._function.state
         self._memory = _Memory(np.zeros(len(self._inputs)), start, start)
 
-    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:
+    def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:  # noqa: ARG002 - it has no solver
         self.reset()
         function, self._memory.time = self._function, start_time
         self._memory.last = function.last_sample(start_time) - function.period * function.is_sample(start_time)
@@ -90,7 +90,7 @@ class SampledInstance(Instance):
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         raise NotImplementedError  # likewise
 
-    def failure(self, action: Action, status: int, when: str) -> SimulationError:
+    def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - its error has both
         return SimulationError(f"{self.name}: {self._error}")
 
     def close(self) -> None:
