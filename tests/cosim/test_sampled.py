@@ -249,7 +249,14 @@ def test_what_takes_no_function_says_so(task: str, tmp_path: Any) -> None:
 
 def test_the_closed_form_of_the_controller() -> None:
     """With constant inputs; what is read at a sample before inputs are set there is the limit from the left."""
-    values = {"setpoint": 1.0, "reading": 0.3, "derivative_weight": 0.5, "integral_0": 0.2, "filtered_0": -0.4, **GAINS}
+    values: dict[str, Any] = {
+        "setpoint": 1.0,
+        "reading": 0.3,
+        "derivative_weight": 0.5,
+        "integral_0": 0.2,
+        "filtered_0": -0.4,
+        **GAINS,
+    }
     del values["anti_windup"]
     from liaisons import simulate
 
