@@ -40,7 +40,7 @@ def by_hand(first: float) -> float:
 
 
 @pytest.mark.parametrize("master", MASTERS)
-@pytest.mark.parametrize("parts", [1, 2, 5])
+@pytest.mark.parametrize("parts", [2, *(pytest.param(parts, marks=pytest.mark.slow) for parts in (1, 5))])
 def test_each_step_that_divides_the_period_gives_the_same_numbers(master: str, parts: int, tmp_path: Path) -> None:
     """FMPy sets connected inputs to 0 before the first step."""
     found = elsewhere(master, loop(), tmp_path, size=T / parts, steps=SAMPLES * parts)

@@ -212,9 +212,19 @@ def acceleration(times: NDArray) -> NDArray:
 
 @pytest.mark.parametrize(
     ("target", "kind", "size"),
-    [(f"fmi{v}", MODEL_EXCHANGE, part * T) for v in "23" for part in (1.0, 1.5, 0.37)]
-    + [("fmi3", "event mode", part * T) for part in (1.0, 1.5, 0.37)]
-    + [(f"fmi{v}", CO_SIMULATION, part * T) for v in "23" for part in (1.0, 0.5, 0.2)],
+    [
+        pytest.param(
+            target, kind, part * T, marks=[pytest.mark.slow] * (part in (1.0, 0.2) or (target, part) == ("fmi2", 1.5))
+        )
+        for target, kind, parts in (
+            ("fmi2", MODEL_EXCHANGE, (1.0, 1.5, 0.37)),
+            ("fmi3", MODEL_EXCHANGE, (1.0, 1.5, 0.37)),
+            ("fmi3", "event mode", (1.0, 1.5, 0.37)),
+            ("fmi2", CO_SIMULATION, (1.0, 0.5, 0.2)),
+            ("fmi3", CO_SIMULATION, (1.0, 0.5, 0.2)),
+        )
+        for part in parts
+    ],
 )
 def test_a_regulator_in_every_kind_of_importer(library, target: str, kind: str, size: float) -> None:
     """At any step where there are events; in Co-Simulation at steps that reach its samples."""

@@ -150,8 +150,7 @@ class SystemComponent:
         """Sampling period [s]; 0 where it does not sample."""
         if isinstance(self.fmu.function, SampledFunction):
             return self.fmu.function.period
-        samples = self.fmu.is_sampled or self.approximation.samples
-        period = self.fmu.variables.get("period") if samples else None
+        period = self.fmu.variables.get("period") if self.fmu.is_sampled else None
         return 0.0 if period is None else float(str(self.starts.get("period", period.start)))
 
     @property
