@@ -61,7 +61,13 @@ def _operator_model(component: type[Operator], n: object) -> Model:
     if operator.lookups:
         table = _lookup_table(operator, vectors, read)
         read = _with_all_rows(operator, read)
-    results = {"events": events, **read, "start": (start, at_start), "remember": memory, "nominals": ca.SX.ones(x.shape)}
+    results = {
+        "events": events,
+        **read,
+        "start": (start, at_start),
+        "remember": memory,
+        "nominals": ca.SX.ones(x.shape),
+    }
     return Model(
         **described(operator),
         memory=names,

@@ -21,7 +21,7 @@ from liaisons.errors import SimulationError
 
 
 @final
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Memory:
     """What a function has done until an instant.
 
@@ -58,8 +58,9 @@ class SampledInstance(Instance):
 
     def initialize(self, starts: Starts, tolerance: float | None, start_time: float, stop_time: float) -> None:  # noqa: ARG002 - it has no solver
         self.reset()
-        function, self._memory.time = self._function, start_time
-        self._memory.last = function.last_sample(start_time) - function.period * function.is_sample(start_time)
+        function = self._function
+        last = function.last_sample(start_time) - function.period * function.is_sample(start_time)
+        self._memory = replace(self._memory, time=start_time, last=last)
         for name, value in starts.items():
             self.assign(name, value)
 
@@ -101,9 +102,8 @@ class SampledInstance(Instance):
 
     def _take(self) -> int:
         """Take the sample that is due now, or again that of this instant; returns the status."""
-        memory, function = self._memory, self._function
-        instant = function.last_sample(memory.time)
-        memory.waits = False
+        memory, function = replace(self._memory, waits=False), self._function
+        self._memory, instant = memory, function.last_sample(memory.time)
         if not function.is_sample(memory.time) or instant < memory.last - function.period / 2:
             return 0
         is_new = instant > memory.last + function.period / 2
@@ -125,13 +125,14 @@ class SampledInstance(Instance):
             count = f"{len(self._outputs)} finite number{'s' * (len(self._outputs) > 1)}"
             self._error = f"{function.name} returns {outputs.tolist()} at t = {instant:.10g} s, expected {count}"
             return ERROR
-        memory.before, memory.after, memory.last, memory.seen = before, (outputs, state), instant, memory.inputs.copy()
+        seen, after = memory.inputs.copy(), (outputs, state)
+        self._memory = replace(memory, before=before, after=after, last=instant, seen=seen)
         return 0
 
     def _read(self, names: Sequence[str], values: Vector) -> int:
-        memory, function = self._memory, self._function
-        if memory.waits and (status := self._take()):
+        if self._memory.waits and (status := self._take()):
             return status
+        memory, function = self._memory, self._function
         is_ready = function.is_due(memory.time, memory.last + function.delay)
         outputs = (memory.after if is_ready else memory.before)[0]
         known: Mapping[str, float] = dict(zip(self._outputs, outputs.tolist(), strict=True))
@@ -142,20 +143,19 @@ class SampledInstance(Instance):
 
     def _write(self, places: Sequence[int], values: Vector) -> int:
         self._memory.inputs[places] = values
-        self._memory.waits = True
+        self._memory = replace(self._memory, waits=True)
         return 0
 
     def _step(self, time: c_double, size: c_double) -> int:
-        memory, function = self._memory, self._function
-        memory.time = time.value
-        is_taken = abs(memory.last - function.last_sample(memory.time)) < function.period / 2
-        if (memory.waits or not is_taken) and (status := self._take()):
+        function, self._memory = self._function, replace(self._memory, time=time.value)
+        is_taken = abs(self._memory.last - function.last_sample(time.value)) < function.period / 2
+        if (self._memory.waits or not is_taken) and (status := self._take()):
             return status
-        memory.time += size.value
-        if not function.is_due(memory.last + function.period, memory.time):
+        end = time.value + size.value
+        if not function.is_due(self._memory.last + function.period, end):
             self._error = f"a sample lies inside the step from t = {time.value:.10g} s of {size.value:.10g} s"
             return ERROR
-        memory.waits = not self._inputs
+        self._memory = replace(self._memory, time=end, waits=not self._inputs)
         return 0
 
     def _save(self, saved: list[_Memory]) -> int:
