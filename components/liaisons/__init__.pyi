@@ -17,7 +17,9 @@ from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .formulas import DisplayedEquations as DisplayedEquations
 from .holding import Controller as Controller
+from .holding import Observer as Observer
 from .holding import hold as hold
+from .holding import observe as observe
 from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations

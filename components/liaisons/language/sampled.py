@@ -8,6 +8,7 @@ from typing import final
 
 import casadi as ca
 
+from liaisons.base.units import ANY
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import Formulas
@@ -129,7 +130,8 @@ class Sampled(SampledStates, abstract=True):
         if not self.discrete_states:
             raise ComponentError(f"{type(self).__name__} declares no DiscreteState and no DiscreteOutput")
         formulas, symbols = Formulas(self), self.symbols | {"t": self.clock}
-        formulas.each("update", symbols, {item.name: item.unit for item in self.discrete_states})
+        unit = {item.name: ANY if item.unchecked else item.unit for item in self.discrete_states}
+        formulas.each("update", symbols, unit)
         formulas.check_units(self.layout().variables, symbols, t="s")
 
     @final
