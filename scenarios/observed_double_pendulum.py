@@ -63,7 +63,7 @@ def main(claim: Claims) -> None:
         ("what is not", "t [s]", "p$_1$ [kg m²/s]"),
         ("what feedback moves", "t [s]", "pivot_x [m]"),
     )
-    first = result.time < 2.0
+    first = result.time < 4.0
     t, true = result.time[first], result[f"{mechanism}.theta_1"][first] - np.pi
     angle.plot(t, true + result[f"{part}.theta_1_noise"][first], ".", markersize=2, label="measured")
     angle.plot(t, true, label="true")

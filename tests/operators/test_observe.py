@@ -63,6 +63,7 @@ def test_multipliers_are_those_of_the_innovation() -> None:
     assert np.max(np.abs(observer.multipliers)) < 1
 
 
+TILTED = {"at": {"theta": np.pi / 6}, "moves": "pivot_x", "step_size": 0.02}
 CHAIN = {"at": {"theta": np.pi, "pivot_x": 0}, "moves": "pivot_x", "step_size": 0.01, "n": 2}
 PUSHED: dict[str, tuple[str, dict[str, Any]]] = {
     "a pendulum": ("Pendulum", {"step_size": 0.02, **UPRIGHT, **ANGLE}),
@@ -70,6 +71,7 @@ PUSHED: dict[str, tuple[str, dict[str, Any]]] = {
     "an unknown force": ("Pendulum", {"step_size": 0.02, "unknown_forces": {"theta_force": 1.0}, **UPRIGHT, **ANGLE}),
     "a constraint": ("CartesianPendulum", {**ON_A_ROD, **ACROSS}),
     "an array": ("PendulumChain", {**CHAIN, **ANGLE}),
+    "a constant torque": ("Pendulum", {**TILTED, **ANGLE, "theta_force": GRAVITY / 2}),
 }
 
 
@@ -241,6 +243,15 @@ def test_refusals_name_the_cause(mechanism: str, arguments: dict[str, Any], word
     assert "\n" not in str(caught.value)
 
 
+def test_hold_refuses_a_plan_that_jumps_between_samples() -> None:
+    """Bang-bang: σ̈ jumps at a quarter, a half and three quarters, between which samples are even."""
+    ends: dict[str, Any] = {"start": {"theta": 0.0, "pivot_x": 0.0}, "end": {"theta": 0.0, "theta_dot": 0.0}}
+    ends["end"] |= {"pivot_x": 1.0, "pivot_x_dot": 0.0}
+    motion = plan("Pendulum", "pivot_x", duration=(1, 3), minimize="time", bounds={"pivot_x_ddot": (-3, 3)}, **ends)
+    with pytest.raises(PlanError, match="σ̈ jumps between two samples of"):
+        hold(motion, measured="theta", noise={"theta": NOISE})
+
+
 def test_hold_takes_noise_with_what_is_measured() -> None:
     with pytest.raises(PlanError, match="give measured, too"):
         hold("Pendulum", **UPRIGHT, noise={"theta": 0.1})
@@ -292,7 +303,7 @@ def test_a_cat_along_its_plan() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["a bias", "a constraint", "an array"])
+@pytest.mark.parametrize("name", ["a bias", "a constraint", "an array", "a constant torque"])
 def test_errors_are_of_the_size_that_covariances_say(name: str) -> None:
     verified(pushed(name))
 

@@ -109,6 +109,11 @@ def hold(
         if any((noise, disturbance, bias, unknown_forces, deviations)):
             raise PlanError("hold: noise and disturbances are for an observer: give measured, too")
         return controller
+    samples = controller.trajectory.times / H
+    if not np.allclose(samples, np.round(samples), rtol=0, atol=1e-3):
+        raise PlanError(
+            f"{sampled.name}: σ̈ jumps between two samples of {H:g} s: give a step_size that divides its arcs"
+        )
     observer = observe(
         motion,
         measured,

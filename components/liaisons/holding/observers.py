@@ -88,9 +88,7 @@ class Observer:
     def multipliers(self) -> Any:
         """Eigenvalues of the error of a steady filter over one period."""
         model, sigma = self.model, self.model.sampled.sigma
-        F, C = (
-            np.array(f) for f in (model.predict(model.start, sigma, sigma)[1], model.measure(model.start, sigma)[1])
-        )
+        F, C = np.array(model.predict(model.start, sigma, sigma)[1]), np.array(model.measure(model.start, sigma)[1])
         return np.linalg.eigvals(self.directions.T @ (F - self.corrected[1] @ C @ F) @ self.directions)
 
     @cached_property
@@ -101,11 +99,8 @@ class Observer:
     def _component(self) -> type[Sampled]:
         """Component of the filter: measured values, their noise and σ -> estimates and innovations."""
         model, n, steady = self.model, len(self.model.states), self.motion is None
-        step, period, variables = (
-            model.step(self.covariance if steady else None),
-            model.period,
-            model.sampled.symbols.model,
-        )
+        step, period = model.step(self.covariance if steady else None), model.period
+        variables = model.sampled.symbols.model
         units = {v.name: v.unit for v in (*variables.inputs, *variables.outputs)}
         measured, motion = [*map(identifier, model.measured)], [x for m in model.sampled.moves for x in motion_names(m)]
         triangle = [] if steady else [f"covariance_{i + 1}_{j + 1}" for j in range(n) for i in range(j, n)]
@@ -198,26 +193,22 @@ class Observer:
         model, random, H = self.model, np.random.default_rng(1), self.model.period
         count, n, uncertainty = round(self.duration / H), len(self.model.sampled.names), self.model.uncertainty
         deviations, forces = uncertainty.disturbance, list({**uncertainty.disturbance, **uncertainty.unknown_forces})
-        inputs = [
-            *(f"{self.part}.{identifier(m)}_noise" for m in model.measured),
-            *(f"{self.name}.{f}" for f in forces),
-        ]
+        inputs = [f"{self.part}.{identifier(m)}_noise" for m in model.measured] + [f"{self.name}.{f}" for f in forces]
         sources = [f"{m}_bias" for m in model.measured] + forces
         slow = [(sources.index(name), i) for i, name in enumerate(model.states[n:])]
         sizes = np.append(model.noise, [deviations.get(name, 0.0) / np.sqrt(H) for name in forces])
+        means = np.append(0 * model.noise, [model.sampled.symbols.inputs[name] for name in forces])
         vectors, variances, _ = np.linalg.svd(self.covariance)
         coupling = "gauss-seidel" if self.motion else "jacobi"
         runs = []
         with ignored_warnings(), system.start(step_size=H, tolerance=1e-9, coupling=coupling) as run:
             step = run.stepper(inputs, [])
             for _ in range(_RUNS):
-                x = (
-                    model.start - vectors @ (np.sqrt(variances) * random.standard_normal(len(variances)))
-                ) * model.sizes
-                run.reset(by_name((f"{self.part}.{output}_0" for output in self.outputs.values()), x))
+                x = model.start - vectors @ (np.sqrt(variances) * random.standard_normal(len(variances)))
+                run.reset(by_name((f"{self.part}.{y}_0" for y in self.outputs.values()), x * model.sizes))
                 drifts = np.cumsum(random.standard_normal((count, len(slow))) * model.drift[n:], axis=0)
                 drifts = (drifts - drifts[0]) * model.sizes[n:]
-                values = random.standard_normal((count, len(inputs))) * sizes
+                values = random.standard_normal((count, len(inputs))) * sizes + means
                 for column, i in slow:
                     values[:, column] += drifts[:, i]
                 for row in values:
