@@ -232,6 +232,7 @@ WHEELS = ["wheel_1", "wheel_2", "wheel_3"]
             "a random force is part of what is measured; measure no accelerations",
         ),
         ("Pendulum", {**UPRIGHT, **ANGLE, "measured": "thet", "noise": {"thet": 1}}, "did you mean 'theta'?"),
+        ("Pendulum", {**UPRIGHT, **ANGLE, "deviations": {"theta": 1}}, "deviations are those at the start of a plan"),
         ("Pendulum", {**UPRIGHT, **ANGLE, "step_size": 0}, "step_size = 0: must be > 0"),
         ("PlanarCat", {"at": {}, "measured": "com_x", "noise": {"com_x": 1}}, "com_x depends on com_x"),
     ],

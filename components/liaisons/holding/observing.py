@@ -85,6 +85,10 @@ def observe(
     uncertainty = Uncertainty(noises, pushes, biases, forces, elements("deviations", deviations))
     model = EstimationModel(sampled, uncertainty, H)
     if not isinstance(motion, Plan):
+        if deviations:
+            raise PlanError(
+                f"{sampled.name}: deviations are those at the start of a plan; at an equilibrium leave them out"
+            )
         return Observer(model, model.steady_covariance(), None)
     if motion.problem.control_order < 2 and motion.switches.size:
         words = "an observer reads σ at samples, between which it must not jump"
