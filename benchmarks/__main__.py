@@ -30,6 +30,7 @@ ORDER = (
     "stiff",
     "chains",
     "composition_cost",
+    "stepping",
     "isolated",
     "sweeps",
     "ensembles",

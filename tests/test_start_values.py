@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons import LiaisonsError, System, hold, operator, plan, show, simulate
+from liaisons import LiaisonsError, System, hold, observe, operator, plan, show, simulate
 from liaisons.models import Pendulum, Ramp
 
 SPAN: dict[str, Any] = {"stop_time": 0.2, "step_size": 0.1}
@@ -44,6 +44,7 @@ def test_a_name_given_twice_is_an_error(fmu: Callable[..., Any]) -> None:
         lambda: show(path, **twice),
         lambda: plan(Pendulum, duration=1.0, **motion),
         lambda: hold(Pendulum, {"theta": 0.0}, **motion),
+        lambda: observe(Pendulum, "theta", {"theta": 1.0}, **motion),
     ]
     for call in calls:
         with pytest.raises(LiaisonsError, match=TWICE):

@@ -9,6 +9,7 @@ from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
 from .check import verdict as verdict
 from .cosim import Signal as Signal
+from .cosim import sampled as sampled
 from .derivatives import gradient as gradient
 from .derivatives import linearize as linearize
 from .derivatives import sensitivities as sensitivities
@@ -16,7 +17,9 @@ from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .formulas import DisplayedEquations as DisplayedEquations
 from .holding import Controller as Controller
+from .holding import Observer as Observer
 from .holding import hold as hold
+from .holding import observe as observe
 from .identification import identify as identify
 from .interface import System as System
 from .interface import equations as equations
@@ -34,6 +37,8 @@ from .language import Box as Box
 from .language import Chain as Chain
 from .language import Coordinate as Coordinate
 from .language import Cylindrical as Cylindrical
+from .language import DiscreteOutput as DiscreteOutput
+from .language import DiscreteState as DiscreteState
 from .language import Experiment as Experiment
 from .language import Flash as Flash
 from .language import Floor as Floor
@@ -53,6 +58,7 @@ from .language import Prismatic as Prismatic
 from .language import Revolute as Revolute
 from .language import Rod as Rod
 from .language import Rope as Rope
+from .language import Sampled as Sampled
 from .language import Screw as Screw
 from .language import Shapes as Shapes
 from .language import Size as Size

@@ -217,7 +217,7 @@ class System(cosim.System):
     def add(
         self,
         name: str,
-        fmu: Target,
+        fmu: Target | cosim.SampledFunction,
         /,
         *,
         isolated: bool | float = False,
@@ -227,10 +227,11 @@ class System(cosim.System):
     ) -> cosim.SystemComponent:
         """Put an FMU into the system, as :meth:`liaisons.cosim.System.add`.
 
-        :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
+        :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class; or a function of Python,
+            :func:`sampled`.
         :raises ProjectError: if there is no such file or component.
         """
-        path = fmu_file(fmu)
+        path = fmu if isinstance(fmu, cosim.SampledFunction) else fmu_file(fmu)
         return super().add(name, path, isolated=isolated, solver=solver, start_values=start_values, **keywords)
 
     @classmethod

@@ -441,7 +441,8 @@ EQUATIONS = {  # a line of each, by hand
     "internal_states": "ξ̇ = (m q̇² − E_thermal)/Q",
     "prescribed_only": "Θ_angle,angle = m reach²",
     "operator": "crouch˙₃ = rate · (crouch₂ − crouch₃)",
-    "regulator": "elapsed˙ = 1",
+    "regulator": "value˙ = rate",
+    "sampled": "filtered",
     "system": "ẋ_mass = p_x,mass/m_mass",
     "held": "ẋ",
 }

@@ -11,7 +11,7 @@ import pytest
 from bodies import Skate  # noqa: F401 - in lines
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_are
 
 from liaisons import (
     ActiveCoordinate,
@@ -32,6 +32,7 @@ from liaisons import (
     ground,
     hold,  # noqa: F401
     non_holonomic,
+    observe,  # noqa: F401
     plan,  # noqa: F401
 )
 from liaisons.library import catalogue
@@ -176,6 +177,12 @@ def drawn(masses: Sequence[float], stiffness: float) -> tuple[NDArray, NDArray]:
     A[n : 2 * n, :n] = -K / np.c_[masses]
     A[n, 2 * n], A[2 * n, 2 * n + 1] = stiffness / masses[0], 1.0
     return A, np.eye(2 * n + 2)[:, -1:]
+
+
+def filtered(A: ArrayLike, G: ArrayLike, C: ArrayLike, noise: float = 0.01, push: float = 0.1) -> NDArray:
+    """Standard deviations of the Kalman-Bucy filter of x' = A x + G w, y = C x + v."""
+    A, G, C = (np.array(matrix, dtype=float) for matrix in (A, G, C))
+    return np.sqrt(np.diag(solve_continuous_are(A.T, C.T, push**2 * G @ G.T, noise**2 * np.eye(len(C)))))
 
 
 def left(controller: Controller, stop_time: float, **start: Any) -> float:

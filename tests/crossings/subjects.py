@@ -41,6 +41,7 @@ from liaisons.models import (
     Oscillator,
     OscillatorChain,
     Pendulum,
+    Pid,
     Regulator,
     Satellite,
     Sinusoid,
@@ -192,6 +193,11 @@ def regulated(t: NDArray, *, period: float, **_: Any) -> Signals:
     return {"y": t**2 / 2 - period * (t - period * (1 - decay)), "y_ddot": 1 - decay}
 
 
+def late(t: NDArray, *, gain: float, setpoint: float, reading: float, delay: float, **_: float) -> Signals:
+    """One sample, at 0, of a proportional controller."""
+    return {"output": gain * (setpoint - reading) * (t >= delay)}
+
+
 def thrown(t: NDArray, *, q_dot_0: float, **_: float) -> Signals:
     return {"q": q_dot_0 * t + t**2 / 2, "q_dot": q_dot_0 + t}
 
@@ -292,6 +298,10 @@ SUBJECTS: dict[str, Subject] = {
     ),
     "operator": Subject(SwingPump, filtered, ("low", 0.9)),
     "regulator": Subject(Regulator, regulated, ("period", 4.0), starts={"offset": np.ones(50)}),
+    "sampled": Subject(
+        Pid, late, ("gain", 2.0),
+        starts={"period": 10.0, "delay": 0.725, "setpoint": 1.0, "reading": 0.3, "derivative_time": 0.0},
+    ),
     "foreign_co_simulation": Subject(
         None, thrown, ("q_dot_0", 0.7), starts={"q_force": 1.0}, put_together=foreign_co_simulation
     ),

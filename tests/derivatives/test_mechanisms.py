@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from liaisons.derivatives import motion_of
-from liaisons.language import Chain, Component, Operator
+from liaisons.language import Chain, Component, Operator, Sampled
 from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.model import contact_names
 from liaisons.models import CATALOGUE
 
 # Contacts have events, through which SciPy does not go: test_contacts.py has their derivatives.
-MECHANISMS = [c for c in CATALOGUE if not issubclass(c, Operator) and not contact_names(c)]
+MECHANISMS = [c for c in CATALOGUE if not issubclass(c, (Operator, Sampled)) and not contact_names(c)]
 TIMES = np.linspace(0.0, 1.5, 7)
 STEP = 0.005
 

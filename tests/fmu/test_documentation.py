@@ -87,7 +87,7 @@ def test_page_shows_the_start_and_the_default_experiment(component) -> None:
     page = index_page(model).decode()
     figures = [(f.get("aria-label"), f) for f in ElementTree.fromstring(f"<all>{''.join(_FIGURE.findall(page))}</all>")]
     drawn = [model.name] if model.picture else []
-    plotted = [] if model.contacts else ["the default experiment"]  # there is no integration with events
+    plotted = [] if model.contacts or model.sample else ["the default experiment"]  # no integration with events
     assert [label for label, _ in figures] == [*drawn, *plotted]
     for _, figure in figures:
         x, y, width, height = map(float, figure.attrib["viewBox"].split())

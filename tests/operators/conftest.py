@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import prod
 from typing import Any
 
-from liaisons import Controller, Plan
+from liaisons import Controller, Observer, Plan
 from liaisons.base.units import ANY, powers
 from liaisons.library import component, model
 
@@ -14,7 +14,7 @@ Scale = tuple[float, float, float]
 SCALES: list[Scale] = [(1e-3, 1, 1), (1e3, 1, 1), (1, 1e-3, 1), (1, 1e3, 1), (1, 1, 1e-3), (1, 1, 1e3)]
 
 
-def verified(subject: Plan | Controller) -> list[str]:
+def verified(subject: Plan | Controller | Observer) -> list[str]:
     """Claims of the verdicts, all of which pass."""
     verdicts = subject.verify()
     assert all(verdict.passed for verdict in verdicts), "\n".join(map(str, verdicts))

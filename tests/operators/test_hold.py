@@ -15,7 +15,7 @@ from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
 from liaisons.holding.controllers import ReferenceTrajectory
 from liaisons.holding.feedback import periodic_riccati, reachable_subspace, rest_targets, riccati, riccati_recursion
-from liaisons.holding.holding import sampled_mechanism
+from liaisons.holding.subjects import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
@@ -184,7 +184,7 @@ def test_wheels_take_the_momentum_that_a_torque_leaves() -> None:
         ("Satellite", {"at": {"attitude": (0, 0, 0, 0)}}, r"attitude = \(0, 0, 0, 0\): give four numbers, not all 0"),
         ("Pendulum", {"effort": 0.0}, r"^effort = 0(\.0)?: .*> 0"),
         ("Pendulum", {"weights": {"theta": -1}}, "weight of theta = -1: must be >= 0"),
-        ("Pendulum", {"at": None}, "hold keeps an equilibrium or a plan: give a mechanism and at="),
+        ("Pendulum", {"at": None}, "hold: no equilibrium and no plan: give a mechanism and at="),
         ("Pendulum", {"moves": "theta"}, "is no active coordinate"),
     ],
 )

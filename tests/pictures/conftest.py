@@ -10,12 +10,12 @@ import pytest
 
 import liaisons.models
 from liaisons import Result, simulate
-from liaisons.language import Operator
+from liaisons.language import Operator, Sampled
 from liaisons.library import catalogue
 
 Fmu = Callable[..., Path]
 Moved = Callable[[str], Result]
-MECHANISMS = sorted(name for name, item in catalogue().items() if not issubclass(item, Operator))
+MECHANISMS = sorted(name for name, item in catalogue().items() if not issubclass(item, (Operator, Sampled)))
 
 
 @pytest.fixture(scope="session")

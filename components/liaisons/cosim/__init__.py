@@ -1,5 +1,6 @@
 """FMU files in, system, result out: composition and simulation on fmpy; no symbols here."""
 
+from liaisons.cosim.description.sampled_function import SampledFunction, sampled
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.sources import Signal
@@ -13,9 +14,11 @@ __all__ = [
     "Port",
     "Result",
     "Run",
+    "SampledFunction",
     "Signal",
     "System",
     "SystemComponent",
+    "sampled",
     "simulate",
     "start",
 ]

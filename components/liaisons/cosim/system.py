@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import as_path, merged, settings_beside, shown, with_arguments, with_settings
 from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.running.run import Run, performed, started
 from liaisons.cosim.structure.components import Components, Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
@@ -20,7 +21,7 @@ from liaisons.cosim.structure.diagram import Diagram, diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
 from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, with_start_values
 from liaisons.cosim.structure.sources import Function
-from liaisons.errors import ConnectError, SimulationError
+from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.results import Result
 
 _SHOWN, _WIDEST = 20, 200
@@ -54,7 +55,7 @@ class System:
     def add(
         self,
         name: str,
-        fmu: Path | str,
+        fmu: Path | str | SampledFunction,
         /,
         *,
         isolated: bool | float = False,
@@ -65,7 +66,7 @@ class System:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
-        :param fmu: path of the file.
+        :param fmu: path of the file; or a function of Python, :func:`liaisons.sampled`.
         :param isolated: in a process of its own: when the FMU crashes, exits or hangs, the run ends with the partial
             result and names the call.  A number: how long a call may take [s]; True: a minute.  On Linux; elsewhere
             the FMU runs in this process, with a warning.
@@ -88,7 +89,7 @@ class System:
     def _add_part(
         self,
         name: str,
-        fmu: Path | str,
+        fmu: Path | str | SampledFunction,
         starts: Mapping[str, object],
         *,
         isolated: bool | float,
@@ -98,7 +99,26 @@ class System:
         own = {start: value for start, value in starts.items() if start not in operators}
         part = SystemComponent.of(name, fmu, own, isolated=isolated, solver=solver)
         self._parts[name] = part
+        if isinstance(fmu, SampledFunction):
+            self._connect_variables(part, {**fmu.inputs, **fmu.outputs})
         return self.prescribe(name, operators)
+
+    def _connect_variables(self, part: SystemComponent, variables: Mapping[str, str]) -> None:
+        """Connect ports with variables of other components, ``"component.variable"``; nothing if one is wrong."""
+        try:
+            for port, name in variables.items():
+                owner, dot, variable = name.partition(".")
+                if dot and owner not in self._parts:
+                    words = f"{self.name} has no component {owner!r}{suggestion(owner, self._parts)}"
+                    raise ConnectError(f"{part.name}: {name}: {words}")
+                if dot:
+                    self.connect(part[port], self._parts[owner][variable])
+        except LiaisonsError:
+            del self._parts[part.name]
+            self._connections = {
+                place: c for place, c in self._connections.items() if part not in (c.source.part, c.target.part)
+            }
+            raise
 
     def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> SystemComponent:
         """Connect operators with ports of a component.

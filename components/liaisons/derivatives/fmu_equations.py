@@ -8,7 +8,7 @@ from ctypes import c_double
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, Self, cast, final
+from typing import Any, Self, cast, final
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.derivatives.steps import Floats
 from liaisons.errors import LiaisonsError, RefusedError, SimulationError
-
-Method = Literal["directional derivatives", "differences"]
-"""How derivatives are calculated: by the FMU, or from values at points near each other."""
 
 DIFFERENCES, _COMPARED = (1e-3, 5e-4), 1e-4
 """Sizes of differences that are extrapolated, and of one to compare with, relative to that of the variable."""

@@ -26,9 +26,10 @@ from liaisons.base.reference_integration import integrate
 from liaisons.cosim import Port, Result, System, SystemComponent
 from liaisons.cosim.description.fmu import read
 from liaisons.cosim.description.start_values import start_values as valid
+from liaisons.cosim.running.linearization import Method
 from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
-from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, Method, extrapolated
+from liaisons.derivatives.fmu_equations import DIFFERENCES, Floats, FmuEquations, extrapolated
 from liaisons.errors import RefusedError, SimulationError
 
 if TYPE_CHECKING:

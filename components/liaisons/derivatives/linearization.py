@@ -3,67 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, final, get_args
+from typing import get_args
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import chosen, finite, listed, named
-from liaisons.derivatives.fmu_equations import Floats, FmuEquations, Method
+from liaisons.cosim.description.fmu import read
+from liaisons.cosim.running.linearization import Linearization, Method
+from liaisons.derivatives.fmu_equations import FmuEquations
 from liaisons.errors import SimulationError
 from liaisons.library import Target, fmu_file
-
-
-@final
-@dataclass(frozen=True, eq=False, repr=False)
-class Linearization:
-    """x' = rates + A Δx + B Δu, y = y* + C Δx + D Δu, for deviations Δ from a point x*, u*, y*.
-
-    :param title: what was linearized.
-    :param A: shape (states, states), ``B`` (states, inputs), ``C`` (outputs, states), ``D`` (outputs, inputs).
-    :param states: names, also ``inputs`` and ``outputs``, element by element.
-    :param rates: of the states at the point, shape (states,); 0 at an equilibrium.
-    :param values: of states, inputs and outputs at the point, by name.
-    :param units: name -> unit; empty where there is none.
-    :param method: the FMU's ``"directional derivatives"``, or ``"differences"``.
-    """
-
-    title: str
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    rates: Floats
-    values: Mapping[str, float]
-    units: Mapping[str, str]
-    method: Method
-
-    def __repr__(self) -> str:
-        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
-        return f"<Linearization of {self.title}: {sizes}, by {self.method}>"
-
-    @property
-    def poles(self) -> Any:
-        """Eigenvalues of A [1/s], complex, shape (states,)."""
-        return np.sort_complex(np.linalg.eigvals(self.A))
-
-    def to_control(self) -> Any:
-        """The linear system as ``StateSpace`` of python-control; its names have ``_`` for dots.
-
-        :raises SimulationError: if python-control is missing (``pip install 'liaisons[control]'``).
-        """
-        try:
-            from control import ss
-        except ImportError:
-            raise SimulationError("to_control needs python-control; pip install 'liaisons[control]'") from None
-        labels = {
-            kind: [name.replace(".", "_") for name in getattr(self, kind)] for kind in ("states", "inputs", "outputs")
-        }
-        return ss(self.A, self.B, self.C, self.D, **labels)
 
 
 def linearize(
@@ -98,6 +47,9 @@ def linearize(
         chosen("linearize: method", method, get_args(Method))
     chosen_inputs = None if inputs is None else listed("linearize: inputs", inputs)
     chosen_outputs = None if outputs is None else listed("linearize: outputs", outputs)
+    if read(path, prefers="ModelExchange").is_sampled:
+        words = "its outputs hold, and depend on nothing between samples; linearize what it controls"
+        raise SimulationError(f"{path.stem} is sampled: {words}")
     with FmuEquations(path, values, inputs=chosen_inputs, outputs=chosen_outputs, time=time) as equations:
         states = len(equations.states)
         point = equations(time, equations.x, equations.u)

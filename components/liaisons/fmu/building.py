@@ -64,6 +64,8 @@ def build(
     output = as_path("output", output, BuildError)
     if fmi == "3" and backend == "python":
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
+    if model.sample and backend == "python":
+        raise BuildError(f"{model.name}: FMUs in Python take no samples; take backend='native'")
     if platforms == "wasm" and fmi == "2":
         raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
     if backend == "auto" and fmi == "2" and not _compiler_command():

@@ -198,6 +198,8 @@ def _row_functions(
     functions |= {"draw": model.table.draw} if model.table.draw else {}
     functions |= {"distances": model.table.conditions} if model.condition_texts else {}
     functions |= {"jump": model.table.jump} if model.states else {}
+    functions |= {"sample": model.table.sample} if model.table.sample else {}
+    functions |= {"instants": model.table.events} if model.table.events else {}
     functions |= {function.name(): function for pair in rates for function in pair}
     arguments = {name: function.sx_in() for name, function in functions.items()}
     return {name: ca.Function(f"seen_{name}", x, functions[name].call(x, True, False)) for name, x in arguments.items()}
@@ -210,6 +212,12 @@ def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> lis
         suffix = name.removeprefix("calculate") if name.startswith("calculate") else ""
         call = f"with_rows{suffix}({function.name()}, arguments, results, integers, reals, memory)"
         statements[name] = f"return {call};"
+    if "instants" in row_functions:  # its arguments are (k, t)
+        as_rows = "arguments[1], NULL, NULL, arguments[0], [TABLE] = arguments[TABLE]"
+        statements["instants"] = (
+            f"return with_rows({row_functions['instants'].name()}, (const double *[TABLE + 1]){{{as_rows}}}, results, "
+            "integers, reals, memory);"
+        )
     if model.table and model.table.has_events:
         statements["instants"] = "return next_instant(arguments, results);"
         statements["draw"] = "return next_break(arguments, results);"

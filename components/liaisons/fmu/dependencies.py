@@ -30,7 +30,7 @@ def running_dependencies(model: Model) -> Pattern:
     """Return which outputs depend on which of time, states, inputs and parameters."""
     m = _with_few_links(model)
     groups = {0: (TIME,), 1: shown_states(m), 2: m.inputs, 3: m.parameters}
-    return _variable_pattern(m.outputs_function, m.outputs, groups)
+    return _variable_pattern(running_outputs(m), m.outputs, groups)
 
 
 def initial_dependencies(model: Model) -> Pattern:
@@ -62,6 +62,15 @@ def initial_outputs(model: Model) -> ca.Function:
     t, u, k = (ca.MX.sym(name, model.start.numel_in(i)) for i, name in enumerate("tuk"))
     y, m = _inlined_call(model.start, t, u, k)
     return ca.Function("initial", [t, u, k], _inlined_call(model.outputs_function, t, y, u, k, m))
+
+
+def running_outputs(model: Model) -> ca.Function:
+    """Return the function (t, y, u, k, m) → z, after the sample that may be due."""
+    if model.sample is None:
+        return model.outputs_function
+    arguments = model.sample.sx_in()
+    memory = model.sample.call(arguments, True, False)
+    return ca.Function("running", arguments, model.outputs_function.call([*arguments[:4], *memory], True, False))
 
 
 def jacobian_sparsity(function: ca.Function, arguments: Sequence[int]) -> csr_array:

@@ -21,6 +21,7 @@ from liaisons.fmu.dependencies import (
     decided_at_events,
     initial_outputs,
     jacobian_sparsity,
+    running_outputs,
     shown_states,
     states_that_jump,
 )
@@ -310,7 +311,7 @@ def _model_structure(model: Model) -> Iterator[str]:
     """Yield the groups of unknowns in ModelStructure."""
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
     states, parameters, inputs = shown_states(model), model.parameters, model.inputs
-    running = (*states, *inputs), jacobian_sparsity(model.outputs_function, (1, 2)) if sparse else None
+    running = (*states, *inputs), jacobian_sparsity(running_outputs(model), (1, 2)) if sparse else None
     starting = (*parameters, *inputs), jacobian_sparsity(initial_outputs(model), (2, 1)) if sparse else None
     groups = model_structure_groups(
         model, ["Unknown"] * 3, "index", _value_references(model), running=running, starting=starting

@@ -44,6 +44,7 @@ _DIGITS = 9
 _BOOKED = ("work", "dissipated")
 _SSP = "http://ssp-standard.org/SSP1/"
 _CONTACTS = "contacts have no integration that is independent of the FMU"
+_SAMPLES = "at a sample the outputs depend on whether inputs are set before they are read"
 _GIVEN_UP = "it leads to a singularity, or there is too much to integrate while an FMU is built"
 _ABOUT = """\
 {name}_out.csv: results of the default experiment, every {interval:g} s, {starts}.
@@ -82,9 +83,9 @@ class _GivenUpError(Exception):
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def trajectory(model: Model) -> Trajectory | None:
-    """Return the integrated default experiment; None if it is singular, has contacts, or takes too long."""
+    """Return the integrated default experiment; None if it is singular, has contacts or samples, or takes too long."""
     count = model.derivatives.numel_in(1)
-    if model.contacts or count * INTERVALS > WORK:
+    if model.contacts or model.sample or count * INTERVALS > WORK:
         return None
     model = _with_reference_starts(model)
     u, k = start_vectors(model)
@@ -217,7 +218,7 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
             starts=" and ".join([*own, "all else at its start value"]),
             tolerance=TOLERANCE,
         ).encode()
-    why = _CONTACTS if model.contacts else _GIVEN_UP
+    why = _CONTACTS if model.contacts else _SAMPLES if model.sample else _GIVEN_UP
     return {MANIFEST: _manifest(related, why), **members}
 
 

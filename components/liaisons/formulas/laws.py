@@ -132,6 +132,10 @@ LAWS = {
     "points": Law("Points", "Where other mechanisms are attached."),
     "outputs": Law("Further outputs", "What the component adds."),
     "signal": Law("Signal", "Its two derivatives are taken from the same expression."),
+    "update": Law(
+        "Samples",
+        "After a sample, from values before it and the inputs at its instant; outputs change after the delay.",
+    ),
     "link": Law("One link", "Sums over all links are those of the chain; L = T − V, friction −∂D/∂q̇."),
     "joints": Law("Joints", "Where the next link begins, and the first."),
     "hamiltonian": Law(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
 
 from liaisons.base.arguments import finite, merged, positive, shown
@@ -19,6 +20,7 @@ from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
 from liaisons.errors import LiaisonsError, PlanError, suggestion
+from liaisons.holding.observers import Observer, normal_verdict
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
@@ -81,6 +83,7 @@ class LinearPrediction:
     reach: Array  # (directions, ·) basis of the controllable ones
     conserved: tuple[str, ...]  # states, or sums of them, that no input changes
     returns: bool  # whether the trajectory ends where it starts, up to the mechanism's orientation
+    cost: tuple[Array, Array, Array] | None = None  # B, Q and R at an equilibrium whose deviations are controllable
 
     def multipliers(self, matrix: Array) -> NDArray[np.complex128]:
         """Eigenvalues of a matrix, greatest first; its singular values unless the trajectory returns."""
@@ -111,6 +114,7 @@ class Controller:
     values: Mapping[str, float]  # of parameters, as given
     starts: Mapping[str, float]  # start values of the FMU, including σ, σ̇ and σ̈
     perturbations: tuple[Mapping[str, float], ...]  # differences of start values that span the directions
+    observer: Observer | None = None  # its estimates are read instead of the states that it estimates
 
     @property
     def duration(self) -> float:
@@ -185,7 +189,10 @@ class Controller:
         mechanism = system.add(self.name, fmu, **values, **follows, **starts)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
-            system.connect(part["elapsed"], part["sampled"])
+        if self.observer:
+            estimates, observer = self.observer.outputs, self.observer.connect_to(system)
+            sources |= {name: observer[estimates[name]] for name in self.states if name in estimates}
+        for part in regulators:
             for i, name in enumerate(self.states, start=1):
                 system.connect(sources[name] if name in sources else mechanism[name], part[f"reading_{i}"])
         return system
@@ -279,17 +286,21 @@ class Controller:
         coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
         return system.simulate(times=times, coupling=coupling, tolerance=1e-11, inputs=inputs)
 
-    def deviation(self, run: Result) -> Array:
-        """Deviations of the states of a run from the reference trajectory, (states, times)."""
+    @property
+    def signals(self) -> list[str]:
+        """Names of the states in :meth:`system`."""
         outputs: dict[str, str] = {}
         for move in self.moves:
             outputs |= by_name(motion_names(move), (f"{self.name}_{move}.{output}" for output in TRIPLE))
-        names = [outputs.get(name, f"{self.name}.{name}") for name in self.states]
+        return [outputs.get(name, f"{self.name}.{name}") for name in self.states]
+
+    def deviation(self, run: Result) -> Array:
+        """Deviations of the states of a run from the reference trajectory, (states, times)."""
         repeats = self.trajectory.after == "repeats"
         rounds = np.floor(run.time / self.duration + _ROUNDING) * repeats
         late = run.time - rounds * self.duration + _ROUNDING * self.duration
         knots = np.maximum(0, np.searchsorted(self.trajectory.times, late, side="right") - 1)
-        states = np.array([run[name] for name in names])
+        states = np.array([run[name] for name in self.signals])
         return states - self.trajectory.states[:, knots] - np.outer(self._round_change, rounds)
 
     def survives(
@@ -355,23 +366,33 @@ class Controller:
     def measured(self) -> Array:
         """Matrix of one step, or of the whole trajectory, from central differences of runs of the FMUs.
 
-        The corrections have no bounds there: at a bound the motion has no derivative.
+        With an observer it has the estimates behind the deviations.  The corrections have no bounds there: at a bound
+        the motion has no derivative.
         """
-        unbounded = replace(self, correction_limits={})
-        first = np.linalg.pinv(self.prediction.directions)
-        last = np.linalg.pinv(self.prediction.final_directions)
-        starts, ends = [], []
-        for direction in self.perturbations:
-            shifted = [
-                {name: self.starts[name] + by * x for name, x in direction.items()}
-                for by in (_DIFFERENCE, -_DIFFERENCE)
-            ]
-            with ignored_warnings():  # of long steps: the matrix contains the sampling
-                times = self.times(self.duration)
-                runs = [self._simulate(unbounded._connected_system(values), times) for values in shifted]  # noqa: SLF001
-            change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _DIFFERENCE * self.sizes[:, None])
-            starts.append(first @ change[:, 0])
-            ends.append(last @ change[:, -1])
+        unbounded, starts, ends = replace(self, correction_limits={}), [], []
+        perturbations: list[Mapping[str, float]] = [*self.perturbations]
+        own, names = dict(self.starts), list[str]()
+        if self.observer:
+            model = self.observer.model
+            names = [f"{self.observer.part}.{output}_0" for output in self.observer.outputs.values()]
+            own |= by_name(names, model.start * model.sizes)
+            perturbations += [by_name(names, column * model.sizes) for column in self.observer.directions.T]
+        for direction in perturbations:
+            runs = []
+            for by in (_DIFFERENCE, -_DIFFERENCE):
+                values = {name: own[name] + by * x for name, x in direction.items()}
+                estimates = {name: x for name, x in values.items() if "." in name}
+                system = unbounded._connected_system({n: x for n, x in values.items() if n not in estimates})  # noqa: SLF001
+                with ignored_warnings():  # of long steps: the matrix contains the sampling
+                    runs.append(self._simulate(system.with_start_values(estimates), self.times(self.duration)))
+            for points, k, D in (starts, 0, self.prediction.directions), (ends, -1, self.prediction.final_directions):
+                changes = [np.linalg.pinv(D) @ ((self.deviation(runs[0]) - self.deviation(runs[1]))[:, k] / self.sizes)]
+                if self.observer:
+                    estimated = np.array([[run[n.removesuffix("_0")][k] for n in names] for run in runs])
+                    changes.append(
+                        self.observer.directions.T @ ((estimated[0] - estimated[1]) / self.observer.model.sizes)
+                    )
+                points.append(np.concatenate(changes) / (2 * _DIFFERENCE))
         return np.linalg.lstsq(np.array(starts), np.array(ends), rcond=None)[0].T
 
     def verify(self) -> list[Verdict]:
@@ -379,8 +400,12 @@ class Controller:
 
         The measured matrix of one step, or of the whole trajectory, and its multipliers are the predicted ones;
         controllable deviations decay; without disturbance the mechanism follows the trajectory, for two rounds or
-        until well after the end of the plan.
+        until well after the end of the plan.  With an observer, in addition: 200 random runs have errors of the size
+        that their covariance says, and at an equilibrium the multipliers of the loop are those of the feedback and of
+        the observer, and its cost is that of the closed formula.
         """
+        if self.observer:
+            return [*replace(self, observer=None).verify(), *self._verify_estimates(self.observer)]
         measured = self.measured()
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
         error = float(np.max(np.abs(measured - self.loop)) / max(_LEAST_SCALE, np.max(np.abs(self.loop))))
@@ -401,6 +426,51 @@ class Controller:
         why = "ten times by how much a motion that returns may miss its begin"
         words = f"undisturbed it stays with its motion for {stop:.3g} s, relative to sizes"
         return [*claims, verdict(words, error=float(np.max(off)), tolerance=1e-5, reason=why)]
+
+    def _verify_estimates(self, observer: Observer) -> list[Verdict]:
+        """Verdicts on the loop with an observer: its errors; at an equilibrium separation of multipliers, and cost."""
+        unbounded = replace(self, correction_limits={})  # at a bound no law holds
+        runs = observer.random_runs(unbounded._connected_system({}))  # noqa: SLF001
+        claims = observer.consistency(runs)
+        if observer.motion is not None:
+            return claims
+        predicted = np.concatenate([self.floquet_multipliers, observer.multipliers])
+        far = np.abs(np.linalg.eigvals(self.measured())[:, None] - predicted)
+        words = "multipliers of the loop are those of feedback and of the observer"
+        error, why = float(np.max(far[linear_sum_assignment(far)])), "a root of the error where they coincide"
+        claims.append(verdict(words, error=error, tolerance=1e-3, reason=why))
+        if self.prediction.cost is not None and not observer.model.uncertainty.unknown_forces:
+            expected, costs = self._costs(observer, [run for run, _ in runs])
+            error = (np.mean(costs) - expected) / (np.std(costs) / np.sqrt(len(costs)))
+            claims.append(normal_verdict(f"a step costs tr(S W) + tr(P Kᵀ(R + BᵀSB)K) = {expected:.4g}", error))
+        return claims
+
+    def _costs(self, observer: Observer, runs: Sequence[Result]) -> tuple[float, Array]:
+        """Mean cost of a step in the steady state, and that of runs.
+
+        The future cost of the first deviation of a run is subtracted, and that of its last added, so that the mean is
+        the same without a steady state.
+        """
+        assert self.prediction.cost is not None  # all is controllable
+        (B, Q, R), D, model = self.prediction.cost, self.prediction.directions, observer.model
+        K = self.gains[0] / self.sizes[-len(self.moves) :, None] * self.sizes @ D
+        S = solve_discrete_lyapunov(self.loop.T, Q + K.T @ R @ K)
+        inverse, n, sigma = np.linalg.pinv(D), len(model.sampled.names), model.sampled.sigma
+        of_states = inverse[:, :n] @ np.eye(n, len(model.states))
+        added, error = np.array(model.predict(model.start, sigma, sigma)[2]), K @ of_states
+        expected = np.sum(of_states.T @ S @ of_states * added)
+        expected += np.sum(error.T @ (R + B.T @ S @ B) @ error * observer.corrected[0])
+        costs = []
+        for run in runs:
+            off = self.deviation(run)
+            read = off.copy()
+            for i, name in enumerate(self.states):
+                if output := observer.outputs.get(name):
+                    read[i] += run[f"{observer.part}.{output}"] - run[self.signals[i]]
+            x, estimate = (inverse @ (y / self.sizes[:, None])[:, :-1] for y in (off, read))
+            total = np.sum((x.T @ Q) * x.T, axis=1) + np.sum((estimate.T @ K.T @ R @ K) * estimate.T, axis=1)
+            costs.append((np.sum(total[:-1]) + x[:, -1] @ S @ x[:, -1] - x[:, 0] @ S @ x[:, 0]) / (x.shape[1] - 1))
+        return float(expected), np.array(costs)
 
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))

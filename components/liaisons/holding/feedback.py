@@ -36,6 +36,15 @@ def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
     return V, whole[:, V.shape[1] :]
 
 
+def named_sum(names: Sequence[str], parts: Array, sizes: Array) -> str:
+    """Text of Σ parts/sizes · names, its first coefficient 1."""
+    vector = parts / sizes
+    terms = [i for i in range(vector.size) if abs(parts[i]) > 1e-3 * np.max(np.abs(parts))]  # the rest is of order H
+    signed = [(f"{vector[i] / vector[terms[0]]:+.3g}", names[i]) for i in terms]
+    text = " ".join(f"{number[0]} {number[1:]} {name}" for number, name in signed)
+    return text.removeprefix("+ ").removeprefix("1 ")
+
+
 def rest_targets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
     """Coordinates along V at which x rests with C x = 0 for each direction of U, and the norms of the residuals."""
     left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import svd
 
-from liaisons.base.arguments import finite, merged, named, numbers, positive, shown
+from liaisons.base.arguments import finite, merged, named, positive, shown
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import PlanError
 from liaisons.holding.controllers import After, Controller, LinearPrediction, ReferenceTrajectory
@@ -27,6 +27,7 @@ from liaisons.holding.feedback import (
     Step,
     input_matrix,
     least_defects,
+    named_sum,
     periodic_riccati,
     reachable_subspace,
     rest_targets,
@@ -34,57 +35,17 @@ from liaisons.holding.feedback import (
     riccati_recursion,
     transition_matrix,
 )
+from liaisons.holding.observing import observe
 from liaisons.holding.sampling import SampledMechanism, in_directions
+from liaisons.holding.subjects import SETTINGS, sampled_subject
 from liaisons.language import Orientation
-from liaisons.library import Target, component
-from liaisons.planning.goals import Goal, by_name, duration_range, is_expression, motion_names, move_names
+from liaisons.library import Target
+from liaisons.planning.goals import by_name, motion_names
 from liaisons.planning.plans import JUMP_LEAD, Plan
-from liaisons.planning.symbols import ROUNDING, goal_symbols
 
 _BOUND_NAMES = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Names that a Regulator has for the bounds of a correction, of its rate and of its acceleration."""
 _UNBOUNDED = 1e30
-
-
-@dataclass(frozen=True)
-class SynthesisSettings:
-    """Numbers of the synthesis, with their reasons; times are in radians of the fastest free motion."""
-
-    fewest_steps: int = 40
-    """Least number of communication steps of a plan, unless given: it is resolved even without a free motion."""
-    longest_step: float = 0.25
-    """Longest communication step of a plan, in radians, unless given: 25 samples a period, of the usual 20 to 30
-    (Åström and Wittenmark, Computer-Controlled Systems, 4.3)."""
-    steps_per_radian: int = 16
-    """Communication steps in a radian at an equilibrium, unless given: 100 samples a period."""
-    steps_per_time: int = 1000
-    """Longest radian at an equilibrium, in steps: slower free motions move by less than 1e-3 in a step, and are treated
-    as drift."""
-    least_radians: int = 3
-    """Free motions slower than this many radians over the plan, half a period, are treated as drift."""
-    parts_without_motion: int = 30
-    """Without a free motion states change by their sizes in this part of the plan: the fastest change that
-    ``fewest_steps`` sample more than once."""
-    most_steps: int = 10_000
-    """Most communication steps of a plan: each has a matrix, 5 kB for the 24 states that a Regulator reads."""
-    drift_weight: float = 1e-3
-    """Weight of the rate of a moved coordinate that is not held, beside 1 of a held one: without a weight nothing stops
-    it.  Alone, v' = w, it decays by exp(-t √(weight / effort)): in 30 radians, after the held coordinates."""
-    integration_error: float = 1e-10
-    """Relative error of the matrix of a step, by the Runge-Kutta steps of :mod:`liaisons.holding.sampling`."""
-    negligible_mass: float = 1e-3
-    """An effective mass below this part of the greatest on the trajectory is 0: bounds on its force would be bounds on
-    an acceleration a thousand times as large as elsewhere."""
-    knots_ahead: int = 6
-    """Corrections respect the bounds at this many knots to come, after which their accelerations have decayed to
-    exp(-6) = 2.5e-3."""
-    largest_miss: float = 1e-3
-    """Largest miss of the plan's end, relative to sizes: its square, which first order neglects, is ``closure``."""
-    closure: float = 1e-6
-    """Tolerance for calling a plan closed, or at rest at its end, relative to sizes: verified plans keep 1e-8."""
-
-
-_SETTINGS = SynthesisSettings()
 
 
 def hold(
@@ -97,6 +58,12 @@ def hold(
     weights: Mapping[str, float] | None = None,
     effort: float = 1.0,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    measured: str | Sequence[str] | None = None,
+    noise: Mapping[str, float] | None = None,
+    disturbance: Mapping[str, float] | None = None,
+    bias: Mapping[str, float] | None = None,
+    unknown_forces: Mapping[str, float] | None = None,
+    deviations: Mapping[str, float] | None = None,
     start_values: Mapping[str, float] | None = None,
     **keywords: float,
 ) -> Controller:
@@ -126,44 +93,48 @@ def hold(
         divided by their sizes.
     :param bounds: (low, high) of σ, σ̇, σ̈ and operator forces, ``{"pivot_x_ddot": (-5, 5)}``, at which the feedback
         saturates, beside those of the plan.  Bounds of forces become bounds of σ̈ along the undisturbed motion.
+    :param measured: outputs that are measured: the regulators read the estimates of an observer (LQG); with ``noise``,
+        ``disturbance``, ``bias``, ``unknown_forces`` and ``deviations`` as for :func:`liaisons.observe`.
     :param start_values: parameters by name; ``keywords`` are further ones, where they are no settings.
-    :raises PlanError: if the mechanism is not in equilibrium, or a state is not controllable; the state is named.
+    :raises PlanError: if the mechanism is not in equilibrium, or a state is not controllable, or with ``measured`` not
+        observable; the state is named.
     """
     values = merged("hold", start_values, keywords, PlanError)
     positive("effort", effort, PlanError)
-    if step_size is not None:
-        positive("step_size", step_size, PlanError)
-        duration_range(step_size, "step_size")
     criterion = _Criterion(named("weights", weights or {}, PlanError), effort, named("bounds", bounds or {}, PlanError))
-    if isinstance(motion, Plan):
-        if at is not None or moves is not None or values:
-            raise PlanError("hold: a plan says what moves, where, and with which parameters; leave at and moves out")
-        return _hold_along(motion, step_size, criterion)
-    if at is None:
-        raise PlanError("hold keeps an equilibrium or a plan: give a mechanism and at={name: value, ...}, or a plan")
-    for name, value in named("at", at, PlanError).items():
-        if not np.all(np.isfinite(numbers(f"at: {name}", value, PlanError))):
-            raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
-    usual = component(motion).experiment.step_size
-    H = usual if step_size is None else step_size
-    goal = Goal(motion, move_names(motion, moves), (H, H), values, at)
-    sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_SETTINGS.steps_per_time * H)
-    if step_size is None and sampled.moves_freely:
-        H = _round_down(sampled.time / _SETTINGS.steps_per_radian)
-    return _hold_at_rest(sampled, H, criterion)
+    sampled, H = sampled_subject("hold", motion, at, moves, step_size, values)
+    planned = isinstance(motion, Plan)
+    controller = _hold_along(motion, sampled, H, criterion) if planned else _hold_at_rest(sampled, H, criterion)
+    if measured is None:
+        if any((noise, disturbance, bias, unknown_forces, deviations)):
+            raise PlanError("hold: noise and disturbances are for an observer: give measured, too")
+        return controller
+    samples = controller.trajectory.times / H
+    if not np.allclose(samples, np.round(samples), rtol=0, atol=1e-3):
+        raise PlanError(
+            f"{sampled.name}: σ̈ jumps between two samples of {H:g} s: give a step_size that divides its arcs"
+        )
+    observer = observe(
+        motion,
+        measured,
+        noise or {},
+        disturbance,
+        at=at,
+        moves=None if planned else sampled.moves,
+        bias=bias,
+        unknown_forces=unknown_forces,
+        deviations=deviations,
+        step_size=H,
+        start_values=values,
+    )
+    return replace(controller, observer=observer)
 
 
 def _spectral_radius(matrix: Array) -> float:
     """Spectral radius, maximised over perturbations as large as the integration error."""
-    random, size = np.random.default_rng(0), _SETTINGS.integration_error * np.max(np.abs(matrix), initial=0.0)
+    random, size = np.random.default_rng(0), SETTINGS.integration_error * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
     return float(np.max(np.abs(np.linalg.eigvals(near)), initial=0.0))
-
-
-def _round_down(value: float) -> float:
-    """The greatest number not above a value that is 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(digit * power for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-9)))
 
 
 @dataclass(frozen=True)
@@ -177,7 +148,7 @@ class _Criterion:
     def costs(self, sampled: SampledMechanism, directions: Sequence[Array]) -> list[Array]:
         """Cost matrices at the knots, in coordinates of the directions of deviation."""
         cost = {name: float(name in sampled.free) for name in sampled.states}
-        cost |= {f"{m}_dot": _SETTINGS.drift_weight for m in sampled.moves if m not in sampled.held_moves}
+        cost |= {f"{m}_dot": SETTINGS.drift_weight for m in sampled.moves if m not in sampled.held_moves}
         for name, weight in self.weights.items():
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
@@ -194,15 +165,9 @@ class _Criterion:
 def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
     """The controller of least cost at an equilibrium.
 
-    :raises PlanError: if the state is no equilibrium, or a held coordinate is not controllable.
+    :raises PlanError: if a held coordinate is not controllable.
     """
-    y, sigma = sampled.start[sampled.state_indices], sampled.sigma
-    rates = by_name(sampled.names, sampled.rates(y, sigma))
-    rates |= {m: sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.held_moves}
-    sizes = by_name(sampled.states, sampled.sizes)
-    worst = max(rates, key=lambda name: abs(rates[name]) / sizes[name])
-    if not abs(rates[worst]) * sampled.time <= 1e-9 * sizes[worst]:
-        raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {rates[worst]:.3g}")
+    sigma = sampled.sigma
     planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
     trajectory = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
@@ -229,7 +194,8 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
                 raise _uncontrollable_error(sampled, D, U[:, j])
         K -= K @ V @ target @ U.T
     _refuse_bounds(sampled, criterion.bounds, sigma)
-    prediction = LinearPrediction(A - B @ K, D, D, V, _states_along(sampled, D, constant), returns=True)
+    cost = None if U.size else (B, Q, criterion.effort * np.eye(B.shape[1]))
+    prediction = LinearPrediction(A - B @ K, D, D, V, _states_along(sampled, D, constant), returns=True, cost=cost)
     gains = [K @ np.linalg.pinv(D)]
     return _controller(sampled, H, trajectory, gains=gains, bounds=criterion.bounds, prediction=prediction)
 
@@ -237,14 +203,11 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
 # ---- a plan -------------------------------------------------------------------------------------------------------
 
 
-def _hold_along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Controller:
+def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
     """The controller of least cost along a plan.
 
     :raises PlanError: if a growing deviation is not controllable, or the gains do not converge.
     """
-    sampled = sampled_mechanism(motion)
-    longest = min(motion.duration / _SETTINGS.fewest_steps, _SETTINGS.longest_step * sampled.time)
-    H = motion.duration / np.ceil(motion.duration / longest - 1e-9) if step_size is None else step_size
     trajectory, steps, returns = _reference_trajectory(motion, sampled, H)
     D = [sampled.directions(*point) for point in trajectory.points]
     steps, costs = in_directions(steps, D), criterion.costs(sampled, D)
@@ -281,30 +244,6 @@ def _hold_along(motion: Plan, step_size: float | None, criterion: _Criterion) ->
     return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
 
 
-def sampled_mechanism(motion: Plan) -> SampledMechanism:
-    """The mechanism of a plan, with the start and the sizes that the plan has."""
-    goal, T = motion.goal, motion.duration
-    bare, symbols = Goal(goal.component, goal.moves, (T, T), goal.values, {}), goal_symbols(goal)
-    first, starts = motion.sigma(0.0), motion.fmu_starts
-    start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
-    start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
-    # The residual that IPOPT leaves where a start is 0 must not become a size.
-    start = {name: x if abs(x) > ROUNDING * symbols.sizes.get(name, 1.0) else 0.0 for name, x in start.items()}
-    groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not is_expression(group)]
-    required = {name for group in groups for name in group}
-    trajectory, states = motion.solution.trajectory, motion.problem.states
-    extents = by_name(states, np.abs(trajectory.knots).max(axis=1))
-    extents |= {m: float(np.abs(motion.sigma(trajectory.breaks)[m]).max()) for m in goal.moves}
-    return SampledMechanism(
-        replace(bare, start=start),
-        required,
-        interpolate=True,
-        time=T / _SETTINGS.parts_without_motion,
-        longest=T / _SETTINGS.least_radians,
-        extents=extents,
-    )
-
-
 def _reference_trajectory(
     motion: Plan, sampled: SampledMechanism, H: float
 ) -> tuple[ReferenceTrajectory, list[Step], bool]:
@@ -313,7 +252,7 @@ def _reference_trajectory(
     :raises PlanError: for too many steps, or if they miss the plan's end.
     """
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.control_order
-    most = _SETTINGS.most_steps
+    most = SETTINGS.most_steps
     if most < T / H:
         raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
     instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
@@ -323,7 +262,7 @@ def _reference_trajectory(
     sigma = motion.sigma(times)
     planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
     reference, steps = _steps_to_end(motion, sampled, times, planned, H)
-    gap, closure = np.abs(reference[:, -1] - reference[:, 0]), _SETTINGS.closure
+    gap, closure = np.abs(reference[:, -1] - reference[:, 0]), SETTINGS.closure
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
     is_open = gap > closure * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     open_states = {name for name, is_off in zip(sampled.states, is_open, strict=True) if is_off}
@@ -364,7 +303,7 @@ def _steps_to_end(
     planned_end, reached = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1]), reference[:n, -1]
     missed = np.array([planned_end.get(name, x) - x for name, x in zip(sampled.names, reached, strict=True)])
     missed /= sampled.sizes[:n]
-    if not np.max(np.abs(missed), initial=0.0) <= _SETTINGS.largest_miss:
+    if not np.max(np.abs(missed), initial=0.0) <= SETTINGS.largest_miss:
         i = int(np.argmax(np.abs(missed)))
         raise PlanError(
             f"{sampled.name}: in steps of {H:.3g} s the motion misses the plan's end, {sampled.names[i]} by "
@@ -449,7 +388,7 @@ def _correction_limits(
     for j, m in enumerate(sampled.moves):
         if f"{m}_force" not in bounds:
             continue
-        sizes, negligible = np.abs(masses[:, j]), _SETTINGS.negligible_mass
+        sizes, negligible = np.abs(masses[:, j]), SETTINGS.negligible_mass
         if np.min(sizes.max(axis=1)) <= negligible * np.max(sizes):
             raise PlanError(
                 f"{sampled.name}: bounds of {m}_force: the effective mass at {m} vanishes where it is held, so that no "
@@ -463,7 +402,7 @@ def _correction_limits(
             least, most = np.sort(margins / np.where(acts[:, i], masses[:, j, i] * shares, negligible), axis=0)
             low[i, 2] = np.maximum(low[i, 2], least)
             high[i, 2] = np.minimum(high[i, 2], most)
-    ahead = np.arange(last + 1)[:, None] + np.arange(_SETTINGS.knots_ahead + 1)
+    ahead = np.arange(last + 1)[:, None] + np.arange(SETTINGS.knots_ahead + 1)
     ahead = ahead % max(1, last) if trajectory.after == "repeats" else np.minimum(ahead, last)
     limits = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
     return {
@@ -518,12 +457,7 @@ def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence
 
 def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> str:
     """Text of a linear form on the directions, as a sum of states."""
-    part = np.linalg.pinv(directions).T @ u
-    vector = part / sampled.sizes
-    terms = [i for i in range(vector.size) if abs(part[i]) > 1e-3 * np.max(np.abs(part))]  # the rest is of order H
-    signed = [(f"{vector[i] / vector[terms[0]]:+.3g}", sampled.states[i]) for i in terms]
-    text = " ".join(f"{number[0]} {number[1:]} {state}" for number, state in signed)
-    return text.removeprefix("+ ").removeprefix("1 ")
+    return named_sum(sampled.states, np.linalg.pinv(directions).T @ u, sampled.sizes)
 
 
 def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:

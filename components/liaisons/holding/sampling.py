@@ -7,7 +7,7 @@ are exact up to the error of their integration.
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import chain
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import svd
 
 from liaisons.base.hermite import coefficients
-from liaisons.errors import PlanError
+from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import closure, stack
 from liaisons.holding.feedback import Step
 from liaisons.language import Orientation
@@ -275,11 +275,7 @@ class SampledMechanism:
 
     def _linearized_step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
         """The mechanism's states after a step, and its matrices A and B."""
-        n, c = len(self.names), len(self.moves)
-        scale = np.array([1.0, H, H**2])
-        ends = _HERMITE * np.tile(scale, 2)
-        if not self.interpolate:
-            ends = np.hstack([np.diag([1.0, 1.0, 0.5, 0, 0, 0])[:, :3] * scale, np.zeros((6, 3))])
+        n, c, ends = len(self.names), len(self.moves), self._reconstruction(H)
         motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
         begin = np.zeros((n + 1, 1 + n + 6 * c))
         begin[:n, : n + 1] = np.column_stack([y, np.eye(n)])
@@ -290,6 +286,64 @@ class SampledMechanism:
         A = np.block([[off[:, :n], before + after @ M], [np.zeros((3 * c, n)), M]])
         A, B = A[np.ix_(self.rows, self.rows)], np.vstack([after @ N, N])[self.rows]
         return y.ravel(), (A * self.sizes / self.sizes[:, None], B * self.input_sizes / self.sizes[:, None])
+
+    def _reconstruction(self, H: float) -> Array:
+        """Coefficients of the polynomial of a step, of which 1 is the end, by σ and its rates at both ends, (6, 6)."""
+        scale = np.array([1.0, H, H**2])
+        if self.interpolate:
+            return _HERMITE * np.tile(scale, 2)
+        return np.hstack([np.diag([1.0, 1.0, 0.5, 0, 0, 0])[:, :3] * scale, np.zeros((6, 3))])
+
+    def reconstructed(self, begin: ca.SX, end: ca.SX, H: float) -> Callable[[float], ca.SX]:
+        """Function of the elapsed part of a step -> σ and its two rates there, (moves, 3).
+
+        :param begin: the same at the start of the step, ``end`` at its end.
+        """
+        powers = ca.DM(self._reconstruction(H)) @ ca.vertcat(begin.T, end.T)
+
+        def motion(part: float) -> ca.SX:
+            bases = [ca.DM(part**_POWERS).T]
+            for _ in range(2):
+                bases.append(bases[-1] @ _DERIVATIVE / H)
+            return (ca.vertcat(*bases) @ powers).T
+
+        return motion
+
+    def expressions(
+        self, y: ca.SX, motion: ca.SX, forces: Mapping[str, ca.SX], signals: Sequence[str]
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Rates of the mechanism's states, the states projected onto the constraints, and signals by name.
+
+        :param y: the states; ``motion``: σ and its two rates (moves, 3); ``forces``: inputs by name, which add to those
+            of the goal.
+        :raises PlanError: for an unknown name, or a state that is not among those that σ acts on.
+        """
+        for name in forces:
+            if name not in self.ports:
+                raise PlanError(f"{self.name}: no input {name!r} is free{suggestion(name, self.ports)}")
+        inputs = self.symbols.inputs | {name: self.symbols.inputs[name] + force for name, force in forces.items()}
+        symbols, rows = replace(self.symbols, inputs=inputs), self.state_indices
+        state = ca.SX(ca.DM(self.start))
+        state[rows] = y
+        readings, project = ca.vertcat(*(symbols.signals[name] for name in signals)), symbols.model.project
+        for x in (x for i, x in enumerate(ca.vertsplit(symbols.state)) if i not in rows):
+            if ca.depends_on(readings, x):
+                moves = ", ".join(self.moves)
+                raise PlanError(f"{self.name}: {', '.join(signals)} depends on {x.name()}, which {moves} cannot move")
+        u, k, columns = (
+            stack((inputs | symbols.moved).values()),
+            stack(symbols.parameters.values()),
+            ca.horzsplit(motion),
+        )
+        whole = symbols.state if project is None else project(0, ca.vertcat(symbols.state, 0, 0), u, k)
+        results = [symbols.rates[rows], whole[rows], readings]
+        rates, projected, readings = ca.substitute(results, [symbols.state, *symbols.motion], [state, *columns])
+        return rates, projected, readings
+
+    @property
+    def ports(self) -> list[str]:
+        """Inputs that are no σ."""
+        return [name for name in self.symbols.inputs if name not in self.symbols.moved]
 
     def directions(self, reference: Array, sigma: Array) -> Array:
         """Directions of deviation, columns divided by sizes: for quaternions rotations, under constraints tangents.

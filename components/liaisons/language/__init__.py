@@ -9,6 +9,8 @@ from liaisons.language.component import Component
 from liaisons.language.declarations import (
     ActiveCoordinate,
     Coordinate,
+    DiscreteOutput,
+    DiscreteState,
     Friction,
     Gravity,
     Input,
@@ -47,6 +49,7 @@ from liaisons.language.joints import (
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
+from liaisons.language.sampled import Sampled
 from liaisons.language.shapes import (
     Ball,
     Box,
@@ -75,6 +78,8 @@ __all__ = [
     "Coordinate",
     "Cylindrical",
     "Dimension",
+    "DiscreteOutput",
+    "DiscreteState",
     "Experiment",
     "Flash",
     "Floor",
@@ -95,6 +100,7 @@ __all__ = [
     "Revolute",
     "Rod",
     "Rope",
+    "Sampled",
     "Screw",
     "Shape",
     "Shapes",

@@ -79,7 +79,7 @@ class Component(ABC):
 
     @classmethod
     def is_sampled(cls) -> bool:
-        """Whether internal states jump where inputs are set, as those of some operators do."""
+        """Whether inputs are read at samples alone."""
         return False
 
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:

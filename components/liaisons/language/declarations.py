@@ -309,6 +309,23 @@ class InternalState(Symbol):
     example = 'InternalState("1/s", "friction of the thermostat")'
 
 
+class DiscreteState(Symbol):
+    """A number that a sampled component holds from one sample to the next; ``update`` gives the next one.
+
+    :param start: value before the first sample.
+    """
+
+    example = 'DiscreteState("rad.s", "integral of the error")'
+    causality: ClassVar[Causality] = "local"
+
+
+class DiscreteOutput(DiscreteState):
+    """An output of a sampled component, constant between samples; ``update`` gives the next one."""
+
+    example = 'DiscreteOutput("N", "force of the motor")'
+    causality: ClassVar[Causality] = "output"
+
+
 class Size(Declaration[int]):
     """A structural parameter: the number of links of a chain, or of elements, at least 2, fixed when the FMU is built.
 

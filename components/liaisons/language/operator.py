@@ -21,6 +21,7 @@ from liaisons.language.checks import Formulas, call
 from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import Input, ParameterArray
 from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
+from liaisons.language.sampled import SampledStates
 from liaisons.language.variables import State, Terminal, TerminalMember
 
 _log = logging.getLogger(__name__)
@@ -46,7 +47,8 @@ class Operator(Component, abstract=True):
 
     A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, also :meth:`events`,
     which become communication points.  A controller declares inputs and internal states with :meth:`internal_rates`;
-    its signal depends on an input through at least three states, so that y, y_dot and y_ddot are continuous.
+    its signal depends on an input through at least three states, so that y, y_dot and y_ddot are continuous.  One that
+    is :class:`SampledStates`, too, reads its inputs at samples.
     The outputs ``y``, ``y_dot``, ``y_ddot`` have the unit of the port they are connected to.
 
     :raises ComponentError: when the subclass is defined, for an unknown symbol, a wrong size, or a signal one of whose
@@ -122,15 +124,6 @@ class Operator(Component, abstract=True):
         arrays: list[Any] = list(takewhile(lambda p: isinstance(p, ParameterArray), self.parameters))
         return [p for p in arrays if p.dimension == arrays[0].dimension]
 
-    def samples(self) -> Mapping[str, ca.SX]:
-        """Return, by name, the values that internal states or inputs jump to when inputs are set; default: none."""
-        return {}
-
-    @classmethod
-    def is_sampled(cls) -> bool:
-        """Whether internal states jump where inputs are set."""
-        return cls.samples is not Operator.samples
-
     def conditions(self) -> Mapping[str, ca.SX]:
         """Return expressions that must stay > 0, by the message of their error."""
         return {}
@@ -147,12 +140,17 @@ class Operator(Component, abstract=True):
     def layout(self) -> Layout:
         of_states = [list(of_internal(state)) for state in self.internal_states]
         return Layout(
-            parameters=(*self._declared_parameters(), *map(start_of_internal, self.internal_states)),
+            parameters=(
+                *self._declared_parameters(),
+                *map(start_of_internal, self.internal_states),
+                *(self.starts() if isinstance(self, SampledStates) else ()),
+            ),
             inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
             outputs=(
                 *(readable(name, units.ANY, text) for name, text in zip(TRIPLE, _TEXTS, strict=True)),
                 *(state for state, _ in of_states),
                 *(rate for _, rate in of_states),
+                *(self.held() if isinstance(self, SampledStates) else ()),
             ),
             states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
             ports=(Terminal("y", "signal", tuple(map(TerminalMember, ("s", "v", "a"), TRIPLE))),),
@@ -170,7 +168,9 @@ class Operator(Component, abstract=True):
                 "in events(), or who follows it may step over them",
                 type(self).__name__,
             )
-        formulas.internal_rates(self.symbols)
+        formulas.internal_rates(symbols if isinstance(self, SampledStates) else self.symbols)
+        if isinstance(self, SampledStates):
+            formulas.each("update", symbols, {item.name: item.unit for item in self.discrete_states})
         formulas.check_units(self.layout().variables, symbols, t="s")
         for name, expression in zip(TRIPLE, self.triple(), strict=True):
             if self.inputs and ca.depends_on(expression, self.input_column):

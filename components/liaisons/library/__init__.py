@@ -99,7 +99,7 @@ def components(target: Target) -> list[type[Component]]:
         if not _is_concrete(target):
             reason = "is abstract" if issubclass(target, Component) else "is no component"
             raise ProjectError(
-                f"the class {target.__name__} {reason}; derive one from liaisons.Mechanism or liaisons.Operator"
+                f"the class {target.__name__} {reason}; derive one from liaisons.Mechanism, Operator or Sampled"
             )
         return [target]
     if not isinstance(target, (str, os.PathLike)):
@@ -126,7 +126,7 @@ def _of_word(target: str) -> list[type[Component]]:
     classes = {name: value for name, value in defined if _is_concrete(value) and value.__module__ == module.__name__}
     _files.update(dict.fromkeys(classes.values(), path.resolve()))
     if not classes:
-        raise ProjectError(f"{path} defines no component; derive a class from liaisons.Mechanism or liaisons.Operator")
+        raise ProjectError(f"{path} defines no component; derive a class from liaisons.Mechanism, Operator or Sampled")
     if separator and name not in classes:
         raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, classes)}")
     return [classes[name]] if separator else list(classes.values())

@@ -53,6 +53,8 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         part = SystemComponent.of(subject.stem, subject, starts or {})
         root = read_description(subject).root
         parts, connections, title, text = {"": part}, (), root["modelName"], root.get("description", "")
+    for part in parts.values():
+        part.fmu.require_library("a live page")
     feeds = {connection.target.place: connection.source.place for connection in connections}
     ordered = list(execution_order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))

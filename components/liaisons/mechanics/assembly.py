@@ -13,17 +13,18 @@ from liaisons.language.chain import Chain
 from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
+from liaisons.language.sampled import LATE, Sampled, SampledStates
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
 from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, described
-from liaisons.mechanics.printing import of_operator
+from liaisons.mechanics.printing import of_operator, of_sampled
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
     """Model of a component: derived, and laid out as variables and functions; names: docs/reference/fmu.md.
 
-    :param component: a subclass of Mechanism, Chain or Operator.
+    :param component: a subclass of Mechanism, Chain, Operator or Sampled.
     :param n: number of links of a chain, or of elements of a mechanism; as declared by default.
     :raises ComponentError: if n is no whole number, is too small, or the component has no Size n.
     """
@@ -32,21 +33,26 @@ def assemble(component: type[Component], n: object = None) -> Model:
 
 def _operator_model(component: type[Operator], n: object) -> Model:
     """Model of an operator: variables and functions."""
-    if n is not None:
-        raise ComponentError(f"{component.__name__}: n = {n!r}: an operator has no size")
+    _reject_size(component, n)
     operator = component()
     operator.lookups = []
     x, rates = operator.internal, operator.internal_rate_column()
     triple, next_event = operator.triple(), operator.next_event_time()
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
-    k, none = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1)
-    vectors = {"t": operator.clock, "y": x, "u": operator.input_column, "k": k, "m": none}
-    sampled, limits = operator.samples(), operator.conditions()
-    after = (sampled.get(state.name, operator.symbols[state.name]) for state in component.internal_states)
+    k, memory, names, limits = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1), (), operator.conditions()
+    own: dict[str, Any] = {"derivatives": rates, "outputs_function": stack([*triple, x, rates])}
+    events, at_start = stack(map(ca.SX, operator.events())), memory
+    if isinstance(operator, SampledStates):
+        before, memory, names = _memory(operator)
+        k, at_start, held = ca.vertcat(k, before), operator.memory_at_start(before), operator.readable(memory)
+        own["outputs_function"] = ca.vertcat(own["outputs_function"], operator.discrete)
+        own = {name: ca.substitute(value, operator.discrete, held) for name, value in own.items()}
+        own |= {"sample": operator.after_sample(memory), "events": events}
+        limits = {LATE: operator.margin(memory), **limits}
+    vectors = {"t": operator.clock, "y": x, "u": operator.input_column, "k": k, "m": memory}
     read = {
-        "derivatives": rates,
-        "outputs_function": stack([*triple, x, rates]),
-        "jump": stack(map(ca.SX, after)),
+        **own,
+        "jump": x,
         "conditions": stack(map(ca.SX, limits.values())),
         **({} if next_event is None else {"draw": next_event}),
     }
@@ -55,15 +61,16 @@ def _operator_model(component: type[Operator], n: object) -> Model:
     if operator.lookups:
         table = _lookup_table(operator, vectors, read)
         read = _with_all_rows(operator, read)
-    results = read | {
-        "start": (start, none),
-        "remember": none,
+    results = {
+        "events": events,
+        **read,
+        "start": (start, at_start),
+        "remember": memory,
         "nominals": ca.SX.ones(x.shape),
-        "events": stack(map(ca.SX, operator.events())),
     }
     return Model(
         **described(operator),
-        memory=(),
+        memory=names,
         **model_functions(vectors, results, merge=False),
         drawn=() if next_event is None else (NEXT_EVENT,),
         condition_texts=tuple(limits),
@@ -72,10 +79,51 @@ def _operator_model(component: type[Operator], n: object) -> Model:
     )
 
 
+def _sampled_model(component: type[Sampled], n: object) -> Model:
+    """Model of a sampled component, whose memory has its discrete states."""
+    _reject_size(component, n)
+    sampled, none = component(), ca.SX(0, 1)
+    start, memory, names = _memory(sampled)
+    k, y = ca.vertcat(sampled.parameter_column, start), ca.SX.sym("y", 0)
+    vectors = {"t": sampled.clock, "y": y, "u": sampled.input_column, "k": k, "m": memory}
+    limits = sampled.conditions(memory)
+    results = {
+        **dict.fromkeys(("derivatives", "jump", "nominals"), none),
+        "start": (none, sampled.after_sample(sampled.memory_at_start(start))),
+        "sample": sampled.after_sample(memory),
+        "remember": memory,
+        "outputs_function": sampled.readable(memory),
+        "conditions": stack(limits.values()),
+        "events": stack(sampled.events()),
+        "draw": sampled.next_event_time(),
+    }
+    return Model(
+        **described(sampled),
+        memory=names,
+        **model_functions(vectors, results, merge=False),
+        drawn=(NEXT_EVENT,),
+        condition_texts=tuple(limits),
+        equations=of_sampled(sampled),
+    )
+
+
+def _memory(sampled: SampledStates) -> tuple[ca.SX, ca.SX, tuple[str, ...]]:
+    """Start values of discrete states, the memory that has them, and names of its numbers."""
+    names = [state.name for state in sampled.discrete_states]
+    start = stack(ca.SX.sym(f"{name}_0") for name in names)
+    return start, ca.SX.sym("m", 2 * len(names) + 1), (*(f"{name}_before" for name in names), *names, "last_sample")
+
+
+def _reject_size(component: type[Component], n: object) -> None:
+    if n is not None:
+        raise ComponentError(f"{component.__name__}: n = {n!r}: it has no size")
+
+
 _MODELS: dict[type[Component], Callable[[Any, object], Model]] = {
     Chain: lambda component, n: chain_model(component, component(n).sizes["n"]),
     Mechanism: lambda component, n: mechanism_model(component if n is None else component.of_size(n)),
     Operator: _operator_model,
+    Sampled: _sampled_model,
 }
 """Model of a component of each kind, of some size where it is not None."""
 
@@ -91,8 +139,13 @@ def _lookup_table(operator: Operator, vectors: Mapping[str, ca.SX], results: Map
     seen = stack([*(row for lookup in lookups for row in (lookup.begin, lookup.end)), behind])
     has_events = any(ca.is_equal(lookup.time, t) for lookup in lookups)
     own = {name: value for name, value in results.items() if name != "draw" or not has_events}
+    events = own.pop("events", None)
     elements = {name for column in columns for name in column.names}
-    unseen = [name for name in map(str, ca.symvar(stack(own.values()))) if name in elements]
+    unseen = [
+        name
+        for name in map(str, ca.symvar(stack([*own.values(), ca.SX(0, 1) if events is None else events])))
+        if name in elements
+    ]
     if unseen:
         raise ComponentError(f"{type(operator).__name__}: {unseen[0]} is part of a table: ask interval() for it")
     times = stack(lookup.time for lookup in lookups)
@@ -103,6 +156,7 @@ def _lookup_table(operator: Operator, vectors: Mapping[str, ca.SX], results: Map
         rests=tuple(lookup.rests for lookup in lookups),
         times=ca.Function("times", [t, vectors["y"], vectors["u"], behind], [times]),
         has_events=has_events,
+        events=events if events is None else ca.Function("events", [t, vectors["y"], vectors["u"], seen], [events]),
         **model_functions({**vectors, "k": seen}, own, merge=False),
     )
 

@@ -52,6 +52,8 @@ SIGNATURES: Mapping[str, Signature] = {
     "jump": Signature("tyukm", "y", "jump"),
     # memory after a completed step or jump
     "remember": Signature("tyukm", "m", "remember"),
+    # memory after the sample that is due
+    "sample": Signature("tyukm", "m", "sample"),
     # size of each state, at initialization: scales the tolerance
     "nominals": Signature("tyuk", "y", "nominals"),
     # state put back onto constraints after a step of the solver

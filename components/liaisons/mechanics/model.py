@@ -61,6 +61,7 @@ class LookupTable:
     :param conditions: (t, y, u, r) → (c,).
     :param has_events: whether its first column holds the instants of :attr:`Model.events`.
     :param draw: (t, y, u, r) → (next event,), unless these instants are it, or there is none.
+    :param sample: (t, y, u, r, m) → (m,) of what samples; ``events``: (r, t) → (e,).
     """
 
     columns: int
@@ -74,6 +75,8 @@ class LookupTable:
     conditions: ca.Function
     has_events: bool
     draw: ca.Function | None = None
+    sample: ca.Function | None = None
+    events: ca.Function | None = None
 
     @property
     def seen(self) -> int:
@@ -141,6 +144,7 @@ class Model(Layout):
     push: ca.Function | None = None
     indicate: ca.Function | None = None
     forced_motion: ca.Function | None = None
+    sample: ca.Function | None = None
 
     @property
     def indicators(self) -> tuple[str, ...]:

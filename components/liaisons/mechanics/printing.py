@@ -18,6 +18,7 @@ from liaisons.language.chain import Chain
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.linkage import Linkage
 from liaisons.language.operator import Operator
+from liaisons.language.sampled import Sampled
 from liaisons.mechanics.constraints import differentiated_constraints
 from liaisons.mechanics.dynamics import elastic_forces
 from liaisons.mechanics.equations import Equations
@@ -87,6 +88,11 @@ def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
     internal = _row_equations("internal", names, operator.internal_rate_column())
     arrays = any(isinstance(p, ParameterArray) for p in operator.parameters)  # a choice among many is no formula
     return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
+
+
+def of_sampled(sampled: Sampled) -> tuple[Equation, ...]:
+    """Discrete states after a sample."""
+    return tuple(Equation("update", name, ca.SX(value)) for name, value in sampled.update().items())
 
 
 def of_chain(chain: Chain) -> tuple[Equation, ...]:

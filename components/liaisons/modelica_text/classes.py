@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable
 
 from liaisons.language import Chain, Mechanism, Operator
 from liaisons.language.component import Component
+from liaisons.mechanics.model import refuse_samples
 from liaisons.modelica_text.annotations import annotation
 from liaisons.modelica_text.chains import chain_motion
 from liaisons.modelica_text.faces import interface_models, interfaces
@@ -41,6 +42,7 @@ def _library(name: str, components: Iterable[type[Component]], lines: list[str])
 
 def _component(component: type[Component], *, alone: bool = False) -> list[str]:
     """Return the lines of the package of a component."""
+    refuse_samples(component, "Modelica text", "import its FMU")
     if issubclass(component, Operator):
         classes = operator_classes(component)
     else:

@@ -12,7 +12,6 @@ from liaisons.expressions.operations import interpret
 from liaisons.formulas import Notation
 from liaisons.language import Operator, Variable
 from liaisons.mechanics import assemble
-from liaisons.mechanics.model import refuse_samples
 from liaisons.modelica_text.text import (
     Section,
     bound_assertions,
@@ -50,7 +49,6 @@ _FOLLOWER = 'model {0} "A flange that follows the signal" extends Signals; {1} f
 
 def operator_classes(component: type[Operator]) -> list[str]:
     """Return lines of the models ``Signals``, ``Translational`` and ``Rotational``."""
-    refuse_samples(component, "Modelica text", "import its FMU")
     operator, layout = component(), component().layout()
     operator.lookups = []
     vars(operator)["signal"] = partial(_with_choices, operator.signal)

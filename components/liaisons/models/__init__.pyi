@@ -39,6 +39,7 @@ from .parallelograms import four_bars as four_bars
 from .parametrised_hoop import ParametrisedHoop as ParametrisedHoop
 from .pendulum import Pendulum as Pendulum
 from .pendulum_chain import PendulumChain as PendulumChain
+from .pid import Pid as Pid
 from .planar_cat import PlanarCat as PlanarCat
 from .planar_oscillator import PlanarOscillator as PlanarOscillator
 from .plane_curve import PlaneCurve as PlaneCurve

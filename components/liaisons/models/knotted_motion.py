@@ -1,4 +1,4 @@
-"""Operators that move through knots, by the time that has elapsed."""
+"""Operators that move through knots, and sample there."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import casadi as ca
 
 from liaisons.base.units import ANY
 from liaisons.language import Dimension, InternalState, Operator, ParameterArray
+from liaisons.language.sampled import NEAR, SampledStates
 from liaisons.models.quintic import quintic
 
 KNOTS = 50
-NEAR = 1e-6
-"""Part of a period: knots that are nearer to each other are both sides of a jump."""
 DIMENSION = Dimension("knots", KNOTS, "number of knots")
 
 
-class KnottedMotion(Operator, abstract=True):
-    """A motion through knots that may repeat itself, between them as PlannedMotion, and a correction of it."""
+class KnottedMotion(Operator, SampledStates, abstract=True):
+    """A motion through knots that may repeat itself, between them as PlannedMotion, and a correction of it.
+
+    Samples are the knots, and one each period behind the last of them.  Knots that are nearer to each other than a
+    millionth of the period are both sides of a jump.
+    """
 
     instant = ParameterArray((), "s", "instants of the knots, ascending", DIMENSION)
     planned = ParameterArray((), ANY, "values at the knots", DIMENSION)
@@ -28,10 +31,8 @@ class KnottedMotion(Operator, abstract=True):
     next_jump = ParameterArray(
         (1e30,) * KNOTS, "s", "first jump after the knot; beyond all if there is none", DIMENSION
     )
-    elapsed = InternalState("s", "time since the start")
     value = InternalState(ANY, "correction of y")
-    period: Any  # parameters of what samples: the sampling period [s],
-    repeats: Any  # the time after which the motion repeats itself [s],
+    repeats: Any  # parameters: the time after which the motion repeats itself [s],
     announced: Any  # and whether next_event_time has samples, too
 
     def rounds(self, t: ca.SX) -> ca.SX:
@@ -42,23 +43,35 @@ class KnottedMotion(Operator, abstract=True):
         """Time since the start of the round, put forward by rounding errors."""
         return t - self.rounds(t) * self.repeats + 1e-9 * self.period
 
-    def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - by the time that the other states have, too
+    def signal(self, t: ca.SX) -> ca.SX:
         columns = "instant", "planned", "planned_rate", "planned_acceleration"
-        (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(self.time_of_round(self.elapsed), *columns, rests=True)
-        tau, h = self.elapsed - self.rounds(self.elapsed) * self.repeats - t_0, t_1 - t_0
-        is_jump = h < 1e-6 * self.period
+        (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(self.time_of_round(t), *columns, rests=True)
+        tau, h = t - self.rounds(t) * self.repeats - t_0, t_1 - t_0
+        is_jump = h < NEAR * self.period
         u = tau * ca.if_else(is_jump, 0, 1 / ca.if_else(is_jump, self.period, h))
         return quintic((y, v, a), (y_1, v_1, a_1), tau, h, u) + self.value
+
+    def last_sample(self, t: ca.SX) -> ca.SX:
+        return self._samples(t)[0]
+
+    def events(self) -> list[ca.SX]:
+        return [self._samples(self.clock)[1]]
 
     def next_event_time(self) -> ca.SX:
         """Next repeated instant of this round, the start of the next round, or the next sample if these are announced.
 
         At samples only the third derivative jumps.
         """
-        (next_jump, t_0), (_, t_1) = self.interval(self.time_of_round(self.elapsed), "next_jump", "instant", rests=True)
-        begin = self.rounds(self.elapsed) * self.repeats
-        since = self.elapsed - begin - t_0
-        sample = ca.if_else(t_1 > t_0, t_1, t_0 + self.period * (ca.floor(since / self.period + NEAR) + 1))
-        announced = begin + ca.if_else(self.announced > 0, sample, next_jump)
-        instants = begin + next_jump, begin + self.repeats, announced
-        return self.first_after(self.clock + (instant - self.elapsed) for instant in instants)
+        t = self.clock
+        (next_jump,), _ = self.interval(self.time_of_round(t), "next_jump", rests=True)
+        begin = self.rounds(t) * self.repeats
+        sample = ca.if_else(self.announced > 0, self.events()[0], begin + next_jump)
+        return self.first_after([begin + next_jump, begin + self.repeats, sample])
+
+    def _samples(self, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Instants of the last sample before or at t, and of the next one [s]."""
+        (t_0,), (t_1,) = self.interval(self.time_of_round(t), "instant", rests=True)
+        begin, period = self.rounds(t) * self.repeats, self.period
+        count = ca.floor((t - begin - t_0) / period + NEAR)
+        last = ca.if_else(t_1 > t_0, t_0, t_0 + period * count)
+        return begin + last, begin + ca.fmin(ca.if_else(t_1 > t_0, t_1, last + period), self.repeats)

@@ -7,8 +7,8 @@ from operator import mul
 import casadi as ca
 
 from liaisons.base.units import ANY
-from liaisons.language import Input, InternalState, Parameter, ParameterArray
-from liaisons.models.knotted_motion import DIMENSION, KNOTS, NEAR, KnottedMotion
+from liaisons.language import DiscreteState, Input, InternalState, Parameter, ParameterArray
+from liaisons.models.knotted_motion import DIMENSION, KNOTS, KnottedMotion
 
 READINGS = 24
 
@@ -16,16 +16,15 @@ READINGS = 24
 class Regulator(KnottedMotion):
     """A motion through knots, and its correction by linear feedback of what was read at the last sample.
 
-    Samples are the knots, and one each period behind the last of them; each has to be a communication point, of which
-    there may be more.  From the knot k on at which was sampled, in the round n of a motion that repeats itself::
+    Samples are the knots, and one each period behind the last of them; in Co-Simulation without event mode each has to
+    be a communication point.  From the knot k on at which was sampled, in the round n of a motion that repeats itself::
 
         y = y_k + y_k' τ + y_k'' τ²/2 + ... + x       between knots as PlannedMotion, after the last one without "..."
         w = clip(offset_k + n advance_k - Σ gain_ki reading_i, lowest_k, highest_k)
         x''' = (w - x'') / period
 
     so that x stays between least_k and most_k and x' between slowest_k and fastest_k: bounds that are approached no
-    faster than by exp(-t/(2 period)).  ``sampled`` is read from ``elapsed``, so that each communication
-    point is known.  The last knot is repeated where there are less than there is room for.
+    faster than by exp(-t/(2 period)).  The last knot is repeated where there are less than there is room for.
     """
 
     offset = ParameterArray((), ANY, "sum of gains and the values that are wanted, by knots", DIMENSION)
@@ -42,41 +41,21 @@ class Regulator(KnottedMotion):
     period = Parameter(100.0, "s", "sampling period, of which communication steps are parts", above=0)
     repeats = Parameter(1e30, "s", "time after which the motion repeats itself", above=0)
     announced = Parameter(1.0, "1", "next_event_time has samples, too; 0: communication points are there anyhow")
-    sampled = Input("s", "time elapsed at the last communication point")
     rate = InternalState(ANY, "its rate")
     acceleration = InternalState(ANY, "its acceleration")
-    sample = InternalState("s", "time elapsed at the last sample")
-    wanted = InternalState(ANY, "acceleration that was wanted there")
+    wanted = DiscreteState(ANY, "acceleration that was wanted at the last sample")
 
-    def samples(self) -> dict[str, ca.SX]:
-        """Values latched at a sample: the wanted acceleration of the correction, and the time."""
+    def update(self) -> dict[str, ca.SX]:
         gains = [f"gain_{i}" for i in range(1, READINGS + 1)]
-        begin, end = self.interval(self.time_of_round(self.elapsed), "instant", "offset", "advance", *gains, rests=True)
-        t_0, offset, advance, *row = begin
-        rounds, period = self.rounds(self.elapsed), self.period
-        since, h = self.elapsed - rounds * self.repeats - t_0, end[0] - t_0
-        since -= ca.if_else(h > 0, 0, period * ca.floor(since / period + NEAR))
-        is_sample = ca.logic_and(since <= NEAR * period, ca.logic_or(h <= 0, h > NEAR * period))
+        t = self.clock
+        (offset, advance, *row), _ = self.interval(self.time_of_round(t), "offset", "advance", *gains, rests=True)
         readings = (self.symbols[f"reading_{i}"] for i in range(1, READINGS + 1))
-        wanted = offset + rounds * advance - sum(map(mul, row, readings))
-        return {
-            "wanted": ca.if_else(is_sample, wanted, self.wanted),
-            "sample": ca.if_else(is_sample, self.sampled, self.sample),
-        }
-
-    def conditions(self) -> dict[str, ca.SX]:
-        (t_0, *_), (t_1, *_) = self._held_rows()
-        due = ca.if_else(t_1 > t_0, self.rounds(self.sample) * self.repeats + t_1, self.sample + self.period)
-        text = "each sample has to be a communication point: choose a communication step that divides the period"
-        return {text: due + 2 * NEAR * self.period - self.elapsed}
-
-    def _held_rows(self) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Limits at the last sample, and the knots beside it."""
-        limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
-        return self.interval(self.time_of_round(self.sample), "instant", *limits, rests=True)
+        return {"wanted": offset + self.rounds(t) * advance - sum(map(mul, row, readings))}
 
     def internal_rates(self) -> dict[str, ca.SX]:
-        (_, lowest, highest, slowest, fastest, least, most), _ = self._held_rows()
+        limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]
+        bounds, _ = self.interval(self.time_of_round(self.clock), *limits, rests=True)
+        lowest, highest, slowest, fastest, least, most = bounds
         x, v, a, H, p, wanted = self.value, self.rate, self.acceleration, self.period, 1 / self.period, self.wanted
         for low, high in (
             (lowest, highest),
@@ -84,5 +63,4 @@ class Regulator(KnottedMotion):
             (a + H * (p**3 * (bound - x) - 3 * p**2 * v - 3 * p * a) for bound in (least, most)),
         ):
             wanted = ca.fmin(ca.fmax(wanted, low), high)
-        rates = {"elapsed": ca.SX(1), "value": v, "rate": a, "acceleration": (wanted - a) / H}
-        return rates | {"sample": ca.SX(0), "wanted": ca.SX(0)}
+        return {"value": v, "rate": a, "acceleration": (wanted - a) / H}

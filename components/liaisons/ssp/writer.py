@@ -221,6 +221,7 @@ def _add_connections(
 
 def _add_fmu(files: Files, part: SystemComponent) -> str:
     """Add the FMU file of a component once, and return its name in the archive."""
+    part.fmu.require_library("an archive")
     path = part.fmu.path
     added = next((name for name, content in files.items() if content == path), None)
     return added or _add_file(files, path.name, path)

@@ -51,6 +51,8 @@ class Study:
 
     def files(self) -> dict[Path, bytes]:
         """Contents of the FMU files, by path."""
+        for fmu in self.fmus():
+            fmu.require_library("a sweep with a journal, or on a cluster,")
         return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
 
     def moved(self, paths: Mapping[Path, Path]) -> Study:

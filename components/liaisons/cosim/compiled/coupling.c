@@ -340,12 +340,22 @@ static int iterate(System *system, const StrongComponent *component, const doubl
     return OK;
 }
 
+/* Update the largest value of each unit. */
+static void measure(const System *system) {
+    for (size_t i = 0; i < system->outputs; i++) {
+        double *const largest = &system->sizes[system->kind[i]];
+        *largest = larger(*largest, fabs(system->now[i]));
+    }
+}
+
 /* Solve x = F(x) of one component; size 0: at one instant. */
 EXPORT int solve_component(System *system, const StrongComponent *component, double time, double size) {
     double powers[POWERS];
     powers_of(size, powers);
     system->failure = (Failure){0, 0, 0, 0, 0};
-    return iterate(system, component, powers, time, size);
+    const int status = iterate(system, component, powers, time, size);
+    if (status == OK && size == 0) measure(system);
+    return status;
 }
 
 /* ---- the signals --------------------------------------------------------------------------------------------- */
@@ -374,10 +384,7 @@ static void accept(const System *system, double size) {
     memcpy(system->earlier, system->before, width * sizeof *system->now);
     memcpy(system->before, system->now, width * sizeof *system->now);
     *system->since = size;
-    for (size_t i = 0; i < system->outputs; i++) {
-        double *const largest = &system->sizes[system->kind[i]];
-        *largest = larger(*largest, fabs(system->now[i]));
-    }
+    measure(system);
 }
 
 /* ---- signal histories ----------------------------------------------------------------------------------- */

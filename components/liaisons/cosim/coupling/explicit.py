@@ -28,7 +28,8 @@ def prepared_calls(simulation: Simulation, instances: Instances, bus: Bus) -> tu
         return [call for operation in program for call in calls_of[operation, initial]]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
-    newest = {name for name, part in simulation.parts.items() if part.approximation.method in {None, 2}}
+    parts = simulation.parts.items()
+    newest = {name for name, part in parts if part.approximation.method in {None, 2} and not part.fmu.is_sampled}
     return (
         calls(schedule.consistent_program(order, feeds, partial(depends, initially=True)), initial=True),
         calls(schedule.consistent_program(order, feeds, depends)),

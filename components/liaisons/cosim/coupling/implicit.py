@@ -135,10 +135,7 @@ class Coupled:
         for component in self._components:
             if initial:
                 component.read_start_values()
-            component.forget_derivatives()
             self._solve(component, "initialization" if initial else "instant")
-            component.forget_derivatives()
-            self.signals.measure()
         self.signals.before[:] = self.signals.now
 
     def cross_break(self) -> None:
@@ -154,13 +151,16 @@ class Coupled:
         finally:
             signals.held[:] = held
         self.forget_past()
+        for component in self._components:
+            component.forget_derivatives()
         self.settle(initial=False)
 
     def forget_past(self) -> None:
         """Forget the points before the present one."""
         self.signals.since[:] = 0.0
         for history in (*self._histories, self._driven):
-            history.memory.reset()
+            if history.made.size:
+                history.memory.reset()
 
     def save(self) -> list[Any]:
         """All that later steps depend on, for :meth:`restore`."""

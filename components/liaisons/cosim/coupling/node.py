@@ -107,7 +107,8 @@ class Node:
         self.slopes_at: dict[VariableReference, int] = {}  # on the bus
         read_slopes = self._prepare_output_derivatives()
         self.gains: dict[OutputInput, int] = {}  # output and input -> where the derivative is on the bus
-        self._motion = motion = self._prepare_motion(None if prescribed else part.approximation.interface)
+        moves_as_set = prescribed or part.fmu.is_sampled  # which reads inputs at communication points
+        self._motion = motion = self._prepare_motion(None if moves_as_set else part.approximation.interface)
         move = [*motion.before, instance.stepper(bus.start, bus.size)]
         self._step: list[Call] = [*move, *motion.after, *self._get, *read_slopes]
         self._calls: dict[Phase, list[Call]] = {

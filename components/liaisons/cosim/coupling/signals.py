@@ -163,6 +163,7 @@ class Signals:
         self.earlier = np.zeros(self.zero + 1)  # at the point before t
         self.since = np.zeros(1)  # how long ago that was; 0: there was none
         self.held = np.zeros(self.zero + 1, dtype=bool)
+        self.held[: self.count] = [not self.continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
         for reference, k in self.index.items():
             self.rates[k] = self._rate(reference)
@@ -192,9 +193,10 @@ class Signals:
         return Curve(tuple(data), order, self._rate(source))
 
     def root(self, input_: VariableReference, cycle: Collection[str]) -> int:
-        """Index of the value at the start of an input's curve; that of the zero if its source is in its cycle."""
+        """Index of the value at the start of an input's curve; that of the zero if it changes within its cycle."""
         source = self._feeds[input_]
-        return self.zero if source[0] in cycle else self.index[curve(self._parts, self._feeds, source)[0][0]]
+        first = self.index[curve(self._parts, self._feeds, source)[0][0]]
+        return self.zero if source[0] in cycle and self.continuous(first) else first
 
     def makes(self, index: int) -> bool:
         """Whether no FMU gives the slope of a value."""
@@ -233,10 +235,6 @@ class Signals:
         units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
         return np.unique(units, return_inverse=True)[1]
 
-    def measure(self) -> None:
-        """Update the largest value of each unit."""
-        np.maximum.at(self.sizes, self.kinds, np.abs(self.now[: self.count]))
-
 
 @final
 class SignalHistory:
@@ -256,7 +254,6 @@ class SignalHistory:
         ports = {curve.data[0]: curve.data for curve in curves}.values()
         made = [data[0] for data in ports if len(data) == 2 and signals.makes(data[0])]
         self.made = as_indices(made)
-        signals.held[[index for index in made if not signals.continuous(index)]] = True
         n = len(made)
         self.memory = Memory([np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)])
         self.instants, self.others = np.zeros(2), np.zeros((2, n))

@@ -39,14 +39,14 @@ class Newton:
     the end of a step changes rate and value there, too: by the integrals of its polynomial.
 
     :param unknowns: indices of x among the signals.
-    :param initial: the equations of initialization, where there are no slopes.
+    :param within_steps: the equations of a step; else those at one instant.
     :ivar calls: calculate the derivatives.
     :ivar choose_pivots: calls :meth:`Elimination.choose_pivots`.
     :ivar record: the matrix, for compiled code.
     """
 
     def __init__(
-        self, nodes: Sequence[Node], signals: Signals, unknowns: Indices, depends: Depends, *, initial: bool
+        self, nodes: Sequence[Node], signals: Signals, unknowns: Indices, depends: Depends, *, within_steps: bool
     ) -> None:
         position = {int(index): k for k, index in enumerate(unknowns)}
         entries: list[tuple[int, int, int, float, int]] = []  # row, column, which derivative, factor, power of H
@@ -54,13 +54,13 @@ class Newton:
         columns: list[Vector] = []
         number = 0
         for node in nodes:
-            pairs, calls, derivatives = node.derivatives(depends, record=not initial)
+            pairs, calls, derivatives = node.derivatives(depends, record=within_steps)
             self.calls += calls
             columns += derivatives
             for i, k in pairs:
                 curve, value = node.curves[k], node.values.start + i
                 effects = [(value, node.sources[k], 1.0, 0), (node.slopes.start + i, curve.rate, 1.0, 0)]
-                if not initial:
+                if within_steps and not signals.held[curve.data[0]]:
                     effects += _through_motion(signals.triple(value), curve)
                 entries += [
                     (position[row], position[column], number, factor, power)
@@ -135,20 +135,20 @@ class StrongComponent:
         self._kinds = signals.kinds[self._unknowns % signals.count]
         self._errors = np.empty(len(self._unknowns))
         self._implicit = simulation.coupling == "implicit"
-        running = self._make_newton(simulation, initial=False)
-        starting = self._make_newton(simulation, initial=True)
+        running = self._make_newton(simulation.depends, within_steps=True)
+        settling = self._make_newton(simulation.depends, within_steps=False)
+        starting = self._make_newton(partial(simulation.depends, initially=True), within_steps=False)
         self._equations: dict[Phase, _Equations] = {
             "step": self._equations_of("step", running, cyclic=cyclic),
-            "instant": self._equations_of("instant", running, cyclic=cyclic),
+            "instant": self._equations_of("instant", settling, cyclic=cyclic),
             "initialization": self._equations_of("initialization", starting, cyclic=cyclic),
             "crossing": self._equations_of("crossing", None, cyclic=False),
         }
 
-    def _make_newton(self, simulation: Simulation, *, initial: bool) -> Newton | None:
-        depends = partial(simulation.depends, initially=True) if initial else simulation.depends
+    def _make_newton(self, depends: Depends, *, within_steps: bool) -> Newton | None:
         if not (self._cyclic and self._implicit):
             return None
-        return Newton(self.nodes, self._signals, self._unknowns, depends, initial=initial)
+        return Newton(self.nodes, self._signals, self._unknowns, depends, within_steps=within_steps)
 
     def _equations_of(self, phase: Phase, newton: Newton | None, *, cyclic: bool) -> _Equations:
         calls, nodes = zip(*(node.program(phase) for node in self.nodes), strict=True)

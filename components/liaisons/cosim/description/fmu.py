@@ -58,6 +58,7 @@ class Fmu:
     :param inside_inputs: whether inputs can be set in intermediate update mode (FMI 3.0 only).
     :param output_derivative_order: highest order of output derivatives that can be read.
     :param unpacked: size of its files in bytes.
+    :param function: of Python, which it is in place of a library; None: it has one.
     """
 
     path: Path
@@ -85,6 +86,7 @@ class Fmu:
     terminals: Terminals = field(repr=False)
     _outputs: Table = field(repr=False)
     _initial: Table = field(repr=False)
+    function: object = None
 
     @property
     def arrays(self) -> Mapping[str, Shape]:
@@ -133,11 +135,26 @@ class Fmu:
         marked = (event.type, event.causality, event.continuous, event.unit) == ("Real", "local", False, "s")
         return event if marked else None
 
+    @property
+    def is_sampled(self) -> bool:
+        """Whether its outputs are constant but for events that it announces, so that it reads inputs there alone."""
+        outputs = [self.variables[name] for name in self._scalars(RECORDED, ("output",), math.inf)]
+        return self.next_event_time is not None and not any(variable.continuous for variable in outputs)
+
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
         """Whether an output depends directly on an input, in step mode or in initialization mode."""
         variable = self.variables[output]
         inputs = (self._initial if initially else self._outputs).get(variable.index)
         return inputs is None or self.variables[input_].index in inputs
+
+    def require_library(self, task: str) -> None:
+        """Refuse a function of Python.
+
+        :param task: what needs a library, as ``"an archive"``.
+        :raises SimulationError: if it is one.
+        """
+        if self.function is not None:
+            raise SimulationError(f"{self.model_name}: {task} takes no function of Python; declare a Sampled component")
 
     def unknown(self, name: str, *others: str) -> str:
         """Message for a variable that does not exist; ``others`` are further names to suggest."""

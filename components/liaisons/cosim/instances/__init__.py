@@ -12,6 +12,7 @@ from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.cosim.instances.isolated import SUPPORTED, Isolated
 from liaisons.cosim.instances.model_exchange import ModelExchange2, ModelExchange3
 from liaisons.cosim.instances.protocol import Instance
+from liaisons.cosim.instances.sampled import SampledInstance
 from liaisons.cosim.messages import logger
 
 
@@ -22,7 +23,7 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     :raises SimulationError: if a file is damaged or too big; see :class:`liaisons.base.archive.Archive`.
     """
     folders: dict[Path, Path] = {}
-    for path in dict.fromkeys(fmu.path for fmu in fmus):
+    for path in dict.fromkeys(fmu.path for fmu in fmus if fmu.function is None):
         with Archive(path) as archive:
             folders[path] = archive.extract(folder / str(len(folders)), without=("sources/", "documentation/"))
     return folders
@@ -45,6 +46,8 @@ def make(
     """
 
     def make_in_process() -> Instance:
+        if fmu.function is not None:
+            return SampledInstance(name, fmu)
         if fmu.is_model_exchange:
             return (ModelExchange2 if fmu.version == 2 else ModelExchange3)(name, fmu, directory, stiff=stiff)
         if fmu.version == 2:

@@ -22,7 +22,7 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
 from liaisons.cosim.instances.protocol import Instances
-from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.breaks import Breaks
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.structure.simulation import Simulation
@@ -107,7 +107,7 @@ class Stepper:
         :returns: None if the break is so near that it is to be crossed.
         """
         while True:
-            stop, tiny = end, gap(now, size)
+            stop, tiny = end, self.breaks.gap(now, size)
             if self.breaks.next <= end + rounding(end):
                 stop = self.breaks.next - tiny
                 if stop - now <= tiny:

@@ -22,6 +22,8 @@ _NEVER = 1e300
 """An announced instant beyond this is none: FMUs announce the largest floating-point number [s]."""
 _SHORT = 1e-9
 """Size of the tiny step to a break, relative to a communication step."""
+_APART = 4e-6
+"""The same, relative to a period of samples, which FMUs of ours take a millionth of it too early."""
 
 
 @final
@@ -29,6 +31,7 @@ class Breaks:
     """The breaks of a simulation, in order of time.
 
     :ivar divides: whether steps can be divided: all FMUs take steps of any size.
+    :ivar are_samples: whether all are samples and late outputs of sampled FMUs, which hold between them.
     :ivar next: the next one [s]; infinite if there is none; set to one before it that was found in between.
     """
 
@@ -37,6 +40,8 @@ class Breaks:
         sources = {name for name, _ in simulation.feeds.values()} if self.divides else set()
         announced = {name: part.fmu.next_event_time for name, part in simulation.parts.items() if name in sources}
         variables = {name: variable for name, variable in announced.items() if variable is not None}
+        self.are_samples = not simulation.drives and all(simulation.parts[name].fmu.is_sampled for name in variables)
+        self._nearest = max((_APART * simulation.parts[name].sampling_period for name in variables), default=0.0)
         self._bus = bus
         self._numbers = [np.zeros(1) for _ in variables]
         self._calls: list[Call] = [
@@ -51,6 +56,10 @@ class Breaks:
         for drive in self._drives:
             drive.begin_piece(time)
 
+    def gap(self, time: float, size: float) -> float:
+        """Size of the tiny step to a break, beside steps of a size [s]."""
+        return max(_SHORT * size, 10 * rounding(time), self._nearest)
+
     def find_next(self, time: float) -> None:
         """Find the next break after an instant [s] that all FMUs have reached."""
         if not (self._calls or self._drives):
@@ -60,8 +69,3 @@ class Breaks:
         if self.divides:
             instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
         self.next = min((t for t in instants if time + rounding(time) < t < _NEVER), default=math.inf)
-
-
-def gap(time: float, size: float) -> float:
-    """Size of the tiny step to a break, beside steps of a size [s]."""
-    return max(_SHORT * size, 10 * rounding(time))

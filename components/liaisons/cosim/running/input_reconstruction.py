@@ -92,7 +92,7 @@ def input_reconstructions(
         signal = parts[owner].fmu.variables[variable]
         is_rate = Port(part, target[1]).curve()[1] > 0
         moves_nothing = is_rate and target not in effects and part.fmu.provides_directional_derivatives
-        if signal.type != "Real" or moves_nothing or part.approximation.samples:
+        if signal.type != "Real" or moves_nothing or part.approximation.samples or part.fmu.is_sampled:
             continue
         shape, data, order = table.polynomial(target, source)
         if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only

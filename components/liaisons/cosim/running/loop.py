@@ -84,7 +84,7 @@ class Loop:
     def begin_piece(self, tiny: float) -> None:
         """Make a break of the last point, to which a tiny step [s] leads."""
         last = self.done - 1
-        if last and last not in self.after_break:
+        if last and self.after_break[-1:] != [last]:
             time, result_time = float(self.times[last]), self.time
             self._result_times.pop(last, None)
             self.times[last] -= tiny

@@ -38,7 +38,7 @@ from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, collect_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
-from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.breaks import Breaks
 from liaisons.cosim.running.contacts import missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
@@ -48,6 +48,7 @@ from liaisons.cosim.running.input_reconstruction import (
     initial_derivatives,
     input_reconstructions,
 )
+from liaisons.cosim.running.linearization import Linearization, linearized
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.stepping import FreeInput, RunState
 from liaisons.cosim.running.trial import try_to_start
@@ -94,8 +95,8 @@ class Run:
             if folders is None:
                 folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
             for name, part in parts.items():
-                folder = folders[part.fmu.path]
-                if not part.isolated:
+                folder = folders.get(part.fmu.path, Path())
+                if not part.isolated and part.fmu.function is None:
                     try_to_start(part, folder, times)
                 instance = make(
                     name,
@@ -121,6 +122,11 @@ class Run:
             self._breaks = Breaks(simulation, self._instances, self._bus)
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
             self._divides = self._breaks.divides and self._estimate.can_estimate and not reads_samples
+            self._are_samples = self._breaks.are_samples and not (
+                self._estimate.can_estimate
+                or self._coupled
+                or any(part.approximation.interpolates for part in parts.values())
+            )
             self._loop = Loop(self._step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
@@ -250,7 +256,12 @@ class Run:
                     self._advance([(time + points[done]) / 2], in_result=False)
                 else:
                     done += self._advance(points[done : min(last, free)])
-            elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
+            elif self._are_samples:
+                on_time = points[done] - breaks.next <= near
+                loop.advance([points[done] if on_time else breaks.next], in_result=on_time)
+                done += on_time
+                breaks.find_next(float(loop.times[loop.done - 1]))
+            elif breaks.next - time > 2 * (tiny := breaks.gap(breaks.next, size)):
                 before = breaks.next - tiny
                 halves = [(time + before) / 2, before]
                 self._advance(halves if self._is_first_of_piece() else halves[1:], in_result=False)
@@ -339,7 +350,7 @@ class Run:
             self._coupled.forget_past()
         bus.perform(self._settle)
         if self._estimate.can_estimate:
-            loop.begin_piece(gap(time, size))
+            loop.begin_piece(self._breaks.gap(time, size))
         loop.rows[loop.done - 1] = bus.values
         self._breaks.find_next(time)
 
@@ -443,6 +454,20 @@ class Run:
         self._require_states()
         simulation, starts = self._simulation, {**(start_values or {}), **keywords}
         self.start(with_start_values(simulation.title, simulation.parts, starts, single=simulation.single))
+
+    def linearize(self) -> Linearization:
+        """The linear system that deviations from the present point follow; its outputs are those that are recorded.
+
+        Its inputs are those that nothing feeds, those of functions of time, and outputs of sampled components, which
+        hold.
+
+        :raises SimulationError: for an FMU that provides no directional derivatives.
+        """
+        self._require_open()
+        values = {
+            name: float(self._bus.values[k]) for name, k in zip(self._simulation.recorded, self._columns, strict=True)
+        }
+        return linearized(self._simulation, self._instances, self.time, values)
 
     def _require_states(self) -> None:
         self._require_open()

@@ -192,8 +192,8 @@ def prepare_components(graph: ConnectionGraph, chosen: Coupling) -> Components:
 
 
 def _may_interpolate(part: SystemComponent) -> bool:
-    """Whether it extrapolates its inputs by default, not by a start value."""
-    return part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
+    """Whether it extrapolates its inputs by default, not by a start value, and uses them between samples."""
+    return not part.fmu.is_sampled and part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
 
 
 def _rates_are_fed(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:

@@ -13,6 +13,7 @@ from typing import Any, Literal, final, get_args
 from liaisons.base.arguments import as_path, settings_beside, shown
 from liaisons.base.processes import TIME_LIMIT
 from liaisons.cosim.description.fmu import Fmu, read
+from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.description.start_values import Starts, start_values, structural_sizes
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
@@ -91,7 +92,7 @@ class SystemComponent:
     def of(
         cls,
         name: str,
-        path: Path | str,
+        path: Path | str | SampledFunction,
         starts: Mapping[str, object],
         *,
         isolated: bool | float = False,
@@ -102,7 +103,8 @@ class SystemComponent:
         :param isolated: True: as long as :data:`TIME_LIMIT`.
         :raises SimulationError: if the file cannot be used here, or a start value or solver does not fit.
         """
-        fmu = read(as_path(f"{name}: fmu", path))
+        is_function = isinstance(path, SampledFunction)
+        fmu = path.description() if is_function else read(as_path(f"{name}: fmu", path))
         with settings_beside(fmu.variables):
             limit = time_limit(f"{name}: isolated =", isolated)
             if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
@@ -142,6 +144,14 @@ class SystemComponent:
                 self.fmu.elements(name), values if isinstance(values, tuple) else (values,), strict=True
             )
         }
+
+    @property
+    def sampling_period(self) -> float:
+        """Sampling period [s]; 0 where it does not sample."""
+        if isinstance(self.fmu.function, SampledFunction):
+            return self.fmu.function.period
+        period = self.fmu.variables.get("period") if self.fmu.is_sampled else None
+        return 0.0 if period is None else float(str(self.starts.get("period", period.start)))
 
     @property
     def carried(self) -> frozenset[VariableType]:

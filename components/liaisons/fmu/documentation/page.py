@@ -274,7 +274,7 @@ def _experiment_section(model: Model) -> list[str]:
     )
     starts = ", ".join(f"<code>{name}</code> = {value:g}" for name, value in e.reference.items())
     own = [f"<p>Nothing would happen there by itself; the reference results have {starts}.</p>"] if starts else []
-    return [*_html_table(("", ""), rows), *([] if model.contacts else [f"<p>{_RESULTS}</p>"]), *own]
+    return [*_html_table(("", ""), rows), *([] if model.contacts or model.sample else [f"<p>{_RESULTS}</p>"]), *own]
 
 
 def _cited_sources(sections: dict[str, list[str]]) -> list[str]:

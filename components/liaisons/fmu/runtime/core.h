@@ -116,6 +116,7 @@ typedef struct {
     Function *calculate;     /* (t, y, u, k, m) -> z */
     Function *jump;          /* (t, y, u, k, m) -> y */
     Function *remember;      /* (t, y, u, k, m) -> m */
+    Function *sample;        /* (t, y, u, k, m) -> m after the sample that is due; NULL: it does not sample */
     Function *nominals;      /* (t, y, u, k) -> sizes of y */
     Function *project;       /* (t, y, u, k) -> y put back onto the constraints after a step of the solver; or NULL */
     Function *draw;          /* (t, y, u, k) -> the last numbers of z; or NULL */

@@ -61,14 +61,15 @@ void core_enter_event_mode(Instance *self) {
 Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     const char *before = (const char *)self->step.backup + ((const char *)self->v.y - (const char *)self->s);
     const int jumps = self->s->jumped, touches = self->model->indicators > 0; /* in an event of a contact, perhaps */
+    const int samples = self->model->sample != NULL;
     *changed = jumps; /* derivatives have, perhaps: the importer is to start its solver again */
-    self->s->jumped |= touches;
+    self->s->jumped |= touches || samples;
     if (self->s->jumped) {
         memcpy(self->step.backup, self->s, self->layout.moving_size);
         if (touches && self->options.use == USE_MODEL_EXCHANGE) core_uphold_before(self);
         core_compare(self);
         if (jumps) core_jump(self);
-        if (!core_settle(self, self->s->time) || !core_check_finite(self, self->v.y, 0, self->s->time)
+        if (!core_sample(self) || !core_settle(self, self->s->time) || !core_check_finite(self, self->v.y, 0, self->s->time)
             || (!core_remember(self) && !core_because_infinite(self))) {
             memcpy(self->s, self->step.backup, self->layout.moving_size);
             self->known.current = 0;

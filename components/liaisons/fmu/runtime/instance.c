@@ -232,7 +232,7 @@ void core_start(Instance *self) {
     self->call.results[1] = self->v.m;
     self->model->start(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
     self->s->unstarted = 0;
-    self->refused = !core_settle(self, self->s->time);
+    self->refused = !core_sample(self) || !core_settle(self, self->s->time);
 }
 
 int core_remember(Instance *self) {
@@ -240,6 +240,17 @@ int core_remember(Instance *self) {
     if (!all_finite(self->d.m, self->model->memory)) return 0;
     memcpy(self->v.m, self->d.m, self->model->memory * sizeof *self->v.m);
     self->s->jumped = 0;
+    return 1;
+}
+
+int core_sample(Instance *self) {
+    if (self->model->sample == NULL) return 1;
+    evaluate(self, self->model->sample, self->s->time, self->v.y, self->d.m);
+    if (!all_finite(self->d.m, self->model->memory))
+        return core_because(self, "%s: the sample at t = %.9g gives a number that is not finite", self->model->name,
+                            self->s->time);
+    memcpy(self->v.m, self->d.m, self->model->memory * sizeof *self->v.m);
+    self->known.current = 0;
     return 1;
 }
 
@@ -254,6 +265,7 @@ void core_jump(Instance *self) {
 void core_update(Instance *self) {
     if (self->known.current) return;
     core_start(self);
+    if (self->s->phase == STEP && self->s->jumped) core_sample(self); /* a sample uses inputs of its instant */
     if (self->s->phase == CONTINUOUS || self->s->phase == INTERMEDIATE) core_remember(self); /* nothing jumps there */
     evaluate(self, self->model->calculate, self->s->time, self->v.y, self->v.z);
     self->known.current = 1;

@@ -240,6 +240,8 @@ void core_measure(Instance *);  /* sizes of y */
 void core_update(Instance *);   /* z at the present time, but for what only a picture needs */
 /* m; 0 if it would not be finite, which leaves it. */
 int core_remember(Instance *);
+/* Take the sample that is due, or again that of this instant with the present inputs; 0 and a reason if it is not finite. */
+int core_sample(Instance *);
 void core_jump(Instance *);     /* the inputs have jumped: states that an impulse changes, say the work done */
 /* The first instant after t at which the component with these parameters is not smooth; INFINITY if there is none. */
 double core_next_instant(Instance *, const double *k, double t);

@@ -299,6 +299,14 @@ static int outputs_are_finite(Instance *self) {
     return 0;
 }
 
+/* At the end of a step: whether it has passed no sample; that of its end if the inputs of this instant are known. */
+static int take_last_sample(Instance *self, int inputs_known) {
+    self->step.curable = 1;
+    if (!core_check_conditions(self, self->s->time, self->v.y, self->model->conditions)) return 0;
+    if (self->options.use == USE_CO_SIMULATION_WITH_EVENTS || (self->model->inputs > 0 && !inputs_known)) return 1;
+    return core_sample(self);
+}
+
 /* Take a communication step; 0 with a reason if it is refused, and then the instance has to be restored. */
 static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
@@ -328,7 +336,7 @@ static int advance(Instance *self, double time, double size) {
         if (!core_check_finite(self, self->v.y, 0, time)) return 0;
     }
     self->step.event = 0;
-    if (!core_settle(self, time)) return 0;
+    if (!core_sample(self) || !core_settle(self, time)) return 0;
     core_depart(self);
     core_reconstruct(self, size);
     if (self->options.request_inputs != NULL) core_request_inputs(self, time, size);
@@ -350,6 +358,7 @@ static int advance(Instance *self, double time, double size) {
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
     core_arrive(self);
+    if (self->model->sample != NULL && !take_last_sample(self, arrives)) return 0;
     if (self->step.event || (with_events && core_is_unsettled(self, self->s->time))) self->s->limit = self->s->time;
     if (arrives && leaps) leap_to_inputs(self);
     if (arrives && leaps && !core_settle(self, self->s->time)) return 0;

@@ -281,7 +281,7 @@ Status core_set(Instance *self, const unsigned references[], size_t n, const dou
     }
     self->known.allowed = 0;
     if (self->s->phase < EVENT) self->s->unstarted = 1;
-    if (fresh) {
+    if (fresh || self->model->sample != NULL) { /* a sample may wait for them */
         self->s->jumped = 1;
         self->known.current = 0;
     }

@@ -1,0 +1,163 @@
+"""A function of Python as a sampled component of a system: what it reads and writes, and its description as an FMU."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any, final
+from zipfile import ZipFile
+
+from liaisons.base.arguments import finite, positive, shown
+from liaisons.base.folders import process_folder
+from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
+from liaisons.cosim.description.terminals import Terminals
+from liaisons.cosim.description.variables import Scalar, Variables
+from liaisons.errors import InvalidValueError
+
+TIME = "time"
+"""Name by which the instant of a sample is read."""
+_NEAR = 1e-6
+"""Part of the period by which clocks may miss a sample."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class SampledFunction:
+    """A function that is called at t = 0, period, 2 period, ...; made by :func:`sampled`."""
+
+    function: Callable[..., Any]
+    period: float
+    reads: tuple[str, ...]
+    writes: tuple[str, ...]
+    state: Any
+    delay: float
+
+    @property
+    def name(self) -> str:
+        """Name of the function, for messages."""
+        return getattr(self.function, "__name__", type(self.function).__name__)
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """Input -> what it reads, but for the time."""
+        return {variable(name): name for name in self.reads if name != TIME}
+
+    @property
+    def outputs(self) -> dict[str, str]:
+        """Output -> what it writes."""
+        return {variable(name): name for name in self.writes}
+
+    def last_sample(self, t: float) -> float:
+        """The last sample at or before an instant [s], which clocks may miss."""
+        return self.period * math.floor(t / self.period + _NEAR)
+
+    def is_sample(self, t: float) -> bool:
+        """Whether an instant [s] is one of a sample."""
+        return t - self.last_sample(t) <= _NEAR * self.period
+
+    def next_event(self, t: float) -> float:
+        """The next sample, or change of the outputs, after an instant [s]."""
+        return min(self.last_sample(t - lag) + self.period + lag for lag in (0.0, self.delay))
+
+    def is_due(self, t: float, instant: float) -> bool:
+        """Whether an instant [s] is not before another one, which clocks may miss."""
+        return t >= instant - _NEAR * self.period
+
+    def description(self) -> Fmu:
+        """Its description as an FMU, which lies in a file that holds nothing."""
+        kinds = [*((name, "input", True) for name in self.inputs), *((name, "output", False) for name in self.outputs)]
+        scalars = [
+            Scalar(name, i, "Real", "Real", causality, causality == "input", "0", "", i, continuous=continuous)
+            for i, (name, causality, continuous) in enumerate(kinds)
+        ]
+        event = Scalar("next_event_time", len(kinds), "Real", "Real", "local", False, None, "s", len(kinds), 0, False)
+        variables = Variables({scalar.name: scalar for scalar in (*scalars, event)})
+        path = process_folder() / sha256(repr(id(self)).encode()).hexdigest()[:16] / f"{self.name.strip('<>')}.fmu"
+        path.parent.mkdir(exist_ok=True)
+        with ZipFile(path, "w"):
+            pass
+        return Fmu(
+            path=path,
+            version=2,
+            is_model_exchange=False,
+            states=0,
+            continuous_states=(),
+            indicators=0,
+            completes=False,
+            model_name=self.name,
+            identifier="",
+            guid="",
+            binary="",
+            variable_step=True,
+            can_get_and_set_state=True,
+            provides_directional_derivatives=False,
+            input_derivatives=False,
+            inside_inputs=False,
+            output_derivative_order=0,
+            unpacked=0,
+            log_categories=(),
+            experiment=DefaultExperiment(),
+            variables=variables,
+            units={},
+            terminals=Terminals(variables),
+            _outputs={},
+            _initial={},
+            function=self,
+        )
+
+
+def variable(name: str) -> str:
+    """Name of the variable in ``"component.variable"``."""
+    return name.rpartition(".")[2]
+
+
+def sampled(
+    function: Callable[..., Any],
+    *,
+    period: float,
+    reads: Sequence[str] = (),
+    writes: Sequence[str],
+    state: Any = None,
+    delay: float = 0.0,
+) -> SampledFunction:
+    """A function of Python as a component of a system, called once a period; its outputs are constant between.
+
+    ::
+
+        def feedback(theta, theta_dot):
+            return -20 * theta - 5 * theta_dot
+
+        controller = sampled(feedback, period=0.02, reads=["cart.theta", "cart.theta_dot"], writes=["cart.theta_force"])
+        system.add("controller", controller)
+
+    With a ``state`` the function takes it first and returns it last, ``(outputs, state)``.  It must return a new one,
+    not change the one it is given: runs return to earlier states, and call again where readings at an instant change.
+
+    :param period: sampling period [s]: samples are at its multiples.
+    :param reads: names of the arguments: variables ``"component.variable"``, with which they are connected, or names of
+        inputs to be connected; ``"time"`` is the instant of the sample [s].
+    :param writes: names of what it returns, a number or a sequence of numbers, likewise.
+    :param state: what it remembers from sample to sample, at first; None: nothing.
+    :param delay: from a sample to the change of the outputs [s], at most the period.
+    :raises InvalidValueError: for what is no function, a time out of range, and a name that is given twice.
+    """
+    if not callable(function):
+        raise InvalidValueError(f"sampled: {shown(function)} is no function")
+    label = f"sampled: {getattr(function, '__name__', 'function')}"
+    positive(f"{label}: period", period)
+    finite(f"{label}: delay", delay)
+    if not 0 <= delay <= period:
+        raise InvalidValueError(f"{label}: delay = {delay:g} s: must be from 0 to the period, {period:g} s")
+    for what, names in (("reads", reads), ("writes", writes)):
+        if isinstance(names, str) or not all(isinstance(name, str) and name for name in names):
+            raise InvalidValueError(f"{label}: {what} = {shown(names)}: give a list of names")
+    if not writes or TIME in writes:
+        raise InvalidValueError(f"{label}: writes = {shown(writes)}: name what it returns")
+    for name, count in Counter(map(variable, (*reads, *writes))).items():
+        if count > 1:
+            raise InvalidValueError(f"{label}: two variables would be called {name!r}: name them, and connect them")
+    return SampledFunction(function, float(period), tuple(reads), tuple(writes), deepcopy(state), float(delay))

@@ -1,0 +1,200 @@
+"""The linear system that deviations from the present point of a run follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, final
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from liaisons.base.unit_definitions import SAME
+from liaisons.cosim.arrays import Vector
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.description.variables import Scalar
+from liaisons.cosim.instances.protocol import Instance, Instances
+from liaisons.cosim.messages import SUCCESS
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.sources import SIGNALS
+from liaisons.errors import SimulationError
+
+Method = Literal["directional derivatives", "differences"]
+"""How derivatives are calculated: by the FMU, or from values at points near each other."""
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class Linearization:
+    """x' = rates + A Δx + B Δu, y = y* + C Δx + D Δu, for deviations Δ from a point x*, u*, y*.
+
+    :param title: what was linearized.
+    :param A: shape (states, states), ``B`` (states, inputs), ``C`` (outputs, states), ``D`` (outputs, inputs).
+    :param states: names, also ``inputs`` and ``outputs``, element by element.
+    :param rates: of the states at the point, shape (states,); 0 at an equilibrium.
+    :param values: of states, inputs and outputs at the point, by name.
+    :param units: name -> unit; empty where there is none.
+    :param method: the FMU's ``"directional derivatives"``, or ``"differences"``.
+    """
+
+    title: str
+    A: Vector
+    B: Vector
+    C: Vector
+    D: Vector
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    rates: Vector
+    values: Mapping[str, float]
+    units: Mapping[str, str]
+    method: Method
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<Linearization of {self.title}: {sizes}, by {self.method}>"
+
+    @property
+    def poles(self) -> Any:
+        """Eigenvalues of A [1/s], complex, shape (states,)."""
+        return np.sort_complex(np.linalg.eigvals(self.A))
+
+    def to_control(self) -> Any:
+        """The linear system as ``StateSpace`` of python-control; its names have ``_`` for dots.
+
+        :raises SimulationError: if python-control is missing (``pip install 'liaisons[control]'``).
+        """
+        try:
+            from control import ss
+        except ImportError:
+            raise SimulationError("to_control needs python-control; pip install 'liaisons[control]'") from None
+        labels = {
+            kind: [name.replace(".", "_") for name in getattr(self, kind)] for kind in ("states", "inputs", "outputs")
+        }
+        return ss(self.A, self.B, self.C, self.D, **labels)
+
+
+@final
+class _Equations:
+    """Rates and outputs of one FMU at its present point, and their derivatives by states and inputs.
+
+    :ivar jacobian: shape (rates and outputs, states and inputs).
+    """
+
+    def __init__(self, part: SystemComponent, instance: Instance, outputs: Iterable[str], time: float) -> None:
+        fmu, self._when = part.fmu, f" at t = {time:.10g} s"
+        places: dict[int, dict[int, Scalar]] = {}
+        for variable in fmu.variables.values() if fmu.continuous_states else ():
+            places.setdefault(variable.index, {}).setdefault(variable.position, variable)
+        rates, self.states = ([v for pair in fmu.continuous_states for v in places[pair[i]].values()] for i in (0, 1))
+        self.inputs = [fmu.variables[name] for name in fmu.reals("input") if fmu.variables[name].continuous]
+        self.outputs = [fmu.variables[name] for name in outputs]
+        knowns, unknowns = [*self.states, *self.inputs], [*rates, *self.outputs]
+        self.point = self._read(instance, knowns)
+        self.rates = self._read(instance, rates)
+        self.jacobian = np.zeros((len(unknowns), len(knowns)))
+        number = {(known.reference, known.position): k for k, known in enumerate(knowns)}
+        same = [number.get((unknown.reference, unknown.position)) for unknown in unknowns]
+        self.jacobian[[i for i, k in enumerate(same) if k is not None], [k for k in same if k is not None]] = 1
+        calculated = [i for i, k in enumerate(same) if k is None]
+        if not calculated or not knowns:
+            return
+        if not fmu.provides_directional_derivatives:
+            words = "it provides no directional derivatives; linearize() takes differences of FMUs for Model Exchange"
+            raise SimulationError(f"{part.name} ({fmu.path.name}) cannot be linearized: {words}")
+        seed, values = np.zeros(len(knowns)), np.empty(len(calculated))
+        derive = instance.directional([unknowns[i] for i in calculated], knowns, seed, values)
+        for k in range(len(knowns)):
+            seed[:] = np.arange(len(knowns)) == k
+            self._perform(derive)
+            self.jacobian[calculated, k] = values
+
+    def _read(self, instance: Instance, variables: list[Scalar]) -> Vector:
+        values = np.empty(len(variables))
+        if variables:
+            self._perform(instance.getter(variables, values))
+        return values
+
+    def _perform(self, call: Call) -> None:
+        if (status := call() or 0) not in SUCCESS:
+            assert call.failure is not None
+            raise call.failure(call.action, status, self._when)
+
+
+def linearized(
+    simulation: Simulation, instances: Instances, time: float, present: Mapping[str, float]
+) -> Linearization:
+    """The linear system about the present point, with the inputs that nothing feeds, or that hold or follow the time.
+
+    :param time: of the point [s]; ``present``: values of recorded variables there, by name.
+    :raises SimulationError: for an FMU that provides no directional derivatives, or refuses one.
+    """
+    feeds, parts = simulation.feeds, simulation.parts
+    moving = {name: part for name, part in parts.items() if not part.fmu.is_sampled}
+    names = {place: name for name, place in simulation.recorded.items()}
+
+    def shown(place: VariableReference) -> str:
+        return names.get(place) or (place[1] if simulation.single else ".".join(place))
+
+    recorded = [
+        place for place in simulation.recorded.values() if parts[place[0]].fmu.variables[place[1]].type == "Real"
+    ]
+    wanted = [
+        (owner, name)
+        for owner, name in recorded
+        if owner in moving and moving[owner].fmu.variables[name].causality != "input"
+    ]
+    needed = dict.fromkeys([*wanted, *(source for source in feeds.values() if source[0] in moving)])
+    equations = {
+        name: _Equations(part, instances[name], [v for owner, v in needed if owner == name], time)
+        for name, part in moving.items()
+    }
+    groups = {
+        kind: [(name, variable.name) for name, one in equations.items() for variable in getattr(one, kind)]
+        for kind in ("states", "inputs", "outputs")
+    }
+    blocks = [(one.jacobian, len(one.states)) for one in equations.values()]
+    A, B, C, D = (
+        block_diag(
+            *(J[:n, :n] if i == 0 else J[:n, n:] if i == 1 else J[n:, :n] if i == 2 else J[n:, n:] for J, n in blocks)
+        )
+        for i in range(4)
+    )
+    # u = M y + E v, with the inputs v of the whole
+    inputs = {target: i for i, target in enumerate(groups["inputs"])}
+    outputs = {source: i for i, source in enumerate(groups["outputs"])}
+    outer = {target: feeds.get(target, (SIGNALS, "")) for target in inputs}
+    outer = {t: (t if source[0] == SIGNALS else source) for t, source in outer.items() if source not in outputs}
+    v = {source: i for i, source in enumerate(dict.fromkeys(outer.values()))}
+    M, E = np.zeros((len(inputs), len(outputs))), np.zeros((len(inputs), len(v)))
+    for target, i in inputs.items():
+        factor = simulation.conversions.get(target, SAME).factor
+        if target in outer:
+            E[i, v[outer[target]]] = factor
+        else:
+            M[i, outputs[feeds[target]]] = factor
+    loop = np.linalg.inv(np.eye(len(inputs)) - M @ D)
+    by_x, by_v = loop @ M @ C, loop @ E
+    rows = [outputs[place] for place in wanted]
+    known = {shown(place): value for name, one in equations.items() for place, value in _places(name, one)}
+    variables = {shown((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *wanted)}
+    return Linearization(
+        simulation.title,
+        A + B @ by_x,
+        B @ by_v,
+        (C + D @ by_x)[rows],
+        (D @ by_v)[rows],
+        *(tuple(map(shown, group)) for group in (groups["states"], v, wanted)),
+        rates=np.concatenate([np.empty(0), *(one.rates for one in equations.values())]),
+        values={name: {**known, **present}[name] for name in variables},
+        units=variables,
+        method="directional derivatives",
+    )
+
+
+def _places(name: str, equations: _Equations) -> list[tuple[VariableReference, float]]:
+    """States and inputs of a component with their values."""
+    variables = [*equations.states, *equations.inputs]
+    return [((name, variable.name), float(x)) for variable, x in zip(variables, equations.point, strict=True)]

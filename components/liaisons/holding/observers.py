@@ -1,0 +1,256 @@
+"""Observers: a Kalman filter as a sampled FMU beside its mechanism, and the verdicts on both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import repeat
+from pathlib import Path
+from tempfile import mkdtemp
+from types import new_class
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+
+from liaisons.base.arguments import merged
+from liaisons.base.folders import process_folder
+from liaisons.base.logs import ignored_warnings
+from liaisons.check import Verdict, verdict
+from liaisons.cosim import Result
+from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.errors import PlanError
+from liaisons.holding.filtering import EstimationModel, identifier
+from liaisons.interface import System, operator
+from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
+from liaisons.library import build, fmu_path
+from liaisons.planning.goals import Array, by_name, chain_size, motion_names
+from liaisons.planning.plans import Plan
+
+_RUNS = 200
+_RADIANS = 4
+"""Radians of the free motion that runs at an equilibrium last: where it is not stable, deviations grow to 27 times."""
+_LAGS = 10
+"""Samples by which innovations are shifted to see whether they are white."""
+STANDARD_ERRORS = 3.29
+REASON = f"{STANDARD_ERRORS} standard deviations: a right filter exceeds them with one seed in a thousand"
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """A Kalman filter of a mechanism, from :func:`liaisons.observe`."""
+
+    model: EstimationModel
+    covariance: Array  # before the first measurement, of a steady filter before each; divided by sizes
+    motion: Plan | None  # None: the filter is steady, at an equilibrium
+
+    @property
+    def name(self) -> str:
+        """Name of the component."""
+        return self.model.sampled.name
+
+    @property
+    def part(self) -> str:
+        """Name of the observer in systems."""
+        return f"{self.name}_observer"
+
+    @property
+    def outputs(self) -> dict[str, str]:
+        """Names of the estimates in the FMU, by states, biases and unknown forces included."""
+        return by_name(self.model.states, map(identifier, self.model.states))
+
+    @cached_property
+    def corrected(self) -> tuple[Array, Array]:
+        """Covariance after the first measurement, of a steady filter after each, and its gain; divided by sizes."""
+        point = self.model.start, self.model.sampled.sigma
+        results = self.model.correct(point[0], self.covariance, point[1], self.model.measure(*point)[0])
+        return np.array(results[1]), np.array(results[3])
+
+    @property
+    def gain(self) -> Array:
+        """Gain of the first measurement, of a steady filter of each; shape (states, measured)."""
+        return self.corrected[1] * self.model.sizes[:, None] / self.model.noise
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Standard deviations of the errors after the first measurement, of a steady filter after each."""
+        variances = np.maximum(0.0, np.diag(self.corrected[0]))
+        return by_name(self.model.states, map(float, self.model.sizes * np.sqrt(variances)))
+
+    @cached_property
+    def directions(self) -> Array:
+        """Changes of the estimates, divided by sizes, that constraints and orientations allow at the start."""
+        return self.model.tangents(self.model.start, self.model.sampled.sigma)
+
+    @property
+    def multipliers(self) -> Any:
+        """Eigenvalues of the error of a steady filter over one period."""
+        model, sigma = self.model, self.model.sampled.sigma
+        F, C = np.array(model.predict(model.start, sigma, sigma)[1]), np.array(model.measure(model.start, sigma)[1])
+        return np.linalg.eigvals(self.directions.T @ (F - self.corrected[1] @ C @ F) @ self.directions)
+
+    @cached_property
+    def fmu(self) -> Path:
+        """FMU of the filter, built at its first use, and deleted at the end of this process."""
+        return build(self._component(), Path(mkdtemp(dir=process_folder())))
+
+    def _component(self) -> type[Sampled]:
+        """Component of the filter: measured values, their noise and σ -> estimates and innovations."""
+        model, n, steady = self.model, len(self.model.states), self.motion is None
+        step, period = model.step(self.covariance if steady else None), model.period
+        variables = model.sampled.symbols.model
+        units = {v.name: v.unit for v in (*variables.inputs, *variables.outputs)}
+        measured, motion = [*map(identifier, model.measured)], [x for m in model.sampled.moves for x in motion_names(m)]
+        triangle = [] if steady else [f"covariance_{i + 1}_{j + 1}" for j in range(n) for i in range(j, n)]
+        body: dict[str, Any] = {"period": Parameter(period, "s", "sampling period", minimum=period, maximum=period)}
+
+        def declare(
+            kind: Any, names: Iterable[str], of_unit: Iterable[str], starts: Iterable[float] = repeat(0.0)
+        ) -> None:
+            for name, variable, start in zip(names, of_unit, starts, strict=False):
+                unit, text = units.get(variable.removesuffix("_bias"), "1"), name.replace("_", " ")
+                body[name] = kind(unit, text, start=start, unchecked="the filter has units in its numbers")
+
+        readings, noises, innovations = (
+            [f"{m}_{kind}" for m in measured] for kind in ("measured", "noise", "innovation")
+        )
+        before = [f"{name}_before" for name in motion]
+        for names, variables in (readings, model.measured), (noises, model.measured), (motion, motion):
+            declare(Input, names, variables)
+        declare(DiscreteOutput, self.outputs.values(), model.states, map(float, model.start * model.sizes))
+        declare(DiscreteOutput, innovations, repeat("1"))
+        columns, rows = np.triu_indices(n)
+        declare(DiscreteOutput, triangle, repeat("1"), map(float, self.covariance[rows, columns]))
+        declare(DiscreteState, before, motion)
+        declare(DiscreteState, ["samples"], ["1"])
+
+        def update(filter_: Any) -> dict[str, ca.SX]:
+            def column(names: Iterable[str]) -> ca.SX:
+                return ca.vertcat(*(filter_.symbols[name] for name in names))
+
+            begin, end = (ca.reshape(column(names), 3, -1).T for names in (before, motion))
+            x, y = column(self.outputs.values()) / model.sizes, (column(readings) + column(noises)) / model.noise
+            x, P, e = step(filter_.samples < 0.5, x, column(triangle), begin, end, y)
+            after = ca.vertcat(x * model.sizes, P, e, column(motion), 1)
+            return by_name((*self.outputs.values(), *triangle, *innovations, *before, "samples"), ca.vertsplit(after))
+
+        body |= {"__doc__": f"Kalman filter of {self.name}.", "__module__": __name__, "update": update}
+        return new_class(f"{self.name}Observer", (Sampled,), exec_body=lambda space: space.update(body))
+
+    def connect_to(self, system: System) -> Any:
+        """Put the filter into a system with the parts NAME and NAME_pivot_x, operators.
+
+        :returns: the component NAME_observer.
+        """
+        part, parts = system.add(self.part, self.fmu), system.parts
+        for name in self.model.measured:
+            system.connect(parts[self.name][name], part[f"{identifier(name)}_measured"])
+        for m in self.model.sampled.moves:
+            system.connect(parts[f"{self.name}_{m}"]["y"], part[m])
+        return part
+
+    def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
+        """The mechanism, operators that hold σ or move along the plan, and the observer.
+
+        :param start_values: start values of the mechanism that differ; ``keywords`` are further ones.
+        """
+        starts, sampled = merged(self.name, start_values, keywords, PlanError), self.model.sampled
+        if self.motion is None:
+            system, symbols = System(f"observed_{self.name}"), sampled.symbols
+            sizes = chain_size(symbols.goal.component, symbols.goal.values)
+            values: dict[str, Any] = {name: x for name, x in symbols.goal.values.items() if name not in sizes}
+            values |= {name: symbols.parameters[name] for name in symbols.start_parameters.values()} | starts
+            for m, (x, rate, _) in zip(sampled.moves, sampled.sigma.tolist(), strict=True):
+                values[m] = operator("Ramp", offset=x, rate=rate)
+            system.add(self.name, fmu_path(symbols.goal.component, **sizes), **values)
+        else:
+            system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
+        self.connect_to(system)
+        system.experiment = DefaultExperiment(0.0, self.duration, self.model.period)
+        return system
+
+    @property
+    def duration(self) -> float:
+        """Duration of the plan, or of a few radians of the free motion [s], in whole periods."""
+        period = self.model.period
+        return period * round((self.motion.duration if self.motion else _RADIANS * self.model.sampled.time) / period)
+
+    def verify(self) -> list[Verdict]:
+        """Verdicts from 200 runs with random noise, forces and errors at the start: the filter knows its errors.
+
+        The innovations are white, and of the size that their covariance says (χ²); so are the errors of the states at
+        the end (NEES).
+        """
+        return self.consistency(self.random_runs(self.system()))
+
+    def random_runs(self, system: System) -> list[tuple[Result, Array]]:
+        """Two hundred runs of a system in which the observer is, always the same ones, with the true states.
+
+        The last instant is left out of the states: its noise is none.
+        """
+        model, random, H = self.model, np.random.default_rng(1), self.model.period
+        count, n, uncertainty = round(self.duration / H), len(self.model.sampled.names), self.model.uncertainty
+        deviations, forces = uncertainty.disturbance, list({**uncertainty.disturbance, **uncertainty.unknown_forces})
+        inputs = [f"{self.part}.{identifier(m)}_noise" for m in model.measured] + [f"{self.name}.{f}" for f in forces]
+        sources = [f"{m}_bias" for m in model.measured] + forces
+        slow = [(sources.index(name), i) for i, name in enumerate(model.states[n:])]
+        sizes = np.append(model.noise, [deviations.get(name, 0.0) / np.sqrt(H) for name in forces])
+        means = np.append(0 * model.noise, [model.sampled.symbols.inputs[name] for name in forces])
+        vectors, variances, _ = np.linalg.svd(self.covariance)
+        coupling = "gauss-seidel" if self.motion else "jacobi"
+        runs = []
+        with ignored_warnings(), system.start(step_size=H, tolerance=1e-9, coupling=coupling) as run:
+            step = run.stepper(inputs, [])
+            for _ in range(_RUNS):
+                x = model.start - vectors @ (np.sqrt(variances) * random.standard_normal(len(variances)))
+                run.reset(by_name((f"{self.part}.{y}_0" for y in self.outputs.values()), x * model.sizes))
+                drifts = np.cumsum(random.standard_normal((count, len(slow))) * model.drift[n:], axis=0)
+                drifts = (drifts - drifts[0]) * model.sizes[n:]
+                values = random.standard_normal((count, len(inputs))) * sizes + means
+                for column, i in slow:
+                    values[:, column] += drifts[:, i]
+                for row in values:
+                    step(row)
+                result = run.result
+                states = [result[f"{self.name}.{name}"][:-1] for name in model.sampled.names]
+                runs.append((result, np.vstack([*states, drifts.T])))
+        return runs
+
+    def consistency(self, runs: list[tuple[Result, Array]]) -> list[Verdict]:
+        """Verdicts on innovations, and on the errors at the last sample."""
+        model, nees, rank = self.model, 0.0, 0
+        innovations = [f"{self.part}.{identifier(m)}_innovation" for m in model.measured]
+        e = np.array([[run[name][:-1] for name in innovations] for run, _ in runs])
+        lagged = [np.einsum("rik,rjk->ij", e[:, :, k:], e[:, :, :-k]) for k in range(1, _LAGS + 1)]
+        pairs = len(runs) * (e.shape[2] - np.arange(1, _LAGS + 1))
+        power, freedom = np.sum(np.square(lagged) / pairs[:, None, None]), _LAGS * e.shape[1] ** 2
+        ones = range(1, len(model.states) + 1)
+
+        def last(run: Result, name: str) -> float:
+            return float(run[f"{self.part}.{name}"][-2])
+
+        for run, truth in runs:
+            estimate = np.array([last(run, name) for name in self.outputs.values()]) / model.sizes
+            sigma = np.array([[last(run, name) for name in motion_names(m)] for m in model.sampled.moves])
+            P, D = self.corrected[0], model.tangents(estimate, sigma)
+            if self.motion:
+                P = np.array([[last(run, f"covariance_{max(i, j)}_{min(i, j)}") for i in ones] for j in ones])
+            off = D.T @ (truth[:, -1] / model.sizes - estimate)
+            nees, rank = nees + float(off @ np.linalg.solve(D.T @ P @ D, off)), rank + D.shape[1]
+        statistics = {
+            "innovations have the size that their covariance says, χ² of all": (np.sum(e**2), e.size),
+            f"they are white, χ² of {_LAGS} autocorrelations": (power, freedom),
+            f"errors have the size that their covariance says, NEES over {_RUNS} runs": (nees, rank),
+        }
+        return [normal_verdict(text, (x - mean) / np.sqrt(2 * mean)) for text, (x, mean) in statistics.items()]
+
+    def __repr__(self) -> str:
+        text = ", ".join(f"{name} ± {value:.3g}" for name, value in self.standard_deviations.items())
+        return f"<{self.name} observed by {', '.join(self.model.measured)} every {self.model.period:g} s: {text}>"
+
+
+def normal_verdict(claim: str, value: float) -> Verdict:
+    """Verdict on a statistic, in standard deviations from its mean."""
+    return verdict(claim, error=abs(value), tolerance=STANDARD_ERRORS, reason=REASON)

@@ -1,0 +1,165 @@
+"""Components in discrete time: states and outputs that change at samples alone."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import final
+
+import casadi as ca
+
+from liaisons.base.units import ANY
+from liaisons.errors import ComponentError
+from liaisons.expressions.algebra import stack
+from liaisons.language.checks import Formulas
+from liaisons.language.component import Component, DeclarationsOf
+from liaisons.language.declarations import DiscreteOutput, DiscreteState, Input, Parameter
+from liaisons.language.layout import Layout, event_output
+from liaisons.language.variables import Variable
+
+NEAR = 1e-6
+"""Part of the period by which clocks of importers may miss a sample."""
+LATE = "each sample has to be a communication point: choose a communication step that divides the period"
+"""Message of a step across a sample, whose inputs nobody knows."""
+
+
+class SampledStates(Component, abstract=True):
+    """Discrete states that are updated at samples; abstract, and the base of what has them.
+
+    The memory of its FMU has the discrete states before the last sample, those after it, and its instant [s], so that a
+    sample can be taken again while inputs at its instant change.
+    """
+
+    period = Parameter(0.1, "s", "sampling period", above=0)
+    discrete_states = DeclarationsOf(DiscreteState)
+    clock: ca.SX
+    discrete: ca.SX
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.discrete = self._symbols(state.name for state in self.discrete_states)
+
+    @abstractmethod
+    def update(self) -> Mapping[str, ca.SX]:
+        """Discrete states after a sample, by name, from those before it and the inputs."""
+
+    def last_sample(self, t: ca.SX) -> ca.SX:
+        """Instant of the last sample before or at t [s], which clocks may miss; by default a multiple of the period."""
+        return self.period * ca.floor(t / self.period + NEAR)
+
+    @classmethod
+    @final
+    def is_sampled(cls) -> bool:
+        return True
+
+    def readable(self, memory: ca.SX) -> ca.SX:
+        """Discrete states as the rest of the component sees them."""
+        return self._split(memory)[1]
+
+    @final
+    def after_sample(self, memory: ca.SX) -> ca.SX:
+        """Memory after the sample that is due at ``clock``, or was taken there; else the same."""
+        before, after, last = self._split(memory)
+        instant, near = self.last_sample(self.clock), NEAR * self.period
+        is_sample = self.clock - instant <= near
+        before = ca.if_else(ca.logic_and(is_sample, instant > last + 2 * near), after, before)
+        is_due = ca.logic_and(is_sample, instant > last - 2 * near)
+        return ca.vertcat(before, ca.if_else(is_due, self._updated(before), after), ca.if_else(is_due, instant, last))
+
+    @final
+    def memory_at_start(self, start: ca.SX) -> ca.SX:
+        """Memory at initialization, before the sample that may be due.
+
+        :param start: discrete states.
+        """
+        return ca.vertcat(start, start, self.clock - 3 * NEAR * self.period)
+
+    @final
+    def margin(self, memory: ca.SX) -> ca.SX:
+        """What stays > 0 while each sample before ``clock`` was taken [s]."""
+        near = NEAR * self.period
+        return self._split(memory)[2] + 2 * near - self.last_sample(self.clock - 4 * near)
+
+    def starts(self) -> list[Variable]:
+        """Parameters: discrete states before the first sample."""
+        return [state.variable("parameter", "fixed", f"{state.name}_0") for state in self.discrete_states]
+
+    def held(self) -> list[Variable]:
+        """Variables of the discrete states."""
+        return [event_output(item.name, item.unit, item.description, item.causality) for item in self.discrete_states]
+
+    def _split(self, memory: ca.SX) -> list[ca.SX]:
+        """Discrete states before and after the last sample, and its instant."""
+        n = self.discrete.numel()
+        return ca.vertsplit(memory, [0, n, 2 * n, 2 * n + 1])
+
+    def _updated(self, before: ca.SX) -> ca.SX:
+        values = self.update()
+        after = stack(ca.SX(values[item.name]) for item in self.discrete_states)
+        return ca.substitute(after, self.discrete, before)
+
+
+class Sampled(SampledStates, abstract=True):
+    """Discrete-time component that reads its inputs once a period, at t = 0, period, 2 period, ...; abstract.
+
+    A subclass declares inputs, parameters, discrete states and outputs, and defines :meth:`update`.  Outputs are
+    constant between samples; with a delay of computation they change so much later.
+
+    :raises ComponentError: when the subclass is defined, for an unknown symbol, a wrong size or unit.
+    """
+
+    delay = Parameter(0.0, "s", "delay of computation: from a sample to the change of outputs", minimum=0)
+    inputs = DeclarationsOf(Input)
+    input_column: ca.SX
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clock = ca.SX.sym("t")
+        self.input_column = self._symbols(item.name for item in self.inputs)
+
+    def layout(self) -> Layout:
+        return Layout(
+            parameters=(*self._declared_parameters(), *self.starts()),
+            inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
+            outputs=tuple(self.held()),
+            states=(),
+            ports=(),
+        )
+
+    def _check(self) -> None:
+        if not self.discrete_states:
+            raise ComponentError(f"{type(self).__name__} declares no DiscreteState and no DiscreteOutput")
+        formulas, symbols = Formulas(self), self.symbols | {"t": self.clock}
+        unit = {item.name: ANY if item.unchecked else item.unit for item in self.discrete_states}
+        formulas.each("update", symbols, unit)
+        formulas.check_units(self.layout().variables, symbols, t="s")
+
+    @final
+    def readable(self, memory: ca.SX) -> ca.SX:
+        """Discrete states as they are read: outputs after the delay of computation."""
+        before, after, last = map(ca.vertsplit, self._split(memory))
+        is_ready = self.clock >= last[0] + self.delay - NEAR * self.period
+        return stack(
+            ca.if_else(is_ready, new, old) if isinstance(item, DiscreteOutput) else new
+            for item, new, old in zip(self.discrete_states, after, before, strict=True)
+        )
+
+    @final
+    def conditions(self, memory: ca.SX) -> dict[str, ca.SX]:
+        """What has to stay > 0, by the message of its error."""
+        lasting = (1 + NEAR) * self.period - self.delay
+        return {LATE: self.margin(memory), "delay must stay <= period": lasting}
+
+    @final
+    def events(self) -> Sequence[ca.SX]:
+        """The next sample and the next change of outputs, after an instant that clocks of importers may miss."""
+        # A delay of a whole period is the next sample, to the bit.
+        is_whole = self.delay > (1 - NEAR) * self.period
+        late = self.last_sample(self.clock - self.delay) + self.period
+        after = ca.if_else(is_whole, self.last_sample(late + self.delay), late + self.delay)
+        return [self.last_sample(self.clock) + self.period, after]
+
+    @final
+    def next_event_time(self) -> ca.SX:
+        """The first of :meth:`events`."""
+        return ca.fmin(*self.events())
