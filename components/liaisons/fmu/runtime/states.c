@@ -172,7 +172,7 @@ static int event_exists(Instance *self, const Scalars *s, const char *state) {
     if (s->use == USE_CO_SIMULATION_WITH_EVENTS)
         return s->limit == s->time && (s->phase == STEP || s->phase == TERMINATED);
     if (s->use != USE_MODEL_EXCHANGE || (s->phase != CONTINUOUS && s->phase != TERMINATED)) return 0;
-    if (self->model->sample != NULL) return s->limit >= s->time; /* a clock that misses it is at its instant, too */
+    if (self->model->sample != NULL) return isfinite(s->limit); /* a clock that misses it is at its instant, too */
     const char *k = state + ((const char *)self->v.k - (const char *)self->s);
     memcpy(self->d.k, k, self->model->parameters * sizeof *self->d.k);
     return core_next_instant(self, self->d.k, nextafter(s->limit, -INFINITY)) == s->limit;
