@@ -6,6 +6,8 @@ import os
 import select
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -79,3 +81,16 @@ def test_children_are_the_processes_that_this_one_has_started() -> None:
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
         assert {*processes._child_processes()} == {*before, child.pid}
         child.communicate(b"\n")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_an_orderly_end_leaves_no_pipe_open() -> None:
+    def count() -> int:
+        return len([*Path("/proc/self/fd").iterdir()])
+
+    before, end = count(), time.monotonic() + 5.0
+    with processes.orderly_end():
+        assert count() == before + 2
+    while count() != before and time.monotonic() < end:  # a thread closes its end
+        time.sleep(0.01)
+    assert count() == before
