@@ -62,7 +62,7 @@ def index_numbers(app: Sphinx, doctree: nodes.document) -> None:
 
 
 def index_entries() -> dict[str, str]:
-    """Numbers as people write them ("K122", "K 122", "M 8.4", "KA2") and words in English and French -> anchor."""
+    """Numbers of texts and errata, as people write them, and words in English and French -> anchor."""
     anchors: dict[str, str] = {}
     for entry in entries():
         citation = entry.citation.partition(",")[0]

@@ -52,6 +52,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         (about / "entry_points.txt").write_text(f"[liaisons.components]\n{lines}")
         if content is not None:
             (folder / f"{package}.py").write_text(content)
+        monkeypatch.delitem(sys.modules, package, raising=False)  # of another test
         invalidate_caches()
         published.cache_clear()
 

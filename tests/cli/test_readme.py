@@ -14,6 +14,7 @@ import pytest
 import typer.main
 from PIL import Image
 
+from liaisons.base.project import scenario_files
 from liaisons.cli import main as command_line
 from liaisons.cli._command import application
 from liaisons.models import Pendulum
@@ -75,6 +76,7 @@ def test_links_between_files_lead_somewhere(page: str, target: str) -> None:
     """As one reads them in the repository; those of the site are seen to when it is built."""
     file = ROOT / page / ".." / target.partition("#")[0]
     generated = {f"docs/reference/{name}.md" for name in ("commands", "catalogue", "crossings", "texts")}
+    generated |= {f"docs/gallery/{name}.md" for name in scenario_files()}
     assert file.resolve().exists() or str(file.resolve().relative_to(ROOT)) in generated
 
 

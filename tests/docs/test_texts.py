@@ -100,7 +100,7 @@ def test_tolerances_are_those_that_are_applied(texts: ModuleType) -> None:
     ("words", "anchor"),
     [
         ("K122", "K-equations-122"),
-        ("K 122", "K-equations-122"),
+        ("K Ex. 9", "K-examples-9"),
         ("M eq. 27", "M-equations-27"),
         ("M 8.4", "M-examples-8.4"),
         ("M prop. 7", "M-propositions-7-theorem"),

@@ -12,7 +12,7 @@ from on_paper import BACKENDS
 
 from liaisons.cosim import simulate
 from liaisons.errors import ComponentError, SimulationError, ValidityError
-from liaisons.language import Component, Sampled
+from liaisons.language import Component
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import contact_names
 from liaisons.models import (
@@ -63,7 +63,7 @@ def outside(component: type[Component]) -> dict[str, tuple[float, str]]:
 @pytest.mark.parametrize(
     ("component", "backend"),
     # Contacts and samples are native only.
-    [(c, b) for c in CATALOGUE for b in BACKENDS if b == "native" or not (contact_names(c) or issubclass(c, Sampled))],
+    [(c, b) for c in CATALOGUE for b in BACKENDS if b == "native" or not (contact_names(c) or c.is_sampled())],
 )
 def test_fmu_names_what_lies_outside_of_its_domain(component, fmu, backend: str) -> None:
     for name, (value, words) in outside(component).items():
