@@ -141,7 +141,7 @@ def with_function(path: Path) -> System:
 def with_pid(path: Path) -> System:
     system = System("PID")
     plant = system.add("plant", path)
-    gains = {"gain": 20.0, "derivative_time": 0.25, "integral_time": 1e30, "setpoint": np.pi}
+    gains: Any = {"gain": 20.0, "derivative_time": 0.25, "integral_time": 1e30, "setpoint": np.pi}
     controller = system.add("controller", "Pid", period=STEP, **gains)
     system.connect(plant["theta"], controller["reading"])
     system.connect(controller["output"], plant[INPUT])

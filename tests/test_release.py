@@ -25,8 +25,8 @@ def test_wheel_and_sdist_are_what_an_index_takes(tmp_path: Path) -> None:
     """The wheel is built from the sdist, as pip does where there is no wheel."""
 
     def run(*words: object) -> str:
-        words = (sys.executable, "-m", *map(str, words))
-        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+        command = [sys.executable, "-m", *map(str, words)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ SAMPLES = 25
 def loop() -> System:
     system = System("sampled loop")
     plant = system.add("plant", "Oscillator", mass=1.0, stiffness=STIFFNESS, x_0=START)
-    values = {"setpoint": SETPOINT, "gain": GAIN, "integral_time": INTEGRAL_TIME, "derivative_time": 0.0}
+    values: Any = {"setpoint": SETPOINT, "gain": GAIN, "integral_time": INTEGRAL_TIME, "derivative_time": 0.0}
     controller = system.add("controller", "Pid", period=T, delay=T, **values)
     system.connect(plant["x"], controller["reading"])
     system.connect(controller["output"], plant["x_force"])

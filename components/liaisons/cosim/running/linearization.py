@@ -156,12 +156,13 @@ def linearized(
         for kind in ("states", "inputs", "outputs")
     }
     blocks = [(one.jacobian, len(one.states)) for one in equations.values()]
-    A, B, C, D = (
+    matrices: Any = (
         block_diag(
             *(J[:n, :n] if i == 0 else J[:n, n:] if i == 1 else J[n:, :n] if i == 2 else J[n:, n:] for J, n in blocks)
         )
         for i in range(4)
     )
+    A, B, C, D = matrices
     # u = M y + E v, with the inputs v of the whole
     inputs = {target: i for i, target in enumerate(groups["inputs"])}
     outputs = {source: i for i, source in enumerate(groups["outputs"])}
