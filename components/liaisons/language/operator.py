@@ -48,7 +48,7 @@ class Operator(Component, abstract=True):
     A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, also :meth:`events`,
     which become communication points.  A controller declares inputs and internal states with :meth:`internal_rates`;
     its signal depends on an input through at least three states, so that y, y_dot and y_ddot are continuous.  One that
-    is :class:`SampledStates`, too, reads its inputs at samples.
+    is ``SampledStates``, too, reads its inputs at samples.
     The outputs ``y``, ``y_dot``, ``y_ddot`` have the unit of the port they are connected to.
 
     :raises ComponentError: when the subclass is defined, for an unknown symbol, a wrong size, or a signal one of whose

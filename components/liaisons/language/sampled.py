@@ -102,7 +102,7 @@ class SampledStates(Component, abstract=True):
 class Sampled(SampledStates, abstract=True):
     """Discrete-time component that reads its inputs once a period, at t = 0, period, 2 period, ...; abstract.
 
-    A subclass declares inputs, parameters, discrete states and outputs, and defines :meth:`update`.  Outputs are
+    A subclass declares inputs, parameters, discrete states and outputs, and defines ``update``.  Outputs are
     constant between samples; with a delay of computation they change so much later.
 
     :raises ComponentError: when the subclass is defined, for an unknown symbol, a wrong size or unit.
