@@ -28,6 +28,8 @@ LENGTHS: dict[str, list[str | float]] = {
     "DoublePendulum": ["length_1", "length_2"],
     "Pendulum": ["length"],
     "PendulumChain": ["length"] * 10,
+    "Scara": [0.5, 0.4, 0.3, 0.2, 0.15, "shift"],
+    "SlewingCrane": [24.0, 12.0, 20.0, "travel"],
     "Swing": ["rope", "torso_length", 0.4, 0.4],
 }
 ROUNDING = 1e-12
@@ -155,3 +157,14 @@ def test_turned_and_circle_are_right_handed() -> None:
     assert isinstance(ring, Wire)
     assert [float(p["x"]) for p in ring.points] == pytest.approx([3, 1, -1, 1], abs=ROUNDING)
     assert Box({}, turned("x", 0), (1, 1, 1)).document(float)["axes"] == [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+@pytest.mark.parametrize("name", ["Bricard", "FourBar"])
+def test_rods_of_a_loop_meet_where_its_last_joint_closes_it(name: str, moved: Moved) -> None:
+    seen = shown(moved(name))
+    ends, balls = (
+        np.concatenate([s.points for s in seen.shapes if s.kind == kind], axis=1) for kind in ("rod", "ball")
+    )
+    meetings = np.concatenate([ends, balls], axis=1)
+    near = np.linalg.norm(ends[:, :, None] - meetings[:, None], axis=-1) < 1e-6  # the projection keeps loops to 1e-9
+    assert np.all(np.sum(near, axis=2) >= 2)  # no end is alone

@@ -180,6 +180,7 @@ class Linkage(Mechanism, abstract=True):
             return dict(zip("xyz", ca.vertsplit(self.attached(point, name)), strict=True))
 
         arms = [(joint.parent, f"{joint.name}_at") for joint in (*self._tree, *self._closing)]
+        arms += [(joint.child, f"{joint.name}_at_child") for joint in self._closing]
         centres = [(frame.body, f"{frame.body.name}_centre") for frame in self.frames if frame.body]
         hidden = self.visuals.keys()
         rods = [
@@ -187,10 +188,16 @@ class Linkage(Mechanism, abstract=True):
             for body, name in (*arms, *centres)
             if self.vector(name).nnz() and body.name not in hidden
         ]
+        sprung = {end for spring in self._springs for end, _ in spring.both}
+        slides = [
+            Rod(position(joint.parent, f"{joint.name}_at"), position(joint.child))
+            for joint in self._tree
+            if any(kind == "shift" for _, kind, _ in joint.motions) and joint.child not in sprung
+        ]
         balls = [Ball(position(*centre)) for centre in centres if centre[0].name not in hidden]
         drawn = [shape(self._frame(self._numbers[body])) for body, shapes in self.visuals.items() for shape in shapes]
         springs = [Spring(*(position(end, name) for end, name in s.both)) for s in self._springs]
-        return [*rods, *balls, *drawn, *springs]
+        return [*rods, *slides, *balls, *drawn, *springs]
 
     @property
     def is_of_bodies(self) -> bool:
