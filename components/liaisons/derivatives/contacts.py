@@ -284,7 +284,7 @@ class Contacts:
     def settle(
         self, landing: Landing, point: Point, memory: ContactMemory, which: int | None
     ) -> tuple[Landing, ContactMemory, float]:
-        """State and memory after impacts and changes of modes at an instant, and the size of the next step at most.
+        """State and memory after the impacts and mode changes of an instant, and the largest next step.
 
         :param landing: so far, at this instant.
         :param which: contact whose indicator is 0; None at a known instant.

@@ -122,7 +122,7 @@ def slave_functions(model: Model, active: list[list[int]]) -> dict[str, ca.Funct
 
 
 def _input_polynomials(model: Model, active: list[list[int]]) -> ca.Function:
-    """Return (x, H, mode, u at the start, u at the end) → (u,) at the time x since the start of a step."""
+    """Return (x, H, mode, u at start, u at end) → u at x in a step: held, extrapolated or interpolated."""
     x, H, mode = ca.SX.sym("x"), ca.SX.sym("H"), ca.SX.sym("mode")
     start, end = ca.SX.sym("start", len(model.inputs)), ca.SX.sym("end", len(model.inputs))
     tau, interpolates = x / H, mode == _INTERPOLATE

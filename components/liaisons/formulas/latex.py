@@ -59,7 +59,7 @@ class LaTeX(Printer):
 
 
 def _latex_character(character: str) -> str:
-    """Return a character in LaTeX: ``θ`` is a command."""
+    """Return a character in LaTeX: a Greek letter as its command, any other one as it is."""
     words = unicodedata.name(character).replace("LAMDA", "LAMBDA").split()
     if words[0] != "GREEK" or len(words) != 4 or words[3] == "OMICRON":
         return character

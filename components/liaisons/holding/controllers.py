@@ -146,7 +146,7 @@ class Controller:
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
-        """Multipliers of the controllable directions, inside the unit circle."""
+        """Multipliers of the closed loop in the controllable directions; all lie inside the unit circle."""
         reach = self.prediction.reach
         return self.prediction.multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
 

@@ -413,7 +413,7 @@ def _correction_limits(
 
 
 def _finite_ends(pair: Sequence[float | None]) -> tuple[float, float]:
-    """Both ends of a range, with 1e30 for None."""
+    """Both ends of a range, -1e30 and 1e30 where it has none."""
     low, high = pair
     return -_UNBOUNDED if low is None else low, _UNBOUNDED if high is None else high
 
@@ -456,7 +456,7 @@ def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence
 
 
 def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> str:
-    """Text of a linear form on the directions, as a sum of states."""
+    """Write the linear form u on the directions as a sum of states."""
     return named_sum(sampled.states, np.linalg.pinv(directions).T @ u, sampled.sizes)
 
 

@@ -82,7 +82,7 @@ def model_functions(vectors: Mapping[str, Any], results: Mapping[str, Any], *, m
 
 
 def results_of(name: str, function: ca.Function, vectors: Mapping[str, Any]) -> list[Any]:
-    """Results of a function of a model at vectors, by letter."""
+    """Results of a model's function, whose arguments are vectors by their letters."""
     signature = SIGNATURES[name]
     letters = (signature.arguments + signature.optional)[: function.n_in()]
     return list(function.call([vectors[letter] for letter in letters]))

@@ -142,7 +142,7 @@ def _initial_state(equations: Equations, symbols: dict[str, ca.SX]) -> tuple[lis
 
 
 def _nominal_states(equations: Equations) -> ca.SX:
-    """Nominal values of the states: of q as declared, of p and of the energies at that rate a second."""
+    """Nominal values of the states: q as declared, p and energies at a rate of one nominal q a second."""
     free, internal = equations.mechanism.free, equations.mechanism.internal
     sizes, inertia = free.rate_sizes, ca.diag(equations.mass_matrix)
     energy = ca.dot(inertia, sizes**2) / 2 if inertia.shape[0] else ca.SX(1)  # all coordinates may be prescribed

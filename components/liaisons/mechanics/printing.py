@@ -206,7 +206,7 @@ def _generic_rank(matrix: ca.SX) -> int:
 
 
 def _force_balances(equations: Equations) -> ca.SX:
-    """Force balances ∂L/∂x + Q, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and λ as symbols; a row a rate."""
+    """∂L/∂x + Q in free rows; below, with ẍ and λ as symbols, d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s of active coordinates."""
     m, L = equations.mechanism, equations.lagrangian
     s, s_dot = m.active.s[: m.active.adapted, 0], m.active.s_dot[: m.active.adapted, 0]
     count = m.free.q_dot.shape[0]

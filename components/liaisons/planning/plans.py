@@ -171,7 +171,7 @@ class Plan:
 
     @property
     def fmu_starts(self) -> dict[str, Any]:
-        """Start values of the mechanism's FMU."""
+        """Start values with which the mechanism's FMU begins where the plan does."""
         first = self.sigma(0.0)
         controls = np.array([first[name] for name in self.problem.controls])
         return dict(self.problem.fmu_starts(self.solution.trajectory.knots[:, 0], controls))

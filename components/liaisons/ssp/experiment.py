@@ -20,7 +20,7 @@ def effective_experiment(
     stop_time: float | None = None,
     step_size: float | None = None,
 ) -> DefaultExperiment:
-    """Return start, stop and step: arguments first, then those of the last run, then those of the FMUs.
+    """Return start, stop and step: of the arguments, else of the last run, else of the FMUs.
 
     :raises SimulationError: for what is no finite number.
     """

@@ -112,11 +112,11 @@ class Drive:
             self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
     def save(self) -> dict[float, Vector]:
-        """Limits from the right at the start of the present piece, for :meth:`restore`."""
+        """Inputs just after the start of the present piece, for :meth:`restore`."""
         return dict(self._begins)
 
     def restore(self, saved: Mapping[float, Vector]) -> None:
-        """Return to that piece."""
+        """Return to the piece that :meth:`save` kept."""
         self._begins.clear()
         self._begins.update(saved)
 

@@ -23,7 +23,7 @@ __all__ = ["PREAMBLE", "Code", "loop_functions", "loops_code"]
 
 
 def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: bool) -> dict[str, Code]:
-    """Return the C functions of a component, by the names of core.h.
+    """Return the C of a chain's functions and of their derivatives, by their names in core.h.
 
     :param programs: as in :class:`liaisons.mechanics.model.Model`.
     :param coupled: how many numbers of y act on the motion.

@@ -98,7 +98,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
 
 
 def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
-    """Expressions by the names of variables, without those of the energy balance."""
+    """Expressions of a chain's outputs by name, without those of the energy balance."""
     columns = (moving.points, moving.point_rates, moving.point_accelerations)
     outputs = mechanical_outputs(
         m,
