@@ -192,7 +192,7 @@ class Linkage(Mechanism, abstract=True):
         slides = [
             Rod(position(joint.parent, f"{joint.name}_at"), position(joint.child))
             for joint in self._tree
-            if any(kind == "shift" for _, kind, _ in joint.motions) and joint.child not in sprung
+            if [kind for _, kind, _ in joint.motions].count("shift") == 1 and joint.child not in sprung
         ]
         balls = [Ball(position(*centre)) for centre in centres if centre[0].name not in hidden]
         drawn = [shape(self._frame(self._numbers[body])) for body, shapes in self.visuals.items() for shape in shapes]
