@@ -108,9 +108,7 @@ def page(shown: Collection[str]) -> str:
         for kind in dict.fromkeys(entry.kind for entry in entries() if entry.text == text):
             chosen = [entry for entry in entries() if (entry.text, entry.kind) == (text, kind)]
             lines = "\n".join(_line(entry, chosen, shown) for entry in chosen)
-            head = "".join(
-                f"<th>{name}</th>" for name in ("", "formula", "says", "lives in", "verified by", "tolerance")
-            )
+            head = "".join(f"<th>{name}</th>" for name in COLUMNS)
             parts += [f"### {text}: {kind}", f'<table class="texts">\n<tr>{head}</tr>\n{lines}\n</table>']
     parts += ["## Where L is hyper-regular", _ranks()]
     return "\n\n".join(parts) + "\n"

@@ -75,7 +75,10 @@ def test_orderly_end_is_that_of_one_process_only() -> None:
     assert (done.returncode, done.stdout) == (143, b"-15 released"), done.stderr
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+reads_proc = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+
+
+@reads_proc
 def test_children_are_the_processes_that_this_one_has_started() -> None:
     before = processes._child_processes()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
@@ -83,7 +86,7 @@ def test_children_are_the_processes_that_this_one_has_started() -> None:
         child.communicate(b"\n")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@reads_proc
 def test_an_orderly_end_leaves_no_pipe_open() -> None:
     def count() -> int:
         return len([*Path("/proc/self/fd").iterdir()])

@@ -39,6 +39,23 @@ _GRAZING = 1e-12
 """Distance of an event indicator from 0 at which it is said to graze."""
 
 _RUN = """\
+/* Largest difference of a step and two halves, relative to sizes; not-a-number if one is. */
+static double step_error(const double *whole, const double *halves, const double *sizes)
+{
+    double error = 0.0;
+    for (int j = 0; j < N; ++j) {
+        const double part = fabs(whole[j] - halves[j]) / (sizes[j] + fabs(whole[j]));
+        error = isnan(error) || part <= error ? error : part;
+    }
+    return error;
+}
+
+/* By which the size of a step may change. */
+static double size_factor(double error, double tolerance)
+{
+    return isfinite(error) ? 0.9 * pow(tolerance / fmax(error, 1e-30), 1.0 / ORDER) : 0.0;
+}
+
 long choose(long intervals, const double *cuts, const long *rows, const double *limits, const double *k,
             const double *table, double tolerance, const double *sizes, double *size, double *y, double *kept,
             long most, double *ends, long *counts)
@@ -50,17 +67,13 @@ long choose(long intervals, const double *cuts, const long *rows, const double *
         do {
             const int last = *size >= 0.999999 * (end - t);
             const double h = last ? end - t : fmin(*size, 0.5 * (end - t));
-            double whole[N], halves[N], error = 0.0;
+            double whole[N], halves[N];
             memcpy(whole, y, sizeof whole);
             memcpy(halves, y, sizeof halves);
             step(t, h, limits, k, s, whole, kept);
             step(t, 0.5 * h, limits, k, s, halves, kept);
             step(t + 0.5 * h, 0.5 * h, limits, k, s, halves, kept);
-            for (int j = 0; j < N; ++j) {
-                const double part = fabs(whole[j] - halves[j]) / (sizes[j] + fabs(whole[j]));
-                error = isnan(error) || part <= error ? error : part;
-            }
-            const double factor = isfinite(error) ? 0.9 * pow(tolerance / fmax(error, 1e-30), 1.0 / ORDER) : 0.0;
+            const double error = step_error(whole, halves, sizes), factor = size_factor(error, tolerance);
             if (!(error <= tolerance)) {
                 *size = h * fmax(factor, 0.1);
                 if (t + 1e-3 * *size == t)
@@ -194,7 +207,7 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
         do {
             const int last = *size >= 0.999999 * (end - t);
             double h = last ? end - t : fmin(*size, 0.5 * (end - t)), time;
-            double whole[N], path[3 * N], f[3 * N], error = 0.0, slope = 0.0, *halves = path + 2 * N;
+            double whole[N], path[3 * N], f[3 * N], slope = 0.0, *halves = path + 2 * N;
             memcpy(whole, y, sizeof whole);
             memcpy(path, y, sizeof whole);
             memcpy(halves, y, sizeof whole);
@@ -202,11 +215,7 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
             step(t, 0.5 * h, limits, k, s, halves, kept);
             memcpy(path + N, halves, sizeof whole);
             step(t + 0.5 * h, 0.5 * h, limits, k, s, halves, kept);
-            for (int j = 0; j < N; ++j) {
-                const double part = fabs(whole[j] - halves[j]) / (sizes[j] + fabs(whole[j]));
-                error = isnan(error) || part <= error ? error : part;
-            }
-            const double factor = isfinite(error) ? 0.9 * pow(tolerance / fmax(error, 1e-30), 1.0 / ORDER) : 0.0;
+            const double error = step_error(whole, halves, sizes), factor = size_factor(error, tolerance);
             if (!(error <= tolerance)) {
                 *size = h * fmax(factor, 0.1);
                 if (t + 1e-3 * *size == t)

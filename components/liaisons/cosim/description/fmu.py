@@ -138,8 +138,9 @@ class Fmu:
     @property
     def is_sampled(self) -> bool:
         """Whether its outputs are constant but for events that it announces, so that it reads inputs there alone."""
-        outputs = [self.variables[name] for name in self._scalars(RECORDED, ("output",), math.inf)]
-        return self.next_event_time is not None and not any(variable.continuous for variable in outputs)
+        if self.next_event_time is None:
+            return False
+        return not any(self.variables[name].continuous for name in self._scalars(RECORDED, ("output",), math.inf))
 
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
         """Whether an output depends directly on an input, in step mode or in initialization mode."""

@@ -179,7 +179,8 @@ def linearized(
     loop = np.linalg.inv(np.eye(len(inputs)) - M @ D)
     by_x, by_v = loop @ M @ C, loop @ E
     rows = [outputs[place] for place in wanted]
-    known = {shown(place): value for name, one in equations.items() for place, value in _places(name, one)}
+    values = {shown(place): value for name, one in equations.items() for place, value in _places(name, one)}
+    values |= present
     variables = {shown((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *wanted)}
     return Linearization(
         simulation.title,
@@ -189,7 +190,7 @@ def linearized(
         (D @ by_v)[rows],
         *(tuple(map(shown, group)) for group in (groups["states"], v, wanted)),
         rates=np.concatenate([np.empty(0), *(one.rates for one in equations.values())]),
-        values={name: {**known, **present}[name] for name in variables},
+        values={name: values[name] for name in variables},
         units=variables,
         method="directional derivatives",
     )
