@@ -88,7 +88,8 @@ class Environment(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         drawn = {name: self.np_random.uniform(low, high) for name, (low, high) in self.task.randomize.items()}
         self._begin({**drawn, **named("options", options or {})})
-        return self._measured()[:-2], self._information()
+        self._observed = self._measured()[:-2]
+        return self._observed.copy(), self._information()
 
     def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Hold the acts for a step.
@@ -96,17 +97,17 @@ class Environment(gymnasium.Env[Any, Any]):
         :returns: observation, reward, whether the episode has ended, whether it was truncated, information.
         :raises SimulationError: for an action of another shape or outside its range, and after the end of an episode.
         """
-        task, before, values = self.task, self._measured(), self.task.checked(action)
+        task, values = self.task, self.task.checked(action)
         if self._ended:
             raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
         try:
             middle, after = self._half_step(values), self._half_step(values)
         except IncompleteError as error:
             self._ended = True
-            return before[:-2], 0.0, True, False, {"failure": str(error)}
+            return self._observed.copy(), 0.0, True, False, {"failure": str(error)}
         stopped = bool(after[-1] > 0)
         truncated = self._run.time > task.stop_time - task.step_size / 4
-        self._ended = stopped or truncated
+        self._ended, self._observed = stopped or truncated, after[:-2].copy()
         return after[:-2], task.step_size * float(middle[-2]), stopped, truncated, self._information()
 
     def render(self) -> Any:
