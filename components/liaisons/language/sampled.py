@@ -8,6 +8,7 @@ from typing import final
 
 import casadi as ca
 
+from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.units import ANY
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
@@ -17,8 +18,6 @@ from liaisons.language.declarations import DiscreteOutput, DiscreteState, Input,
 from liaisons.language.layout import Layout, event_output
 from liaisons.language.variables import Variable
 
-NEAR = 1e-6
-"""Part of the period by which clocks of importers may miss a sample."""
 LATE = "each sample has to be a communication point: choose a communication step that divides the period"
 """Message of a step across a sample, whose inputs nobody knows."""
 
@@ -45,7 +44,7 @@ class SampledStates(Component, abstract=True):
 
     def last_sample(self, t: ca.SX) -> ca.SX:
         """Instant of the last sample before or at t [s], which clocks may miss; by default a multiple of the period."""
-        return self.period * ca.floor(t / self.period + NEAR)
+        return self.period * ca.floor(t / self.period + CLOCK_ERROR)
 
     @classmethod
     @final
@@ -60,7 +59,7 @@ class SampledStates(Component, abstract=True):
     def after_sample(self, memory: ca.SX) -> ca.SX:
         """Memory after the sample that is due at ``clock``, or was taken there; else the same."""
         before, after, last = self._split(memory)
-        instant, near = self.last_sample(self.clock), NEAR * self.period
+        instant, near = self.last_sample(self.clock), CLOCK_ERROR * self.period
         is_sample = self.clock - instant <= near
         before = ca.if_else(ca.logic_and(is_sample, instant > last + 2 * near), after, before)
         is_due = ca.logic_and(is_sample, instant > last - 2 * near)
@@ -72,12 +71,12 @@ class SampledStates(Component, abstract=True):
 
         :param start: discrete states.
         """
-        return ca.vertcat(start, start, self.clock - 3 * NEAR * self.period)
+        return ca.vertcat(start, start, self.clock - 3 * CLOCK_ERROR * self.period)
 
     @final
     def margin(self, memory: ca.SX) -> ca.SX:
         """What stays > 0 while each sample before ``clock`` was taken [s]."""
-        near = NEAR * self.period
+        near = CLOCK_ERROR * self.period
         return self._split(memory)[2] + 2 * near - self.last_sample(self.clock - 4 * near)
 
     def starts(self) -> list[Variable]:
@@ -138,7 +137,7 @@ class Sampled(SampledStates, abstract=True):
     def readable(self, memory: ca.SX) -> ca.SX:
         """Discrete states as they are read: outputs after the delay of computation."""
         before, after, last = map(ca.vertsplit, self._split(memory))
-        is_ready = self.clock >= last[0] + self.delay - NEAR * self.period
+        is_ready = self.clock >= last[0] + self.delay - CLOCK_ERROR * self.period
         return stack(
             ca.if_else(is_ready, new, old) if isinstance(item, DiscreteOutput) else new
             for item, new, old in zip(self.discrete_states, after, before, strict=True)
@@ -147,14 +146,14 @@ class Sampled(SampledStates, abstract=True):
     @final
     def conditions(self, memory: ca.SX) -> dict[str, ca.SX]:
         """What has to stay > 0, by the message of its error."""
-        lasting = (1 + NEAR) * self.period - self.delay
+        lasting = (1 + CLOCK_ERROR) * self.period - self.delay
         return {LATE: self.margin(memory), "delay must stay <= period": lasting}
 
     @final
     def events(self) -> Sequence[ca.SX]:
         """The next sample and the next change of outputs, after an instant that clocks of importers may miss."""
         # A delay of a whole period is the next sample, to the bit.
-        is_whole = self.delay > (1 - NEAR) * self.period
+        is_whole = self.delay > (1 - CLOCK_ERROR) * self.period
         late = self.last_sample(self.clock - self.delay) + self.period
         after = ca.if_else(is_whole, self.last_sample(late + self.delay), late + self.delay)
         return [self.last_sample(self.clock) + self.period, after]

@@ -6,9 +6,10 @@ from typing import Any
 
 import casadi as ca
 
+from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.units import ANY
 from liaisons.language import Dimension, InternalState, Operator, ParameterArray
-from liaisons.language.sampled import NEAR, SampledStates
+from liaisons.language.sampled import SampledStates
 from liaisons.models.quintic import quintic
 
 KNOTS = 50
@@ -47,7 +48,7 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
         columns = "instant", "planned", "planned_rate", "planned_acceleration"
         (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(self.time_of_round(t), *columns, rests=True)
         tau, h = t - self.rounds(t) * self.repeats - t_0, t_1 - t_0
-        is_jump = h < NEAR * self.period
+        is_jump = h < CLOCK_ERROR * self.period
         u = tau * ca.if_else(is_jump, 0, 1 / ca.if_else(is_jump, self.period, h))
         return quintic((y, v, a), (y_1, v_1, a_1), tau, h, u) + self.value
 
@@ -72,6 +73,6 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
         """Instants of the last sample before or at t, and of the next one [s]."""
         (t_0,), (t_1,) = self.interval(self.time_of_round(t), "instant", rests=True)
         begin, period = self.rounds(t) * self.repeats, self.period
-        count = ca.floor((t - begin - t_0) / period + NEAR)
+        count = ca.floor((t - begin - t_0) / period + CLOCK_ERROR)
         last = ca.if_else(t_1 > t_0, t_0, t_0 + period * count)
         return begin + last, begin + ca.fmin(ca.if_else(t_1 > t_0, t_1, last + period), self.repeats)

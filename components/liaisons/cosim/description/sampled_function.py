@@ -12,6 +12,7 @@ from typing import Any, final
 from zipfile import ZipFile
 
 from liaisons.base.arguments import finite, positive, shown
+from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.base.folders import process_folder
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.terminals import Terminals
@@ -20,8 +21,6 @@ from liaisons.errors import InvalidValueError
 
 TIME = "time"
 """Name by which the instant of a sample is read."""
-_NEAR = 1e-6
-"""Part of the period by which clocks may miss a sample."""
 
 
 @final
@@ -53,11 +52,11 @@ class SampledFunction:
 
     def last_sample(self, t: float) -> float:
         """The last sample at or before an instant [s], which clocks may miss."""
-        return self.period * math.floor(t / self.period + _NEAR)
+        return self.period * math.floor(t / self.period + CLOCK_ERROR)
 
     def is_sample(self, t: float) -> bool:
         """Whether an instant [s] is one of a sample."""
-        return t - self.last_sample(t) <= _NEAR * self.period
+        return t - self.last_sample(t) <= CLOCK_ERROR * self.period
 
     def next_event(self, t: float) -> float:
         """The next sample, or change of the outputs, after an instant [s]."""
@@ -65,7 +64,7 @@ class SampledFunction:
 
     def is_due(self, t: float, instant: float) -> bool:
         """Whether an instant [s] is not before another one, which clocks may miss."""
-        return t >= instant - _NEAR * self.period
+        return t >= instant - CLOCK_ERROR * self.period
 
     def description(self) -> Fmu:
         """Its description as an FMU, which lies in a file that holds nothing."""

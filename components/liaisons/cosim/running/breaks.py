@@ -12,6 +12,7 @@ from typing import final
 
 import numpy as np
 
+from liaisons.base.clocks import CLOCK_ERROR
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
@@ -22,8 +23,8 @@ _NEVER = 1e300
 """An announced instant beyond this is none: FMUs announce the largest floating-point number [s]."""
 _SHORT = 1e-9
 """Size of the tiny step to a break, relative to a communication step."""
-_APART = 4e-6
-"""The same, relative to a period of samples, which FMUs of ours take a millionth of it too early."""
+_APART = 4 * CLOCK_ERROR
+"""The same, relative to a period of samples, which FMUs of ours take by one CLOCK_ERROR too early."""
 
 
 @final
