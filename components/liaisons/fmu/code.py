@@ -41,7 +41,7 @@ _LOADS, _MOVES = 1, 2  # effects of inputs that are not 0: forces, or the motion
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
 _HEADERS = (
     *("core.h", "instance.h", "inputs.h", "solver.h", "symplectic.h", "stiff.h", "events.h", "unilateral.h"),
-    *("calls.h", "fmi_common.h", "fmi_functions.h"),
+    *("complementarity.h", "calls.h", "fmi_common.h", "fmi_functions.h"),
 )
 
 

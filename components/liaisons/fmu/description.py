@@ -49,7 +49,7 @@ MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other ar
 _SOURCES = (
     *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
     *("symplectic.c", "stiff.c", "events.c", "unilateral.c", "exchange.c", "states.c", "starts.c", "messages.c"),
-    "fmi_common.c",
+    *("complementarity.c", "fmi_common.c"),
 )
 
 # Capabilities of the back ends; others are false or 0.

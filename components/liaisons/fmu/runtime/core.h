@@ -67,8 +67,6 @@ typedef struct { /* a structural size */
     size_t count;
 } Dimension;
 
-enum { MOST_CONTACTS = 16 };
-
 typedef struct { /* a unilateral liaison: where the memory has its mode and its account */
     const char *name;
     size_t closed, rests_from, impulse, impacts, loss;

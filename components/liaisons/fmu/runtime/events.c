@@ -7,7 +7,7 @@
 
 #define FOR_EACH(i) for (size_t i = 0; i < n; i++)
 
-enum { EXTRA = 3, MOST_INDICATORS = 16, DEEPEST = 12, MOST_TRIALS = 60, MOST_CORRECTIONS = 4 };
+enum { EXTRA = 3, MOST_INDICATORS = 64, DEEPEST = 12, MOST_TRIALS = 60, MOST_CORRECTIONS = 4 };
 
 /* Where an event is an indicator has this value: a gap of 0; what is below is an event, and not by rounding. */
 static const double MARGIN = 1e-13;

@@ -1,13 +1,15 @@
 /* Unilateral liaisons and dry friction: impacts and modes at an event.
  *
  * Rates v of the contacts jump by G Λ at an impact, and change by a + G x under forces x.  Which of them push, stick or
- * slide is a complementarity problem: of few contacts, so that all combinations are tried. */
+ * slide is a complementarity problem. */
 #include "unilateral.h"
 
 #include <string.h>
 
-/* Contacts that a problem has at most; impacts at one instant; steps that put a gap to 0. */
-enum { AT_ONCE = 8, MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
+#include "complementarity.h"
+
+/* Impacts at one instant; steps that put a gap to 0. */
+enum { MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
 
 /* Parts of the scale of a position, a rate, an acceleration that are rounding errors; of a position, also where Newton's
  * method goes on, what is an overlap, what a jump of a prescribed coordinate may move, and what an importer that looks
@@ -22,21 +24,6 @@ static const double COARSE[] = {0.1, 100};
 static const double ERRORS = 10;
 /* What sticks stays so where a prescribed rate is off by this part of its scale. */
 static const double STUCK = 1e-9;
-/* Pivots below this part of the diagonal say that forces are not unique. */
-static const double SINGULAR = 1e-10;
-
-enum { OPEN, CLOSED };                         /* modes of a gap; */
-enum { BACKWARD = -1, STICKS = 0, FORWARD = 1 }; /* of dry friction */
-
-typedef signed char Modes[MOST_CONTACTS];
-
-typedef struct { /* which modes make rates, as they would be without forces, what they have to be */
-    size_t n, contact[AT_ONCE]; /* whose modes are to be chosen */
-    int impulses;               /* forces are impulses: those of thresholds without a gap are 0 */
-    const double *stick, *slide;
-    double rate[MOST_CONTACTS], tolerance[MOST_CONTACTS];
-} Problem;
-
 static const char *name_of(const Model *model, size_t i) {
     return i < model->gaps ? model->gap[i].name : model->friction[i - model->gaps].name;
 }
@@ -62,11 +49,15 @@ static void read_modes(const Instance *self, Modes modes) {
         modes[model->gaps + i] = (signed char)self->v.m[model->friction[i].direction];
 }
 
-/* Whether a mode keeps the rate of a contact at 0. */
-static int holds(const Model *model, const Modes modes, size_t i) {
-    if (i < model->gaps) return modes[i] == CLOSED;
-    const long normal = model->friction[i - model->gaps].normal;
-    return modes[i] == STICKS && (normal < 0 || modes[normal] == CLOSED);
+/* The problem of all contacts, of which none is to be chosen yet. */
+static Complementarity problem(const Instance *self, int impulses) {
+    const Model *model = self->model;
+    const Contacts *c = &self->contacts;
+    Complementarity p = {.gaps = model->gaps, .contacts = model->indicators, .G = c->G, .impulses = impulses};
+    p.stick = impulses ? c->slide : c->stick;
+    p.slide = c->slide;
+    for (size_t i = 0; i < model->frictions; i++) p.normal[i] = model->friction[i].normal;
+    return p;
 }
 
 /* How far a gap may be from 0 by rounding of positions, and of the time at which others move. */
@@ -118,52 +109,27 @@ static void hit(Instance *self, double time, const double impulses[]) {
         self->v.m[self->model->operator[i]] += self->contacts.operators[i];
 }
 
-/* Solve G_LL x_L = right_L; 0 if G_LL is singular, as where forces are not unique. */
-static int solve(const double *matrix, size_t n, double right[]) {
-    double a[AT_ONCE][AT_ONCE];
+/* Solve G x = right for some contacts, in place. */
+static void annulling(const Instance *self, const size_t list[], size_t n, double right[]) {
+    double matrix[MOST_CONTACTS * MOST_CONTACTS];
     for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) a[i][j] = matrix[i * AT_ONCE + j];
-    for (size_t i = 0; i < n; i++) {
-        size_t best = i;
-        double largest = 0;
-        for (size_t k = 0; k < n; k++) largest = fmax(largest, fabs(matrix[k * AT_ONCE + i]));
-        for (size_t k = i + 1; k < n; k++)
-            if (fabs(a[k][i]) > fabs(a[best][i])) best = k;
-        if (!(fabs(a[best][i]) > SINGULAR * largest)) return 0;
-        for (size_t j = 0; j < n; j++) {
-            const double other = a[best][j];
-            a[best][j] = a[i][j];
-            a[i][j] = other;
-        }
-        const double b = right[best];
-        right[best] = right[i];
-        right[i] = b;
-        for (size_t k = i + 1; k < n; k++) {
-            const double factor = a[k][i] / a[i][i];
-            for (size_t j = i; j < n; j++) a[k][j] -= factor * a[i][j];
-            right[k] -= factor * right[i];
-        }
-    }
-    for (size_t i = n; i-- > 0;) {
-        for (size_t j = i + 1; j < n; j++) right[i] -= a[i][j] * right[j];
-        right[i] /= a[i][i];
-    }
-    return 1;
+        for (size_t j = 0; j < n; j++)
+            matrix[i * MOST_CONTACTS + j] = self->contacts.G[list[i] + self->model->indicators * list[j]];
+    complementarity_solve(matrix, n, right);
 }
 
 /* Bring the rates, or positions, of contacts that are held to 0; whether a position may still be off. */
 static int annul(Instance *self, double time, const size_t list[], size_t n, int positions) {
-    const size_t all = self->model->indicators;
     const Contacts *c = &self->contacts;
-    double matrix[AT_ONCE * AT_ONCE] = {0}, right[AT_ONCE], change[MOST_CONTACTS] = {0};
+    double change[MOST_CONTACTS] = {0}, right[MOST_CONTACTS];
     int needed = 0, far = 0;
     for (size_t i = 0; i < n; i++) {
         right[i] = positions ? -c->gap[list[i]] : -c->v[list[i]];
         needed |= right[i] != 0;
         far |= positions && fabs(right[i]) > FAR * c->scale[list[i]];
-        for (size_t j = 0; j < n; j++) matrix[i * AT_ONCE + j] = c->G[list[i] + all * list[j]];
     }
-    if (!needed || !solve(matrix, n, right)) return 0;
+    if (!needed) return 0;
+    annulling(self, list, n, right);
     for (size_t i = 0; i < n; i++) change[list[i]] = right[i];
     (positions ? shift : push)(self, time, change);
     inspect(self, time);
@@ -176,14 +142,14 @@ static void touch(Instance *self, double time, const size_t list[], size_t n) {
 }
 
 void core_uphold(Instance *self, double time) {
+    const Complementarity p = problem(self, 0);
     Modes modes;
-    size_t list[AT_ONCE], n = 0, gaps;
+    size_t list[MOST_CONTACTS], n = 0, gaps = 0;
     read_modes(self, modes);
-    for (size_t i = 0; i < self->model->gaps && n < AT_ONCE; i++)
-        if (modes[i] == CLOSED) list[n++] = i;
-    gaps = n;
-    for (size_t i = self->model->gaps; i < self->model->indicators && n < AT_ONCE; i++)
-        if (holds(self->model, modes, i)) list[n++] = i;
+    for (size_t i = 0; i < p.contacts; i++) {
+        if (complementarity_holds(&p, modes, i)) list[n++] = i;
+        if (i < p.gaps) gaps = n;
+    }
     if (n == 0) return;
     inspect(self, time);
     touch(self, time, list, gaps);
@@ -204,87 +170,8 @@ void core_uphold_before(Instance *self) {
 
 /* ---- complementarity ---------------------------------------------------------------------------------------------- */
 
-/* Calculate forces in some modes, and the accelerations with them; 0 if there are none, or more than one. */
-static int forces_in(const Instance *self, const Problem *p, const Modes modes, double x[], double rate[]) {
-    const Model *model = self->model;
-    const size_t n = model->indicators, gaps = model->gaps;
-    const double *G = self->contacts.G;
-    double matrix[AT_ONCE * AT_ONCE] = {0}, right[AT_ONCE], effect[MOST_CONTACTS];
-    size_t list[MOST_CONTACTS], held = 0;
-    memset(x, 0, n * sizeof *x);
-    for (size_t i = 0; i < n; i++) {
-        if (holds(model, modes, i)) list[held++] = i;
-        else if (i >= gaps && model->friction[i - gaps].normal < 0 && !p->impulses) x[i] = -modes[i] * p->slide[i - gaps];
-    }
-    if (held > AT_ONCE) return 0;
-    for (size_t b = 0; b < held; b++) { /* a force also makes what slides under it rub */
-        memset(effect, 0, n * sizeof *effect);
-        effect[list[b]] = 1;
-        for (size_t f = 0; f < model->frictions && list[b] < gaps; f++)
-            if (model->friction[f].normal == (long)list[b]) effect[gaps + f] = -modes[gaps + f] * p->slide[f];
-        for (size_t a = 0; a < held; a++) {
-            double sum = 0;
-            for (size_t i = 0; i < n; i++) sum += G[list[a] + n * i] * effect[i];
-            matrix[a * AT_ONCE + b] = sum;
-        }
-    }
-    for (size_t a = 0; a < held; a++) {
-        right[a] = -p->rate[list[a]];
-        for (size_t i = 0; i < n; i++) right[a] -= G[list[a] + n * i] * x[i];
-    }
-    if (!solve(matrix, held, right)) return 0;
-    for (size_t b = 0; b < held; b++) {
-        x[list[b]] += right[b];
-        for (size_t f = 0; f < model->frictions && list[b] < gaps; f++)
-            if (model->friction[f].normal == (long)list[b] && modes[gaps + f] != STICKS)
-                x[gaps + f] -= modes[gaps + f] * p->slide[f] * right[b];
-    }
-    for (size_t i = 0; i < n; i++) {
-        rate[i] = p->rate[i];
-        for (size_t j = 0; j < n; j++) rate[i] += G[i + n * j] * x[j];
-    }
-    return 1;
-}
-
-/* Whether modes are consistent: forces push where rates are 0, and so on. */
-static int consistent(const Instance *self, const Problem *p, const Modes modes, const double x[], const double rate[]) {
-    const Model *model = self->model;
-    const size_t n = model->indicators, gaps = model->gaps;
-    for (size_t k = 0; k < p->n; k++) {
-        const size_t i = p->contact[k];
-        const double tolerance = p->tolerance[i], little = tolerance / self->contacts.G[i + n * i];
-        if (i < gaps) {
-            if (modes[i] == CLOSED ? x[i] < -little : rate[i] < -tolerance) return 0;
-            continue;
-        }
-        const long normal = model->friction[i - gaps].normal;
-        if (normal >= 0 && modes[normal] == OPEN) {
-            if (modes[i] != STICKS) return 0; /* all modes are alike: one will do */
-        } else if (modes[i] == STICKS) {
-            const double bound = normal >= 0 ? p->stick[i - gaps] * x[normal] : p->stick[i - gaps];
-            if (fabs(x[i]) > bound + little) return 0;
-        } else if (modes[i] * rate[i] < -tolerance) {
-            return 0;
-        }
-    }
-    return 1;
-}
-
-/* Whether other forces satisfy the same conditions, or contacts are too near to that. */
-static int ambiguous(const Instance *self, const Problem *p, const Modes modes, const double rate[]) {
-    double x[MOST_CONTACTS], other[MOST_CONTACTS];
-    Modes tied;
-    int ties = 0;
-    memcpy(tied, modes, sizeof tied);
-    for (size_t k = 0; k < p->n; k++) {
-        const size_t i = p->contact[k];
-        if (i < self->model->gaps && modes[i] == OPEN && rate[i] <= p->tolerance[i]) ties = tied[i] = CLOSED;
-    }
-    return ties && !forces_in(self, p, tied, x, other);
-}
-
 /* Give the contacts of a problem, and why they cannot be settled, as reason; 0. */
-static int refuse(Instance *self, const Problem *p, double time, const char *why) {
+static int refuse(Instance *self, const Complementarity *p, double time, const char *why) {
     char names[TEXT / 2] = "";
     for (size_t k = 0; k < p->n; k++) {
         if (k > 0) strncat(names, ", ", sizeof names - strlen(names) - 1);
@@ -293,32 +180,13 @@ static int refuse(Instance *self, const Problem *p, double time, const char *why
     return core_because(self, "%s at t = %.9g: %s", names, time, why);
 }
 
-/* Choose modes, the present ones first, then those that hold most; 0 and a reason if there are none. */
-static int choose(Instance *self, Problem *p, double time, Modes modes, double x[], double rate[]) {
-    const size_t gaps = self->model->gaps;
-    Modes first;
-    size_t combinations = 1;
-    int unique = 1;
-    memcpy(first, modes, sizeof first);
-    for (size_t k = 0; k < p->n; k++) combinations *= p->contact[k] < gaps ? 2 : 3;
-    for (size_t combination = 0; combination <= combinations; combination++) {
-        size_t rest = combination - 1;
-        if (combination == 0) memcpy(modes, first, sizeof first);
-        for (size_t k = 0; k < p->n && combination > 0; k++) {
-            static const signed char OF_GAP[] = {CLOSED, OPEN}, OF_FRICTION[] = {STICKS, FORWARD, BACKWARD};
-            const size_t i = p->contact[k], choices = i < gaps ? 2 : 3;
-            modes[i] = i < gaps ? OF_GAP[rest % choices] : OF_FRICTION[rest % choices];
-            rest /= choices;
-        }
-        if (!forces_in(self, p, modes, x, rate)) unique = 0;
-        else if (consistent(self, p, modes, x, rate)) {
-            if (!ambiguous(self, p, modes, rate)) return 1;
-            return refuse(self, p, time, "their forces are not unique (redundant liaisons): leave one out");
-        }
-    }
+/* Choose modes; 0 and a reason if there are none. */
+static int choose(Instance *self, const Complementarity *p, double time, Modes modes, double x[], double rate[]) {
+    const Choice choice = complementarity_choose(p, modes, x, rate);
+    if (choice == CHOSEN) return 1;
     return refuse(self, p, time,
-                  unique ? "no force keeps them apart and in their bounds (Painlevé)"
-                         : "they contradict each other, or what pushes leaves no way out");
+                  choice == PARADOX ? "no force keeps them apart and in their bounds (Painlevé)"
+                                    : "they contradict each other, or what pushes leaves no way out");
 }
 
 /* ---- impacts -------------------------------------------------------------------------------------------------------- */
@@ -328,12 +196,12 @@ static int strike(Instance *self, double time, const int touching[]) {
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
     const Contacts *c = &self->contacts;
-    Problem p = {.impulses = 1, .stick = c->slide, .slide = c->slide};
+    Complementarity p = problem(self, 1);
     double x[MOST_CONTACTS], rate[MOST_CONTACTS], before[MOST_CONTACTS], loss[MOST_CONTACTS], total = 0, size = 0;
     Modes modes = {0};
     for (size_t i = 0; i < n; i++) {
         const int gap = i < gaps;
-        const long normal = gap ? -1 : model->friction[i - gaps].normal;
+        const long normal = gap ? -1 : p.normal[i - gaps];
         const int takes = gap ? touching[i] && c->v[i] <= STILL * c->rate_scale[i]
                               : normal >= 0 && touching[normal] && c->v[normal] <= STILL * c->rate_scale[normal];
         before[i] = c->v[i];
@@ -341,7 +209,6 @@ static int strike(Instance *self, double time, const int touching[]) {
         p.tolerance[i] = BALANCED * c->rate_scale[i];
         if (!gap) modes[i] = FORWARD; /* without a force it has no effect */
         if (!takes) continue;
-        if (p.n == AT_ONCE) return refuse(self, &p, time, "more than eight contacts at once");
         if (gap) modes[i] = CLOSED;
         p.contact[p.n++] = i;
     }
@@ -407,7 +274,7 @@ double core_next_rest(const Instance *self, double time) {
 void core_follow_gaps(Instance *self) {
     const Model *model = self->model;
     const double time = self->s->time;
-    size_t list[AT_ONCE], n = 0, before;
+    size_t list[MOST_CONTACTS], n = 0, before;
     int listed[MOST_CONTACTS] = {0};
     if (model->gaps == 0) return;
     inspect(self, time);
@@ -416,7 +283,7 @@ void core_follow_gaps(Instance *self) {
         for (size_t i = 0; i < model->gaps; i++) {
             const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
             const int follows = gap > -depth && (gap < 0 || (is_closed(self, i) && gap < depth));
-            if (n < AT_ONCE && follows && !listed[i]) list[n++] = i;
+            if (follows && !listed[i]) list[n++] = i;
             listed[i] |= follows;
         }
         touch(self, time, list, n);
@@ -428,18 +295,18 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
     const Contacts *c = &self->contacts;
-    Problem p = {.stick = c->stick, .slide = c->slide};
+    Complementarity p = problem(self, 0);
     read_modes(self, modes);
     for (size_t i = 0; i < n; i++) {
         p.rate[i] = c->a[i];
         p.tolerance[i] = BALANCED * c->acceleration_scale[i];
-        const double least = i >= gaps && holds(model, modes, i) ? STUCK : STILL;
+        const double least = i >= gaps && complementarity_holds(&p, modes, i) ? STUCK : STILL;
         const int still = fabs(c->v[i]) <= least * c->rate_scale[i];
         if (i < gaps && !(touching[i] && still)) {
             modes[i] = OPEN;
             continue;
         }
-        const long normal = i < gaps ? -1 : model->friction[i - gaps].normal;
+        const long normal = i < gaps ? -1 : p.normal[i - gaps];
         if (normal >= 0 && !touching[normal]) {
             modes[i] = STICKS; /* it has no force */
             continue;
@@ -448,7 +315,6 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
             modes[i] = c->v[i] > 0 ? FORWARD : BACKWARD;
             continue;
         }
-        if (p.n == AT_ONCE) return refuse(self, &p, time, "more than eight contacts at once");
         p.contact[p.n++] = i;
     }
     return choose(self, &p, time, modes, x, rate);
@@ -498,19 +364,15 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
 /* Bring the rate of a gap that bounces no more to 0, with those that are held: its energy is lost. */
 static void stop(Instance *self, double time, size_t gap, const Modes modes) {
     const Model *model = self->model;
-    const size_t n = model->indicators;
     const Contacts *c = &self->contacts;
-    double matrix[AT_ONCE * AT_ONCE] = {0}, right[AT_ONCE], impulses[MOST_CONTACTS] = {0}, before[MOST_CONTACTS];
+    double right[MOST_CONTACTS], impulses[MOST_CONTACTS] = {0}, before[MOST_CONTACTS];
     size_t list[MOST_CONTACTS], held = 0;
-    for (size_t i = 0; i < model->gaps && held < AT_ONCE; i++)
+    for (size_t i = 0; i < model->gaps; i++)
         if (i == gap || modes[i] == CLOSED) list[held++] = i;
-    for (size_t a = 0; a < held; a++) {
-        right[a] = -c->v[list[a]];
-        for (size_t b = 0; b < held; b++) matrix[a * AT_ONCE + b] = c->G[list[a] + n * list[b]];
-    }
-    if (!solve(matrix, held, right)) return;
+    for (size_t a = 0; a < held; a++) right[a] = -c->v[list[a]];
+    annulling(self, list, held, right);
     for (size_t a = 0; a < held; a++) impulses[list[a]] = right[a];
-    memcpy(before, c->v, n * sizeof *before);
+    memcpy(before, c->v, model->indicators * sizeof *before);
     hit(self, time, impulses);
     inspect(self, time);
     for (size_t a = 0; a < held; a++) {
@@ -536,7 +398,7 @@ static int settle(Instance *self, double time, int late) {
         touching[i] = touches(self, i, time);
         rises[i] = late && c->v[i] > 0; /* out of an importer's error: there is no impact to be summed with others */
         overlap[i] = fmax(0, -c->gap[i] / c->scale[i]);
-        if (touching[i] && held < AT_ONCE && c->gap[i] != 0) list[held++] = i;
+        if (touching[i] && c->gap[i] != 0) list[held++] = i;
     }
     touch(self, time, list, held);
     for (;;) {
@@ -544,8 +406,8 @@ static int settle(Instance *self, double time, int late) {
         for (size_t i = 0; i < gaps; i++) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
         if (!approaches) break;
         if (++impacts > MOST_IMPACTS) {
-            Problem p = {0};
-            for (size_t i = 0; i < gaps && p.n < AT_ONCE; i++)
+            Complementarity p = {0};
+            for (size_t i = 0; i < gaps; i++)
                 if (touching[i]) p.contact[p.n++] = i;
             return refuse(self, &p, time, "more than 1000 impacts at one instant");
         }
@@ -567,8 +429,9 @@ static int settle(Instance *self, double time, int late) {
         *closed_of(self, i) = modes[i] == CLOSED ? 1 : slow ? -error : 0;
     }
     for (size_t i = 0; i < model->frictions; i++) self->v.m[model->friction[i].direction] = modes[gaps + i];
-    for (size_t i = 0; i < n && held < AT_ONCE; i++)
-        if (holds(model, modes, i)) list[held++] = i;
+    const Complementarity all = problem(self, 0);
+    for (size_t i = 0; i < n; i++)
+        if (complementarity_holds(&all, modes, i)) list[held++] = i;
     annul(self, time, list, held, 0);
     return 1;
 }
