@@ -11,16 +11,22 @@ The modes, which an FMU chooses at events, say for each contact what determines 
     slides          x = -direction T                 T: threshold, or μ times the force of a unilateral liaison
 
 An impact is the limit of a force that acts ever shorter: states jump by (∂ẏ/∂x) Λ, because ẏ is linear in x.
+
+Where rows of G depend on others (a table on four legs) x is what equal springs at the contacts would share: x in the
+range of G, which is the least norm where nothing slides.
 Source: docs/explanation/unilateral.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
+from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.declarations import Orientation
 from liaisons.language.layout import Layout
@@ -31,6 +37,13 @@ from liaisons.mechanics.model import Contact, Model
 
 OPEN_MARGIN, FORCE_MARGIN = 1e-13, 1e-12
 """Parts of its scale by which an event indicator is below the number that it watches when it crosses 0."""
+
+SINGULAR, SAME = 1e-10, 1e-10
+"""Part of its diagonal below which a pivot belongs to a contact that depends on others; part of its scale by which its
+acceleration may contradict theirs."""
+
+MOST_CONTACTS, _SAMPLES = 64, 8
+"""Of one model, as in complementarity.h; configurations in which it is looked for contacts that depend on others."""
 
 LEAVING = 1e-3
 """Part of the rate of a gap that grows in its indicator: an importer's error right after an impact is no event."""
@@ -97,7 +110,7 @@ class ContactModes:
 
     def __init__(
         self,
-        contacts: Sequence[Contact],
+        contacts: tuple[Contact, ...],
         vectors: Mapping[str, ca.SX],
         results: Mapping[str, Any],
         numbers: Mapping[str, ca.SX],
@@ -105,12 +118,18 @@ class ContactModes:
         *,
         memory: Sequence[str],
     ) -> None:
+        if len(contacts) > MOST_CONTACTS:
+            raise ComponentError(f"{len(contacts)} contacts and dry frictions; leave out all but {MOST_CONTACTS}")
         self.contacts, self._vectors, self._forced, self._numbers = contacts, vectors, results, numbers
-        self._gaps, self._frictions = ([c for c in contacts if c.friction is friction] for friction in (False, True))
         self._states, self.memory = [state.name for state in layout.states], memory
         outputs = (v.name for v in layout.outputs)
         self._outputs = dict(zip(outputs, ca.vertsplit(results["outputs_function"]), strict=True))
         self._G = ca.jacobian(numbers["a"], vectors["x"])
+        dependent = self._dependent(layout)
+        self.contacts = tuple(replace(c, dependent=i in dependent) for i, c in enumerate(contacts))
+        self._gaps, self._frictions = (
+            [c for c in self.contacts if c.friction is friction] for friction in (False, True)
+        )
         rows = {"v": numbers["v"], "a": numbers["a"], "G": ca.vec(self._G)} | dict(numbers)
         self._rows = {name: self._without_contact_forces(column) for name, column in rows.items()}
         self._forces, self._indicators = self._forces_and_indicators()
@@ -145,6 +164,24 @@ class ContactModes:
                 text = f"{c.normal} must have one force while {c.name} slides (Painlevé)"
                 conditions[text] = 1 - coefficient * self._G[n, row] / self._G[n, n]
         return conditions
+
+    def _dependent(self, layout: Layout) -> set[int]:
+        """Contacts whose rows of G depend on those before them somewhere: near the start, or where all gaps are 0."""
+        t, y, u, k = (self._vectors[letter] for letter in "tyuk")
+        gap = self._without_contact_forces(self._numbers["gap"])
+        starts = ca.Function("starts", [t, u, k], [self._without_contact_forces(self._forced["start"][0])])
+        point = ca.Function("point", [t, y, u, k], [self._without_contact_forces(self._G), gap, ca.jacobian(gap, y)])
+        values = [[v.start for v in group] for group in (layout.inputs, layout.parameters)]
+        first, random, found = starts(0, *values).full().ravel(), np.random.default_rng(0), set[int]()
+        for _ in range(_SAMPLES):
+            near = first + 0.1 * random.normal(size=first.shape)
+            for _ in range(_SAMPLES):
+                G, off, slope = (x.full() for x in point(0, near, *values))
+                if not np.isfinite(near).all() or not all(np.isfinite(x).all() for x in (G, off, slope)):
+                    break
+                found |= _dependent_rows(G)
+                near -= np.linalg.lstsq(slope, off, rcond=None)[0].ravel()
+        return found
 
     def _with_contact_forces(self, expression: ca.SX) -> ca.SX:
         """Expression with the contact forces of the modes for their symbols."""
@@ -190,11 +227,16 @@ class ContactModes:
         flags, v, alpha = stack(held), numbers["v"], STABILISATION
         target = -2 * alpha * v - alpha**2 * ca.vertcat(numbers["gap"], ca.SX.zeros(count - first, 1))
         K = ca.diag(flags) @ self._G @ P + ca.diag(1 - flags)
-        forces = P @ eliminated(K, flags * (target - self._rows["a"] - self._G @ d)) + d
-        return forces, self._watched(flags, forces)
+        dependent = [i for i, c in enumerate(self.contacts) if c.dependent]
+        forces = P @ eliminated(K, flags * (target - self._rows["a"] - self._G @ d), dependent) + d
+        off = flags * ca.fabs(self._rows["a"] + self._G @ forces - target) / self._rows["acceleration_scale"]
+        return forces, self._watched(flags, forces, off)
 
-    def _watched(self, flags: ca.SX, forces: ca.SX) -> ca.SX:
-        """Event indicators: each falls below 0 where the mode of its contact ends."""
+    def _watched(self, flags: ca.SX, forces: ca.SX, off: ca.SX) -> ca.SX:
+        """Event indicators: each falls below 0 where the mode of its contact ends.
+
+        :param off: relative accelerations of contacts that should have none.
+        """
         numbers, first = self._numbers, len(self._gaps)
         compliance, v = ca.diag(self._G) / self._rows["acceleration_scale"], numbers["v"]
         rows = []
@@ -212,7 +254,10 @@ class ContactModes:
             slides = direction * v[i] / numbers["rate_scale"][i] + FORCE_MARGIN
             own = flags[i] * sticks + direction**2 * slides
             rows.append(touching * own + 1 - touching)
-        return stack(rows)
+        return stack(
+            ca.fmin(row, SAME - off[i]) if c.dependent else row
+            for i, (c, row) in enumerate(zip(self.contacts, rows, strict=True))
+        )
 
     def _outputs_by_modes(self) -> dict[str, ca.SX]:
         """Outputs that depend on modes, by name."""
@@ -244,15 +289,52 @@ def _is_position(name: str, names: Sequence[str]) -> bool:
     return f"{part}{dot}p_{own}" in names or own.endswith(Orientation.quaternion)
 
 
-def eliminated(K: ca.SX, right: ca.SX) -> ca.SX:
-    """K⁻¹ right by Gauss's elimination without pivoting: modes are chosen so that it needs none."""
-    n = K.shape[0]
-    rows = [[K[i, j] for j in range(n)] + [right[i]] for i in range(n)]
+def eliminated(K: ca.SX, right: ca.SX, dependent: Sequence[int] = ()) -> ca.SX:
+    """Solution of K x = right by Gauss's elimination without pivoting: modes are chosen so that it needs none.
+
+    :param dependent: rows that are left out where they depend on those before them; x is then in the range of K.
+    """
+    if not dependent:
+        return _substituted(K, right, ())[0]
+    negative = -K[:, list(dependent)]
+    solved, flags = _substituted(K, ca.horzcat(right, negative), dependent)
+    unit = ca.SX(K.shape[0], len(dependent))
+    for column, row in enumerate(dependent):
+        unit[row, column] = 1
+    vanishing = (solved[:, 1:] + unit) @ ca.diag(flags)  # K makes 0 of it
+    left, left_flags = _substituted(K.T, -K.T[:, list(dependent)], dependent)
+    left = (left + unit) @ ca.diag(left_flags)
+    amounts = eliminated(left.T @ vanishing + ca.diag(1 - flags), left.T @ solved[:, 0])
+    return solved[:, 0] - vanishing @ amounts
+
+
+def _substituted(K: ca.SX, right: ca.SX, dependent: Sequence[int]) -> tuple[ca.SX, ca.SX]:
+    """Solution of K X = right with 0 in rows that depend on those before them, and whether each of these does."""
+    n, columns = right.shape
+    rows = [[K[i, j] for j in range(n)] + [right[i, j] for j in range(columns)] for i in range(n)]
+    flags = list[ca.SX]()
     for i in range(n):
+        if i in dependent:
+            flag = ca.fabs(rows[i][i]) <= SINGULAR * ca.fabs(K[i, i])
+            rows[i] = [(1 - flag) * a + flag * (j == i) for j, a in enumerate(rows[i])]
+            flags.append(flag)
         for below in range(i + 1, n):
             factor = rows[below][i] / rows[i][i]
             rows[below] = [a if factor.is_zero() else a - factor * b for a, b in zip(rows[below], rows[i], strict=True)]
-    solved: list[ca.SX] = [ca.SX(0)] * n
+    solved = [[ca.SX(0)] * columns for _ in range(n)]
     for i in reversed(range(n)):
-        solved[i] = (rows[i][n] - sum(rows[i][j] * solved[j] for j in range(i + 1, n))) / rows[i][i]
-    return stack(solved)
+        for c in range(columns):
+            known = sum(rows[i][j] * solved[j][c] for j in range(i + 1, n))
+            solved[i][c] = (rows[i][n + c] - known) / rows[i][i]
+    return ca.vertcat(*(ca.horzcat(*row) for row in solved)), stack(flags)
+
+
+def _dependent_rows(G: np.ndarray) -> set[int]:
+    """Rows of a symmetric matrix that depend on those before them."""
+    rest, found = G.copy(), set[int]()
+    for i, pivot in enumerate(np.diag(G)):
+        if abs(rest[i, i]) <= 1e-9 * abs(pivot):
+            found.add(i)
+        else:
+            rest -= np.outer(rest[:, i], rest[i]) / rest[i, i]
+    return found
