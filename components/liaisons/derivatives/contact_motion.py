@@ -242,7 +242,7 @@ class ContactMotion(SteppedMotion):
                 slopes = None
                 end = float(ends[-1]), k, steps.table[steps.rows[-1]], y
                 if which is not None:
-                    slopes = contacts.indicator_slopes(*end).full()[which]
+                    slopes = contacts.indicator_slopes(*end)[0][which].copy()
                 phases.append(
                     _Phase(
                         steps,

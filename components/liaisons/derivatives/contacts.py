@@ -1,7 +1,7 @@
 """Impacts and modes of contacts at one instant, with their derivatives by values, state and instant.
 
 The rules are those of an FMU (``unilateral.c``): Newton's restitution and Moreau's rule, dry friction, and the end of
-bounces that are too low to be followed.  Modes are chosen by numbers; in chosen modes impulses are a smooth function of
+bounces that are too low to be followed.  Modes are chosen by its code; in chosen modes impulses are a smooth function of
 the state before them, which is differentiated.  Where a number by which modes are chosen is 0 there is a derivative
 along those directions only in which it stays 0; it is handed on as a condition.
 """
@@ -11,17 +11,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import pairwise
 from typing import Any, TypeAlias, final
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.derivatives.modes import ModeChoice
 from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.errors import SimulationError
 from liaisons.expressions.algebra import stack
+from liaisons.fmu.calls import Call
 from liaisons.mechanics.unilateral import eliminated
 
 _TOUCHING, _STILL, _BALANCED, _OVERLAP, _DRIFT, _STUCK = 1e-12, 2e-12, 1e-13, 1e-9, 1e-3, 1e-9
@@ -29,7 +31,7 @@ _TOUCHING, _STILL, _BALANCED, _OVERLAP, _DRIFT, _STUCK = 1e-12, 2e-12, 1e-13, 1e
 the rate of what sticks."""
 _LOWEST, _LIFTED, _COUNTED = 1e-12, 1e-9, 1e-6
 """Parts of the scale: bounces below are summed; also those of what was closed; impacts count after a higher fall."""
-_AT_ONCE, _RESTORATIONS, _MOST_IMPACTS, _SINGULAR, _DEGENERATE = 8, 2, 1000, 1e10, 1e-9
+_RESTORATIONS, _MOST_IMPACTS, _DEGENERATE = 2, 1000, 1e-9
 
 Booleans: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[float, Floats, Floats]
@@ -43,32 +45,44 @@ Modes: TypeAlias = tuple[int, ...]
 class Landing:
     """State after an event, and its derivatives.
 
-    :param of_k: by the values, (states, values); ``of_y``: by the state before; ``of_t``: by the instant, (states, 1).
+    :param slopes: of the state, (states, 1 + values + states), by instant, values and state before.
     :param conditions: a row [by instant, values, state before] for each number that must stay 0, in units of its scale.
     """
 
     y: Floats
-    of_k: Floats
-    of_y: Floats
-    of_t: Floats
+    slopes: Floats
     conditions: tuple[Floats, ...] = ()
 
     @classmethod
     def unchanged(cls, y: Floats, values: int) -> Landing:
         """The state before the event."""
-        states = len(y)
-        return cls(y, np.zeros((states, values)), np.eye(states), np.zeros((states, 1)))
+        return cls(y, np.eye(len(y), 1 + values + len(y), 1 + values))
+
+    @property
+    def of_t(self) -> Floats:
+        """Derivatives by the instant, (states, 1)."""
+        return self.slopes[:, :1]
+
+    @property
+    def of_k(self) -> Floats:
+        """Derivatives by the values, (states, values)."""
+        return self.slopes[:, 1 : -len(self.y)]
+
+    @property
+    def of_y(self) -> Floats:
+        """Derivatives by the state before."""
+        return self.slopes[:, -len(self.y) :]
 
     def mapped(self, y: Floats, slopes: Floats) -> Landing:
         """After a further map of the state, with its derivatives [by instant, values, state]."""
-        of_t, of_k, of_y = np.split(self.rows(slopes), [1, 1 + self.of_k.shape[1]], axis=1)
-        return replace(self, y=y, of_k=of_k, of_y=of_y, of_t=of_t)
+        return Landing(y, self.rows(slopes), self.conditions)
 
     def rows(self, slopes: Floats) -> Floats:
         """Derivatives [by instant, values, state before the event], of those by instant, values and present state."""
-        values = self.of_k.shape[1]
-        of_t, of_k, of_y = np.split(slopes, [1, 1 + values], axis=1)
-        return np.hstack([of_t + of_y @ self.of_t, of_k + of_y @ self.of_k, of_y @ self.of_y])
+        states = len(self.y)
+        result = slopes[:, -states:] @ self.slopes
+        result[:, :-states] += slopes[:, :-states]
+        return result
 
     def conditioned(self, slopes: Floats) -> Landing:
         """With further numbers that must stay 0, by their derivatives [by instant, values, present state]."""
@@ -92,16 +106,21 @@ class _Numbers:
     slide: Floats
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """Rates as they are without forces, and the contacts whose modes are to be chosen."""
+class _Function:
+    """A function of a point and more, called in place."""
 
-    rate: Floats
-    tolerance: Floats
-    stick: Floats
-    chosen: list[int]
-    impulses: bool
+    def __init__(self, function: ca.Function) -> None:
+        """Take a function with dense results."""
+        self._arguments = tuple(np.zeros(function.numel_in(i)) for i in range(function.n_in()))
+        self._results = tuple(np.zeros(function.size_out(i)[::-1]) for i in range(function.n_out()))
+        self._call = Call(function, self._arguments, self._results)
+
+    def __call__(self, *arguments: float | Floats) -> list[Floats]:
+        """Results at arguments, which may be used until the next call."""
+        for array, argument in zip(self._arguments, arguments, strict=True):
+            array[:] = argument
+        self._call.run()
+        return [array.T for array in self._results]
 
 
 @final
@@ -117,29 +136,35 @@ class Contacts:
         self.names = [contact.name for contact in contacts.contacts]
         self.gaps, self.count = contacts.gaps, len(self.names)
         self.remembered = self.count + 2 * self.gaps
-        self._ends = np.cumsum([column.numel() for column in contacts.numbers.values()])[:-1]
+        ends = np.cumsum([0, *(column.numel() for column in contacts.numbers.values())]).tolist()
+        self._slices = {name: slice(*pair) for name, pair in zip(contacts.numbers, pairwise(ends), strict=True)}
         self._normals = [self.names.index(c.normal) if c.normal else -1 for c in contacts.contacts]
+        self._dependent = [i for i, c in enumerate(contacts.contacts) if c.dependent]
 
     # ---- functions
 
     @cached_property
-    def _numbers_function(self) -> ca.Function:
+    def _choice(self) -> ModeChoice:
+        return ModeChoice(self.gaps, self._normals)
+
+    @cached_property
+    def _numbers_function(self) -> _Function:
         """Function of a point -> numbers."""
         return self._function([], ca.vertcat(*self._contacts.numbers.values()))
 
     @cached_property
-    def _touch_slopes(self) -> ca.Function:
+    def _touch_slopes(self) -> _Function:
         """Function of a point -> derivatives of the gaps and of the rates."""
         numbers = self._contacts.numbers
         return self._function([], self._slopes(ca.vertcat(numbers["gap"], numbers["v"])))
 
     @cached_property
-    def indicator_slopes(self) -> ca.Function:
+    def indicator_slopes(self) -> _Function:
         """Function of a point -> derivatives of the event indicators by instant, values and state."""
         return self._function([], self._slopes(self._contacts.indicators))
 
     @cached_property
-    def _impact(self) -> ca.Function:
+    def _impact(self) -> _Function:
         """Function of a point, what is held, directions, and which gaps approach -> state, slacks, and their slopes."""
         held, direction, approaching = (ca.SX.sym(name, self.count) for name in ("held", "direction", "approaching"))
         numbers = self._contacts.numbers
@@ -151,7 +176,7 @@ class Contacts:
         return self._function([held, direction, approaching], pushed, slack, self._slopes(ca.vertcat(pushed, slack)))
 
     @cached_property
-    def _restored(self) -> ca.Function:
+    def _restored(self) -> _Function:
         """Function of a point, and what is held -> state with gaps and rates of what is held put to 0, and slopes."""
         held, none, numbers = ca.SX.sym("held", self.count), ca.SX.zeros(self.count), self._contacts.numbers
         frictions = ca.SX.zeros(self.count - self.gaps)
@@ -163,7 +188,7 @@ class Contacts:
         return self._function([held], restored, self._slopes(restored))
 
     @cached_property
-    def _rest_slopes(self) -> ca.Function:
+    def _rest_slopes(self) -> _Function:
         """Function of a point, what is held, and directions -> derivatives of the slacks at rest."""
         held, direction = (ca.SX.sym(name, self.count) for name in ("held", "direction"))
         a = self._contacts.numbers["a"]
@@ -171,8 +196,9 @@ class Contacts:
         slack = stack(self._slacks(a, x, self._matrix(), (held, direction), self._contacts.numbers["stick"]))
         return self._function([held, direction], self._slopes(slack))
 
-    def _function(self, further: list[ca.SX], *results: ca.SX) -> ca.Function:
-        return ca.Function("contact", [*self._equations.symbols, *further], ca.cse([ca.densify(x) for x in results]))
+    def _function(self, further: list[ca.SX], *results: ca.SX) -> _Function:
+        outputs = ca.cse([ca.densify(x) for x in results])
+        return _Function(ca.Function("contact", [*self._equations.symbols, *further], outputs))
 
     def _slopes(self, value: ca.SX) -> ca.SX:
         """Derivatives by instant, values and state."""
@@ -189,7 +215,7 @@ class Contacts:
             elif not impulses:
                 d[i] = sliding
         K = ca.diag(held) @ G @ P + ca.diag(1 - held)
-        return P @ eliminated(K, -held * (rate + G @ d)) + d
+        return P @ eliminated(K, -held * (rate + G @ d), self._dependent) + d
 
     def _matrix(self) -> ca.SX:
         return ca.reshape(self._contacts.numbers["G"], self.count, self.count)
@@ -209,8 +235,9 @@ class Contacts:
     # ---- modes
 
     def _numbers(self, point: Point, y: Floats) -> _Numbers:
-        columns = np.split(self._numbers_function(*point, y).full().ravel(), self._ends)
-        values = dict(zip(self._contacts.numbers, columns, strict=True))
+        (column,) = self._numbers_function(*point, y)
+        numbers = column[:, 0].copy()
+        values = {name: numbers[part] for name, part in self._slices.items()}
         return _Numbers(**values | {"G": values["G"].reshape(self.count, self.count).T})
 
     def _holds(self, modes: Modes, i: int) -> bool:
@@ -226,47 +253,25 @@ class Contacts:
         touching = [self._normals[i] < 0 or modes[self._normals[i]] == 1 for i in range(self.count)]
         return np.array([float(i >= self.gaps and touching[i] and modes[i]) for i in range(self.count)])
 
-    def _forces_in(self, c: _Numbers, p: _Problem, modes: Modes) -> tuple[Floats, Floats] | None:
-        """Forces in some modes, and slacks; None if there are none, or more than one."""
-        flags, direction = self._held(modes), self._directions(modes)
-        held, P, x = np.flatnonzero(flags), np.eye(self.count), np.zeros(self.count)
-        for i, normal in enumerate(self._normals[self.gaps :], start=self.gaps):
-            sliding = -direction[i] * c.slide[i - self.gaps]
-            if normal >= 0:
-                P[i, normal] = sliding
-            elif not p.impulses:
-                x[i] = sliding
-        if held.size:
-            matrix = c.G[held] @ P[:, held]
-            if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > _SINGULAR:
-                return None
-            x += P[:, held] @ np.linalg.solve(matrix, -(p.rate + c.G @ x)[held])
-        return x, np.array(self._slacks(p.rate, x, c.G, (flags, direction), p.stick))
+    def _choose(
+        self, c: _Numbers, time: float, first: list[int], chosen: list[int], rate: Floats | None = None
+    ) -> tuple[Modes, Floats, Floats]:
+        """Modes that are consistent, the present ones first, then those that hold most; forces and slacks in them.
 
-    def _choose(self, c: _Numbers, p: _Problem, time: float, first: list[int]) -> tuple[Modes, Floats, Floats]:
-        """Modes that are consistent, the present ones first, then those that hold most; forces and slacks in them."""
-        if len(p.chosen) > _AT_ONCE:
-            raise self._refusal(p.chosen, time, "more than eight contacts at once")
-        unique = True
-        for choice in (None, *product(*(((1, 0) if i < self.gaps else (0, 1, -1)) for i in reversed(p.chosen)))):
-            modes = list(first)
-            for i, mode in zip(reversed(p.chosen), choice or (), strict=choice is not None):
-                modes[i] = mode
-            forces = self._forces_in(c, p, tuple(modes))
-            unique &= forces is not None
-            # In each mode friction that nothing presses on has no force: one will do.
-            idle = [i for i in p.chosen if modes[i] and self._normals[i] >= 0 and not modes[self._normals[i]]]
-            if forces is None or idle or (forces[1] < -p.tolerance)[p.chosen].any():
-                continue
-            tied = list(modes)
-            for i in p.chosen:
-                if i < self.gaps and not modes[i] and forces[1][i] <= p.tolerance[i]:
-                    tied[i] = 1
-            if tied != modes and self._forces_in(c, p, tuple(tied)) is None:
-                raise self._refusal(p.chosen, time, "their forces are not unique (redundant liaisons): leave one out")
-            return tuple(modes), *forces
-        why = "no force keeps them apart and in their bounds (Painlevé)"
-        raise self._refusal(p.chosen, time, why if unique else "they contradict each other, or leave no way out")
+        :param chosen: contacts whose modes are chosen.
+        :param rate: before an impact, as it would be without impulses; None: at rest.
+        """
+        problem, impulses = self._choice, rate is not None
+        own, scale = (c.a, c.acceleration_scale) if rate is None else (rate, c.rate_scale)
+        bound = c.slide if impulses else c.stick
+        problem.G[:], problem.rate[:], problem.tolerance[:] = c.G.T.ravel(), own, _BALANCED * scale
+        problem.stick[: len(bound)], problem.slide[: len(bound)], problem.modes[:] = bound, c.slide, first
+        why = problem.choose(chosen, impulses=impulses)
+        if why:
+            raise self._refusal(chosen, time, why)
+        modes, x = tuple(problem.modes.tolist()), problem.forces.copy()
+        flags = self._held(modes), self._directions(modes)
+        return modes, x, np.array(self._slacks(own, x, c.G, flags, bound))
 
     def _refusal(self, contacts: list[int], time: float, why: str) -> SimulationError:
         return SimulationError(f"{self._name}: {', '.join(self.names[i] for i in contacts)} at t = {time:.9g} s: {why}")
@@ -277,8 +282,8 @@ class Contacts:
         """The state before an event, without the drift of what is closed or sticks."""
         held = self._held(memory.modes)
         for _ in range(_RESTORATIONS * bool(held.any())):
-            y, slopes = (x.full() for x in self._restored(*point, landing.y, held))
-            landing = landing.mapped(y.ravel(), slopes)
+            y, slopes = self._restored(*point, landing.y, held)
+            landing = landing.mapped(y[:, 0].copy(), slopes)
         return landing
 
     def settle(
@@ -294,15 +299,16 @@ class Contacts:
         touching = self._touching(c, point[0], closed)
         new = [i for i in np.flatnonzero(touching & ~closed) if i != which]
         if new:
-            landing = landing.conditioned(self._touch_slopes(*point, landing.y).full()[new] / c.scale[new, None])
+            (slopes,) = self._touch_slopes(*point, landing.y)
+            landing = landing.conditioned(slopes[new] / c.scale[new, None])
         landing, c, impacts = self._struck(landing, point, c, touching)
         landing, c, modes, rests_from, size = self._rested(landing, point, c, touching, memory)
         holds = [memory.started and self._holds(memory.modes, i) for i in range(self.count)]
         still = np.flatnonzero((np.abs(c.v) <= _STILL * c.rate_scale) & ~np.array(holds)).tolist()
         still = [i for i in still if i != which and self._can_push(i, touching)]
         if still:
-            slopes = self._touch_slopes(*point, landing.y).full()[self.gaps :]
-            landing = landing.conditioned(slopes[still] / c.rate_scale[still, None])
+            (slopes,) = self._touch_slopes(*point, landing.y)
+            landing = landing.conditioned(slopes[self.gaps :][still] / c.rate_scale[still, None])
         return landing, ContactMemory(modes, memory.impacts + impacts, rests_from), size
 
     def _touching(self, c: _Numbers, time: float, closed: Booleans) -> Booleans:
@@ -332,9 +338,8 @@ class Contacts:
             ]
             approaching[gaps] = c.v[gaps] < 0
             rate = c.v * (1 + approaching * np.pad(c.restitution, (0, self.count - self.gaps)))
-            problem = _Problem(rate, _BALANCED * c.rate_scale, c.slide, chosen, impulses=True)
             first = [int(i in chosen or i >= self.gaps) for i in range(self.count)]
-            modes, x, _ = self._choose(c, problem, point[0], first)
+            modes, x, _ = self._choose(c, point[0], first, chosen, rate)
             fell = c.v[gaps] ** 2 > 2 * np.abs(c.a[gaps]) * _COUNTED * c.scale
             impacts += (x[gaps] > 0) & (c.v[gaps] < -least) & fell
             before, modes_of = c, (self._held(modes), self._directions(modes), approaching)
@@ -352,10 +357,10 @@ class Contacts:
         self, landing: Landing, point: Point, c: _Numbers, modes: tuple[Floats, Floats, Floats], chosen: list[int]
     ) -> Landing:
         """State after impulses in some modes: what is held, directions, which gaps approach."""
-        y, slack, slopes = (x.full() for x in self._impact(*point, landing.y, *modes))
+        y, slack, slopes = self._impact(*point, landing.y, *modes)
         states = len(y)
         weak = [i for i in chosen if slack[i, 0] <= _DEGENERATE * c.rate_scale[i]]
-        return landing.conditioned(slopes[states:][weak] / c.rate_scale[weak, None]).mapped(y.ravel(), slopes[:states])
+        return landing.conditioned(slopes[states:][weak] / c.rate_scale[weak, None]).mapped(y[:, 0].copy(), slopes[:states])
 
     def _rested(
         self, landing: Landing, point: Point, c: _Numbers, touching: Booleans, memory: ContactMemory
@@ -378,7 +383,7 @@ class Contacts:
             if modes[i] == 1 and not closed[i] and i not in stopped:
                 rests_from[i] = point[0]
         if weak:
-            slopes = self._rest_slopes(*point, landing.y, self._held(modes), self._directions(modes)).full()
+            (slopes,) = self._rest_slopes(*point, landing.y, self._held(modes), self._directions(modes))
             landing = landing.conditioned(slopes[weak] / c.acceleration_scale[weak, None])
         return landing, c, modes, rests_from, size
 
@@ -401,8 +406,7 @@ class Contacts:
                 modes[i] = 1 if c.v[i] > 0 else -1
             else:
                 chosen.append(i)
-        problem = _Problem(c.a, _BALANCED * c.acceleration_scale, c.stick, chosen, impulses=False)
-        chosen_modes, _, slack = self._choose(c, problem, time, modes)
+        chosen_modes, _, slack = self._choose(c, time, modes, chosen)
         low, closed = slack <= _DEGENERATE * c.acceleration_scale, np.array(chosen_modes[: self.gaps]) == 1
         return chosen_modes, [i for i in chosen if low[i] and self._can_push(i, closed)], slack
 
