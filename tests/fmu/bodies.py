@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from liaisons import (
@@ -14,6 +16,8 @@ from liaisons import (
     non_holonomic,
     unilateral,
 )
+from liaisons.language import Size
+from liaisons.models import BallRow
 
 
 class Sledge(Mechanism):
@@ -121,12 +125,12 @@ class Press(Mechanism):
 
 
 class TwoFloors(Mechanism):
-    """Ball above two tables, one in the other where they are at the same height."""
+    """Ball above two tables, one in the other where they are at the same height; an operator moves the second one."""
 
     mass = Parameter(1.0, "kg", "mass", above=0)
     gravity = Gravity()
     height = Coordinate("m", "height of the ball", start=1.0)
-    depth = Parameter(0.0, "m", "depth of the second table", minimum=0)
+    second = ActiveCoordinate("m", "height of the second table")
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.height) ** 2
@@ -140,7 +144,7 @@ class TwoFloors(Mechanism):
 
     @unilateral("m", "distance of ball and second table")
     def second_gap(self) -> ca.SX:
-        return self.height + self.depth
+        return self.height - self.second
 
 
 class Flat(Mechanism):
@@ -187,6 +191,92 @@ def _balls(count: int) -> type[Mechanism]:
 
 
 Nine = _balls(9)
+
+
+def table(legs: Sequence[tuple[float, float]]) -> type[Mechanism]:
+    """Table of low height that tilts about two axes, on legs at these places in units of its size."""
+
+    def leg(i: int, x: float, y: float) -> object:
+        def height(self: Mechanism) -> ca.SX:
+            return self.z + self.size * (x * ca.sin(self.pitch) + y * ca.sin(self.roll))
+
+        height.__name__ = f"leg_{i}"
+        return unilateral("m", f"height of leg {i}", restitution="bounce")(height)
+
+    def kinetic_energy(self: Mechanism) -> ca.SX:
+        turning = self.dot(self.pitch) ** 2 + self.dot(self.roll) ** 2
+        return self.mass / 2 * self.dot(self.z) ** 2 + self.inertia / 2 * turning
+
+    members = {
+        "__doc__": "Table on legs.",
+        "mass": Parameter(2.0, "kg", "mass", above=0),
+        "inertia": Parameter(0.5, "kg.m2", "moment of inertia", above=0),
+        "size": Parameter(1.0, "m", "size", above=0),
+        "bounce": Parameter(0.0, "1", "coefficient of restitution", minimum=0, maximum=1),
+        "gravity": Gravity(),
+        "z": Coordinate("m", "height of the centre"),
+        "pitch": Coordinate("rad", "angle about the first axis"),
+        "roll": Coordinate("rad", "angle about the second axis"),
+        **{f"leg_{i}": leg(i, *place) for i, place in enumerate(legs)},
+        "kinetic_energy": kinetic_energy,
+        "potential_energy": lambda self: self.mass * self.gravity * self.z,
+    }
+    return type(f"Table{len(legs)}", (Mechanism,), members)
+
+
+Table = table([(-1.0, -0.8), (1.0, -0.8), (1.2, 0.9), (-0.9, 0.7)])
+SquareTable = table([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+
+
+class Skid(Mechanism):
+    """Body in a plane on two rough feet, which stick and slide together."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    inertia = Parameter(0.5, "kg.m2", "moment of inertia", above=0)
+    length = Parameter(1.0, "m", "distance of the front foot from below the centre", above=0)
+    grip = Parameter(0.4, "1", "coefficient of static friction", minimum=0)
+    drag = Parameter(0.4, "1", "coefficient of sliding friction", minimum=0)
+    gravity = Gravity()
+    x = Coordinate("m", "place of the centre")
+    z = Coordinate("m", "height of the centre above that of rest")
+    pitch = Coordinate("rad", "angle with the horizontal")
+
+    def kinetic_energy(self) -> ca.SX:
+        turning = self.inertia / 2 * self.dot(self.pitch) ** 2
+        return self.mass / 2 * self.speed_squared({"x": self.x, "z": self.z}) + turning
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z
+
+    def foot(self, part: float) -> tuple[ca.SX, ca.SX]:
+        """Place and height of a foot at this part of the length, and at half of it below the centre."""
+        sine, cosine, half = ca.sin(self.pitch), ca.cos(self.pitch), self.length / 2
+        return (
+            self.x + part * self.length * cosine + half * sine,
+            self.z + part * self.length * sine + half * (1 - cosine),
+        )
+
+    @unilateral("m", "height of the front foot")
+    def front(self) -> ca.SX:
+        return self.foot(1.0)[1]
+
+    @unilateral("m", "height of the rear foot")
+    def rear(self) -> ca.SX:
+        return self.foot(-0.6)[1]
+
+    @dry_friction("m/s", "sliding of the front foot", static="grip", sliding="drag", normal="front")
+    def front_slip(self) -> ca.SX:
+        return self.dot(self.foot(1.0)[0])
+
+    @dry_friction("m/s", "sliding of the rear foot", static="grip", sliding="drag", normal="rear")
+    def rear_slip(self) -> ca.SX:
+        return self.dot(self.foot(-0.6)[0])
+
+
+class Twelve(BallRow):
+    """Twelve balls on a line."""
+
+    n = Size(12, "number of balls")
 
 
 class Skate(Mechanism):

@@ -66,11 +66,6 @@ def until_refused(
         (BouncingBall, {"bounce": -0.1}, "bounce = -0.1 at t = 0: it must be in [0, 1]"),
         (bodies.Flat, {"x_0": 0.0, "x_dot_0": 0.0}, "cube at t = 0: it moves no mass (effective mass inf)"),
         (
-            bodies.TwoFloors,
-            {"height_0": 0.0},
-            "first_gap, second_gap at t = 0: their forces are not unique (redundant liaisons): leave one out",
-        ),
-        (
             bodies.Rod,
             rough_rod(1.0, grip=3.0, drag=3.0),
             "left at t = 0: no force keeps them apart and in their bounds (Painlevé)",
@@ -84,11 +79,6 @@ def until_refused(
             bodies.Press,
             {"height_0": 0.0, "press": 0.0, "press_dot": -1.0},
             "floor_gap, press_gap at t = 0: they contradict each other, or what pushes leaves no way out",
-        ),
-        (
-            bodies.Nine,
-            {f"z_{i}_0": 0.0 for i in range(9)},
-            f"{', '.join(f'gap_{i}' for i in range(8))} at t = 0: more than eight contacts at once",
         ),
     ],
 )
@@ -163,13 +153,6 @@ def pressed(t: float, speed: float = 1.0) -> dict[str, float]:
             lambda t: {"table": 2.0 if t > 0.25 else 0.0},
             r"gap = -1\.4\d* at t = 0\.3: bodies overlap; a prescribed coordinate must not jump through a body",
         ),
-        (
-            bodies.TwoFloors,
-            {},
-            lambda _: {},
-            r"first_gap, second_gap at t = 0\.4515\d*: their forces are not unique \(redundant liaisons\): .*",
-        ),
-        (bodies.Nine, {}, lambda _: {}, r"gap_0, .*, gap_7 at t = 0\.4515\d*: more than eight contacts at once"),
     ],
 )
 def test_step_is_refused(library, version, body, values, inputs, message) -> None:  # noqa: PLR0917

@@ -274,8 +274,9 @@ class ContactMotion(SteppedMotion):
 
     def _remembering(self, memory: ContactMemory) -> Floats:
         """Shared values, with what is remembered of the contacts."""
-        values = [*memory.values()]
-        return np.hstack([self.table[:, : -len(values)], np.tile(values, (len(self.table), 1))])
+        table, values = self.table.copy(), [*memory.values()]
+        table[:, -len(values) :] = values
+        return table
 
     def _after_jump(self, k: Floats, segment: Segment, y: Floats, memory: ContactMemory) -> Landing:
         """State after a known event, before the contacts act."""

@@ -337,7 +337,8 @@ class Contacts:
                 if (i < self.gaps and takes[i]) or (normal >= 0 and takes[normal])
             ]
             approaching[gaps] = c.v[gaps] < 0
-            rate = c.v * (1 + approaching * np.pad(c.restitution, (0, self.count - self.gaps)))
+            rate = c.v.copy()
+            rate[gaps] *= 1 + approaching[gaps] * c.restitution
             first = [int(i in chosen or i >= self.gaps) for i in range(self.count)]
             modes, x, _ = self._choose(c, point[0], first, chosen, rate)
             fell = c.v[gaps] ** 2 > 2 * np.abs(c.a[gaps]) * _COUNTED * c.scale
@@ -360,7 +361,9 @@ class Contacts:
         y, slack, slopes = self._impact(*point, landing.y, *modes)
         states = len(y)
         weak = [i for i in chosen if slack[i, 0] <= _DEGENERATE * c.rate_scale[i]]
-        return landing.conditioned(slopes[states:][weak] / c.rate_scale[weak, None]).mapped(y[:, 0].copy(), slopes[:states])
+        return landing.conditioned(slopes[states:][weak] / c.rate_scale[weak, None]).mapped(
+            y[:, 0].copy(), slopes[:states]
+        )
 
     def _rested(
         self, landing: Landing, point: Point, c: _Numbers, touching: Booleans, memory: ContactMemory

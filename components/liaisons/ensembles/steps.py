@@ -106,7 +106,7 @@ def _c_argument(argument: Any) -> Any:
     """The argument as ctypes object."""
     if isinstance(argument, np.ndarray):
         assert argument.flags.c_contiguous
-        return argument.ctypes.data_as(ctypes.c_void_p)
+        return ctypes.c_void_p(argument.ctypes.data)
     return ctypes.c_double(argument) if isinstance(argument, float) else ctypes.c_long(argument)
 
 

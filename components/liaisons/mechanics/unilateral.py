@@ -227,15 +227,15 @@ class ContactModes:
         flags, v, alpha = stack(held), numbers["v"], STABILISATION
         target = -2 * alpha * v - alpha**2 * ca.vertcat(numbers["gap"], ca.SX.zeros(count - first, 1))
         K = ca.diag(flags) @ self._G @ P + ca.diag(1 - flags)
-        dependent = [i for i, c in enumerate(self.contacts) if c.dependent]
-        forces = P @ eliminated(K, flags * (target - self._rows["a"] - self._G @ d), dependent) + d
-        off = flags * ca.fabs(self._rows["a"] + self._G @ forces - target) / self._rows["acceleration_scale"]
-        return forces, self._watched(flags, forces, off)
+        dependent, free = [i for i, c in enumerate(self.contacts) if c.dependent], self._rows["a"] + self._G @ d
+        solved, contradictions = _shared(K, flags * (target - free), -flags * free, dependent)
+        forces = P @ solved + d
+        return forces, self._watched(flags, forces, dict(zip(dependent, ca.vertsplit(contradictions), strict=True)))
 
-    def _watched(self, flags: ca.SX, forces: ca.SX, off: ca.SX) -> ca.SX:
+    def _watched(self, flags: ca.SX, forces: ca.SX, contradictions: Mapping[int, ca.SX]) -> ca.SX:
         """Event indicators: each falls below 0 where the mode of its contact ends.
 
-        :param off: relative accelerations of contacts that should have none.
+        :param contradictions: accelerations that contacts would have by those on which they depend.
         """
         numbers, first = self._numbers, len(self._gaps)
         compliance, v = ca.diag(self._G) / self._rows["acceleration_scale"], numbers["v"]
@@ -254,10 +254,9 @@ class ContactModes:
             slides = direction * v[i] / numbers["rate_scale"][i] + FORCE_MARGIN
             own = flags[i] * sticks + direction**2 * slides
             rows.append(touching * own + 1 - touching)
-        return stack(
-            ca.fmin(row, SAME - off[i]) if c.dependent else row
-            for i, (c, row) in enumerate(zip(self.contacts, rows, strict=True))
-        )
+        for i, contradiction in contradictions.items():
+            rows[i] = ca.fmin(rows[i], SAME - ca.fabs(contradiction) / self._rows["acceleration_scale"][i])
+        return stack(rows)
 
     def _outputs_by_modes(self) -> dict[str, ca.SX]:
         """Outputs that depend on modes, by name."""
@@ -294,30 +293,33 @@ def eliminated(K: ca.SX, right: ca.SX, dependent: Sequence[int] = ()) -> ca.SX:
 
     :param dependent: rows that are left out where they depend on those before them; x is then in the range of K.
     """
+    return _shared(K, right, right, dependent)[0]
+
+
+def _shared(K: ca.SX, right: ca.SX, demand: ca.SX, dependent: Sequence[int]) -> tuple[ca.SX, ca.SX]:
+    """Solution as of :func:`eliminated`, and by how much rows that are left out contradict others in another right side."""
     if not dependent:
-        return _substituted(K, right, ())[0]
-    negative = -K[:, list(dependent)]
-    solved, flags = _substituted(K, ca.horzcat(right, negative), dependent)
-    unit = ca.SX(K.shape[0], len(dependent))
-    for column, row in enumerate(dependent):
-        unit[row, column] = 1
-    vanishing = (solved[:, 1:] + unit) @ ca.diag(flags)  # K makes 0 of it
-    left, left_flags = _substituted(K.T, -K.T[:, list(dependent)], dependent)
-    left = (left + unit) @ ca.diag(left_flags)
+        return _substituted(K, right, ())[0], ca.SX(0, 1)
+    columns = list(dependent)
+    solved, flags, left_out = _substituted(K, ca.horzcat(right, demand, -K[:, columns]), dependent)
+    left, left_flags, _ = _substituted(K.T, -K.T[:, columns], dependent)
+    unit = ca.SX.eye(K.shape[0])[:, columns]
+    vanishing, left = (solved[:, 2:] + unit) @ ca.diag(flags), (left + unit) @ ca.diag(left_flags)  # by K, and by K.T
     amounts = eliminated(left.T @ vanishing + ca.diag(1 - flags), left.T @ solved[:, 0])
-    return solved[:, 0] - vanishing @ amounts
+    return solved[:, 0] - vanishing @ amounts, flags * left_out[:, 1]
 
 
-def _substituted(K: ca.SX, right: ca.SX, dependent: Sequence[int]) -> tuple[ca.SX, ca.SX]:
-    """Solution of K X = right with 0 in rows that depend on those before them, and whether each of these does."""
+def _substituted(K: ca.SX, right: ca.SX, dependent: Sequence[int]) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Solution of K X = right with 0 in rows that depend on those before them, whether each does, and what is left."""
     n, columns = right.shape
     rows = [[K[i, j] for j in range(n)] + [right[i, j] for j in range(columns)] for i in range(n)]
-    flags = list[ca.SX]()
+    flags, left_out = list[ca.SX](), list[ca.SX]()
     for i in range(n):
         if i in dependent:
             flag = ca.fabs(rows[i][i]) <= SINGULAR * ca.fabs(K[i, i])
-            rows[i] = [(1 - flag) * a + flag * (j == i) for j, a in enumerate(rows[i])]
             flags.append(flag)
+            left_out.append(ca.horzcat(*rows[i][n:]))
+            rows[i] = [(1 - flag) * a + flag * (j == i) for j, a in enumerate(rows[i])]
         for below in range(i + 1, n):
             factor = rows[below][i] / rows[i][i]
             rows[below] = [a if factor.is_zero() else a - factor * b for a, b in zip(rows[below], rows[i], strict=True)]
@@ -326,7 +328,7 @@ def _substituted(K: ca.SX, right: ca.SX, dependent: Sequence[int]) -> tuple[ca.S
         for c in range(columns):
             known = sum(rows[i][j] * solved[j][c] for j in range(i + 1, n))
             solved[i][c] = (rows[i][n + c] - known) / rows[i][i]
-    return ca.vertcat(*(ca.horzcat(*row) for row in solved)), stack(flags)
+    return ca.vertcat(*(ca.horzcat(*row) for row in solved)), stack(flags), ca.vertcat(*left_out)
 
 
 def _dependent_rows(G: np.ndarray) -> set[int]:

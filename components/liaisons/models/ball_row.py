@@ -7,8 +7,8 @@ import casadi as ca
 from liaisons.language import Coordinate, Mechanism, Parameter, Size, unilateral
 from liaisons.language.shapes import Ball, Flash, Shapes
 
-ROW = (0.0, *(1.0 + 0.1 * i for i in range(8)))
-"""A ball that approaches others that touch; more than eight gaps are refused."""
+ROW = (0.0, *(1.0 + 0.1 * i for i in range(64)))
+"""A ball that approaches others that touch; more than 64 gaps are refused."""
 
 
 class BallRow(Mechanism):

@@ -1,0 +1,137 @@
+"""The choice of modes in C: many contacts, redundant ones, friction, against SciPy and the conditions themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from liaisons.derivatives.modes import ModeChoice
+
+Floats = NDArray[Any]
+TOLERANCE = 1e-13
+
+
+def chosen(
+    G: Floats, rate: Floats, normals: list[int] | None = None, stick: Any = 0.0, slide: Any = 0.0, sliding: int = 0
+) -> tuple[str, Floats, Floats, Floats]:
+    """Why there are no modes, modes, forces and rates; of contacts that were all open, the last ones sliding."""
+    count, frictions = len(rate), len(normals or [])
+    choice = ModeChoice(count - frictions, [*(-1,) * (count - frictions), *(normals or [])])
+    choice.G[:], choice.rate[:], choice.tolerance[:] = G.T.ravel(), rate, TOLERANCE * (1 + np.abs(rate))
+    choice.stick[:frictions], choice.slide[:frictions], choice.modes[:] = stick, slide, 0
+    choice.modes[count - sliding :] = 1
+    why = choice.choose(range(count - sliding), impulses=False)
+    return why, choice.modes.copy(), choice.forces.copy(), choice.rates.copy()
+
+
+@pytest.mark.parametrize("count", [3, 8, 9, 20, 40, 64])
+def test_many_contacts_are_least_squares_that_are_not_negative(count: int) -> None:
+    """x ≥ 0 ⊥ C (Cᵀ x + b) ≥ 0 are the conditions of the least |Cᵀ x + b| (Lawson and Hanson)."""
+    random = np.random.default_rng(count)
+    for _ in range(10):
+        C = random.normal(size=(count, count + 5))
+        rate = random.normal(size=count)
+        why, modes, x, rates = chosen(C @ C.T, rate)
+        assert not why
+        expected, _ = nnls(C.T, -np.linalg.lstsq(C, rate, rcond=None)[0])
+        np.testing.assert_allclose(x, expected, atol=1e-9 * (1 + x.max()))  # both solve by the same active set
+        assert ((modes == 1) == (expected > 0)).all()
+        assert rates.min() > -1e-11
+
+
+@pytest.mark.parametrize("count", [4, 7, 20, 60])
+def test_a_body_on_many_supports_shares_its_weight_by_least_norm(count: int) -> None:
+    """The least |x|² with C A⁻¹ Cᵀ x = -C w and x ≥ 0: x = C ν where it pushes, and C ν ≤ 0 elsewhere."""
+    random = np.random.default_rng(count)
+    partly = 0
+    for _ in range(20):
+        C = np.column_stack([np.ones(count), random.uniform(-1, 1, (count, 2))])
+        A = np.diag(random.uniform(0.2, 2, 3))
+        middle = C.T @ (part := random.dirichlet(np.ones(count))) if count < 20 else [1, *random.uniform(-0.5, 0.5, 2)]
+        assert count >= 20 or part.min() > 0
+        w = -9.81 * np.linalg.solve(A, np.asarray(middle))
+        why, _, x, rates = chosen(C @ np.linalg.solve(A, C.T), C @ w)
+        assert not why
+        pushes = x > 1e-9
+        np.testing.assert_allclose(C.T @ x, -A @ w, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(rates, 0, atol=1e-10)
+        nu, *_ = np.linalg.lstsq(C[pushes], x[pushes], rcond=None)
+        np.testing.assert_allclose(C[pushes] @ nu, x[pushes], atol=1e-9)
+        assert (C[~pushes] @ nu < 1e-9).all()
+        assert x.min() > -1e-12
+        partly += not pushes.all()
+    assert partly > 0
+
+
+def satisfies(x: Floats, rates: Floats, stick: float, slide: float) -> bool:
+    """Whether Coulomb's conditions hold for as many tangents as normals."""
+    (normal, tangent), (opens, slips) = np.split(x, 2), np.split(rates, 2)
+    size = 1e-9 * (1 + np.abs(x).max())
+    sliding = np.abs(slips) > size
+    bound = np.where(sliding, slide, stick) * normal
+    dissipates = ~sliding | (np.abs(tangent + np.sign(slips) * bound) < size)
+    return bool(
+        normal.min() > -size
+        and opens.min() > -size
+        and (np.abs(normal * opens) < size).all()
+        and (np.abs(tangent) <= bound + size).all()
+        and dissipates.all()
+    )
+
+
+@pytest.mark.parametrize("count", [3, 12, 32])
+def test_a_block_on_many_rough_points_sticks_slides_or_tips(count: int) -> None:
+    random = np.random.default_rng(count)
+    tips = slides = rests = 0
+    for _ in range(40):
+        places = random.uniform(-1, 1, count)
+        normal = np.column_stack([0 * places, 1 + 0 * places, places])
+        tangent = np.column_stack([1 + 0 * places, 0 * places, 0.3 + 0 * places])
+        C = np.vstack([normal, tangent])
+        w = np.array([random.normal(0, 6), -9.81, random.normal(0, 25)])
+        mu = random.uniform(0.2, 0.8)
+        G = C @ np.diag([1, 1, 3]) @ C.T
+        why, _, x, rates = chosen(G, C @ w, [*range(count)], 1.1 * mu, mu)
+        assert not why
+        assert satisfies(x, rates, 1.1 * mu, mu)
+        opening = bool((rates[:count] > 1e-9).any())
+        tips, slides = tips + opening, slides + bool((np.abs(rates[count:]) > 1e-9).all() and not opening)
+        rests += bool((np.abs(rates) < 1e-9).all())
+    assert min(tips, slides, rests) > 2
+
+
+def test_pivots_and_combinations_choose_the_same() -> None:
+    """Of contacts with friction, alone and beside five that do not touch them."""
+    random = np.random.default_rng(1)
+    for _ in range(60):
+        C = random.normal(size=(8, 12))
+        G, rate = C @ C.T / 12, random.normal(size=8)
+        why, modes, x, _ = chosen(G, rate, [0, 1, 2, 3], 0.2, 0.2)
+        assert not why
+        more, order = np.eye(13), [*range(4), *range(9, 13)]
+        more[np.ix_(order, order)] = G
+        rates = np.full(13, 1.0)
+        rates[order] = rate
+        why, many, forces, _ = chosen(more, rates, [0, 1, 2, 3], 0.2, 0.2)
+        assert not why
+        assert (many[order] == modes).all()
+        np.testing.assert_allclose(forces[order], x, rtol=0, atol=1e-12 * (1 + np.abs(x).max()))
+
+
+@pytest.mark.parametrize("beside", [0, 20])
+def test_what_has_no_solution_is_told(beside: int) -> None:
+    """A ball that two walls press from both sides, and Painlevé's rod; alone, and beside others."""
+    G, rate = np.eye(2 + beside), np.ones(2 + beside)
+    G[:2, :2], rate[:2] = [[1, -1], [-1, 1]], -1
+    assert chosen(G, rate)[0].startswith("they contradict each other")
+    rate[1] = 1  # it gives way
+    assert chosen(G, rate)[0] == ""
+    G, rate = np.eye(2 + beside), np.ones(2 + beside)
+    ends = np.ix_([0, -1], [0, -1])
+    G[ends], rate[0], rate[-1] = [[1, 0.9], [0.9, 1]], -1, 5
+    assert chosen(G, rate, [0], 2.0, 2.0, sliding=1)[0].startswith("no force keeps them")
+    assert chosen(G, rate, [0], 0.5, 0.5, sliding=1)[0] == ""
