@@ -15,7 +15,7 @@ from scipy.interpolate import PPoly
 
 from liaisons import simulate
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Model
+from liaisons.language.layout import Layout
 from liaisons.mechanics.model import Contact
 from liaisons.mechanics.unilateral import ContactModes
 
@@ -161,4 +161,4 @@ def test_more_than_eight_contacts_at_once(library) -> None:
 def test_more_than_a_model_can_have_are_refused() -> None:
     contacts = tuple(Contact(f"gap_{i}") for i in range(65))
     with pytest.raises(ComponentError, match=r"^65 contacts and dry frictions; leave out all but 64$"):
-        ContactModes(contacts, {}, {}, {}, Model, memory=())  # pyright: ignore
+        ContactModes(contacts, {}, {}, {}, Layout(parameters=(), inputs=(), outputs=(), states=(), ports=()), memory=())

@@ -1,8 +1,8 @@
 """Impacts and modes of contacts at one instant, with their derivatives by values, state and instant.
 
 The rules are those of an FMU (``unilateral.c``): Newton's restitution and Moreau's rule, dry friction, and the end of
-bounces that are too low to be followed.  Modes are chosen by its code; in chosen modes impulses are a smooth function of
-the state before them, which is differentiated.  Where a number by which modes are chosen is 0 there is a derivative
+bounces that are too low to be followed.  Its code chooses modes; in these, impulses are a smooth function of the state
+before them, which is differentiated.  Where a number by which modes are chosen is 0 there is a derivative
 along those directions only in which it stays 0; it is handed on as a condition.
 """
 

@@ -9,7 +9,6 @@ from typing import final
 
 import numpy as np
 
-from liaisons.derivatives.steps import Floats
 from liaisons.ensembles.steps import library
 
 _CHOICE = """

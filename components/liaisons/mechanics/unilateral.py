@@ -171,7 +171,7 @@ class ContactModes:
         gap = self._without_contact_forces(self._numbers["gap"])
         starts = ca.Function("starts", [t, u, k], [self._without_contact_forces(self._forced["start"][0])])
         point = ca.Function("point", [t, y, u, k], [self._without_contact_forces(self._G), gap, ca.jacobian(gap, y)])
-        values = [[v.start for v in group] for group in (layout.inputs, layout.parameters)]
+        values = [np.array([v.start for v in group], dtype=float) for group in (layout.inputs, layout.parameters)]
         first, random, found = starts(0, *values).full().ravel(), np.random.default_rng(0), set[int]()
         for _ in range(_SAMPLES):
             near = first + 0.1 * random.normal(size=first.shape)
@@ -297,7 +297,10 @@ def eliminated(K: ca.SX, right: ca.SX, dependent: Sequence[int] = ()) -> ca.SX:
 
 
 def _shared(K: ca.SX, right: ca.SX, demand: ca.SX, dependent: Sequence[int]) -> tuple[ca.SX, ca.SX]:
-    """Solution as of :func:`eliminated`, and by how much rows that are left out contradict others in another right side."""
+    """Solution as of :func:`eliminated`, and contradictions of the rows that are left out.
+
+    :param demand: another right side, for the contradictions.
+    """
     if not dependent:
         return _substituted(K, right, ())[0], ca.SX(0, 1)
     columns = list(dependent)
