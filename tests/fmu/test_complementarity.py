@@ -57,7 +57,7 @@ def test_a_body_on_many_supports_shares_its_weight_by_least_norm(count: int) -> 
     for _ in range(20):
         C = np.column_stack([np.ones(count), random.uniform(-1, 1, (count, 2))])
         A = np.diag(random.uniform(0.2, 2, 3))
-        w = -9.81 * np.linalg.solve(A, C.T @ random.dirichlet(np.full(count, 2 / count)))  # somewhere between the supports
+        w = -9.81 * np.linalg.solve(A, C.T @ random.dirichlet(np.full(count, 2 / count)))  # between supports
         why, _, x, rates = chosen(C @ np.linalg.solve(A, C.T), C @ w)
         assert not why
         pushes = x > 1e-9

@@ -172,16 +172,16 @@ class ContactModes:
         starts = ca.Function("starts", [t, u, k], [self._without_contact_forces(self._forced["start"][0])])
         point = ca.Function("point", [t, y, u, k], [self._without_contact_forces(self._G), gap, ca.jacobian(gap, y)])
         values = [np.array([v.start for v in group], dtype=float) for group in (layout.inputs, layout.parameters)]
-        first, random, found = starts(0, *values).full().ravel(), np.random.default_rng(0), set[int]()
+        first, random, dependent = starts(0, *values).full().ravel(), np.random.default_rng(0), set[int]()
         for _ in range(_SAMPLES):
             near = first + 0.1 * random.normal(size=first.shape)
             for _ in range(_SAMPLES):
                 G, off, slope = (x.full() for x in point(0, near, *values))
                 if not np.isfinite(near).all() or not all(np.isfinite(x).all() for x in (G, off, slope)):
                     break
-                found |= _dependent_rows(G)
+                dependent |= _dependent_rows(G)
                 near -= np.linalg.lstsq(slope, off, rcond=None)[0].ravel()
-        return found
+        return dependent
 
     def _with_contact_forces(self, expression: ca.SX) -> ca.SX:
         """Expression with the contact forces of the modes for their symbols."""
@@ -329,17 +329,17 @@ def _substituted(K: ca.SX, right: ca.SX, dependent: Sequence[int]) -> tuple[ca.S
     solved = [[ca.SX(0)] * columns for _ in range(n)]
     for i in reversed(range(n)):
         for c in range(columns):
-            known = sum(rows[i][j] * solved[j][c] for j in range(i + 1, n))
-            solved[i][c] = (rows[i][n + c] - known) / rows[i][i]
+            later = sum(rows[i][j] * solved[j][c] for j in range(i + 1, n))
+            solved[i][c] = (rows[i][n + c] - later) / rows[i][i]
     return ca.vertcat(*(ca.horzcat(*row) for row in solved)), stack(flags), ca.vertcat(*left_out)
 
 
 def _dependent_rows(G: np.ndarray) -> set[int]:
     """Rows of a symmetric matrix that depend on those before them."""
-    rest, found = G.copy(), set[int]()
+    rest, dependent = G.copy(), set[int]()
     for i, pivot in enumerate(np.diag(G)):
         if abs(rest[i, i]) <= 1e-9 * abs(pivot):
-            found.add(i)
+            dependent.add(i)
         else:
             rest -= np.outer(rest[:, i], rest[i]) / rest[i, i]
-    return found
+    return dependent

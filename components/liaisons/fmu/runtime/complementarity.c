@@ -8,9 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Contacts of which all combinations are tried; pivots that change all modes at once without progress, and in all;
- * sweeps of Gauss and Seidel. */
-enum { FEW = 8, BLOCKS = 10, MOST_PIVOTS = 4 * MOST_CONTACTS, SWEEPS = 200 };
+/* Contacts of which all combinations are tried; pivots that change all modes at once without progress, and in all. */
+enum { FEW = 8, BLOCKS = 10, MOST_PIVOTS = 4 * MOST_CONTACTS };
 
 /* Pivots below this part of the diagonal belong to contacts that depend on others, and what those do to these is the
  * same up to so many tolerances; additional compliance, in parts of the largest. */
@@ -18,99 +17,116 @@ static const double SINGULAR = 1e-10, SAME = 100, SOFT = 1e-9;
 
 /* ---- linear equations ----------------------------------------------------------------------------------------------- */
 
-typedef struct { /* row-echelon form of a matrix */
-    size_t n, rank, column[MOST_CONTACTS], dependent[MOST_CONTACTS]; /* columns with a pivot, and those without */
-    double a[MOST_CONTACTS][MOST_CONTACTS];
-} Echelon;
-
 static void swap(double *a, double *b) {
     const double other = *a;
     *a = *b;
     *b = other;
 }
 
-/* Eliminate with partial pivoting, also in a column if it is not NULL. */
-static void reduce(Echelon *e, const double K[], size_t n, int transposed, double right[]) {
-    e->n = n;
-    e->rank = 0;
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) e->a[i][j] = K[transposed ? j * MOST_CONTACTS + i : i * MOST_CONTACTS + j];
+/* Eliminate the entries below the pivot in row and column r, after the row with the pivot was put there. */
+static void eliminate(double a[][MOST_CONTACTS], size_t n, size_t r, size_t best, double right[]) {
+    for (size_t j = 0; j < n; j++) swap(&a[best][j], &a[r][j]);
+    swap(&right[best], &right[r]);
+    for (size_t k = r + 1; k < n; k++) {
+        const double factor = a[k][r] / a[r][r];
+        for (size_t j = r; j < n; j++) a[k][j] -= factor * a[r][j];
+        right[k] -= factor * right[r];
+    }
+}
+
+/* Solve for the first unknowns; the others, behind them, are in place already. */
+static void substitute(double a[][MOST_CONTACTS], size_t rank, size_t n, double right[]) {
+    for (size_t i = rank; i-- > 0;) {
+        for (size_t j = i + 1; j < n; j++) right[i] -= a[i][j] * right[j];
+        right[i] /= a[i][i];
+    }
+}
+
+/* Largest number in a column: what is small beside it is 0. */
+static double size_of(const double K[], size_t n, int transposed, size_t column) {
+    double largest = 0;
+    for (size_t k = 0; k < n; k++)
+        largest = fmax(largest, fabs(K[transposed ? column * MOST_CONTACTS + k : k * MOST_CONTACTS + column]));
+    return largest;
+}
+
+/* Solve K x = right, or with the transposed matrix, by complete pivoting; unknowns that could be anything are 0.  Vectors
+ * that it makes 0, row after row.  Its rank. */
+static size_t solve_singular(const double K[], size_t n, int transposed, double x[], double vanishing[][MOST_CONTACTS]) {
+    double a[MOST_CONTACTS][MOST_CONTACTS], right[MOST_CONTACTS], scale[MOST_CONTACTS];
+    size_t order[MOST_CONTACTS], rank = 0;
     for (size_t i = 0; i < n; i++) {
-        const size_t r = e->rank;
-        size_t best = r;
+        order[i] = i;
+        scale[i] = size_of(K, n, transposed, i);
+        right[i] = x[i];
+        for (size_t j = 0; j < n; j++) a[i][j] = K[transposed ? j * MOST_CONTACTS + i : i * MOST_CONTACTS + j];
+    }
+    for (; rank < n; rank++) {
+        size_t row = rank, column = rank;
         double largest = 0;
-        for (size_t k = 0; k < n; k++)
-            largest = fmax(largest, fabs(K[transposed ? i * MOST_CONTACTS + k : k * MOST_CONTACTS + i]));
-        for (size_t k = r + 1; k < n; k++)
-            if (fabs(e->a[k][i]) > fabs(e->a[best][i])) best = k;
-        if (r == n || !(fabs(e->a[best][i]) > SINGULAR * largest)) {
-            e->dependent[i - r] = i;
-            continue;
-        }
-        for (size_t j = 0; j < n; j++) swap(&e->a[best][j], &e->a[r][j]);
-        if (right) swap(&right[best], &right[r]);
-        for (size_t k = r + 1; k < n; k++) {
-            const double factor = e->a[k][i] / e->a[r][i];
-            for (size_t j = i; j < n; j++) e->a[k][j] -= factor * e->a[r][j];
-            if (right) right[k] -= factor * right[r];
-        }
-        e->column[e->rank++] = i;
+        for (size_t i = rank; i < n; i++)
+            for (size_t j = rank; j < n; j++) {
+                const double size = fabs(a[i][j]) / scale[order[j]];
+                if (!(size > largest)) continue;
+                largest = size;
+                row = i;
+                column = j;
+            }
+        if (!(largest > SINGULAR)) break;
+        const size_t other = order[column];
+        order[column] = order[rank];
+        order[rank] = other;
+        for (size_t i = 0; i < n; i++) swap(&a[i][column], &a[i][rank]);
+        eliminate(a, n, rank, row, right);
     }
-}
-
-/* Solve for the unknowns that have pivots; the others are in x already. */
-static void substitute(const Echelon *e, const double right[], double x[]) {
-    for (size_t p = e->rank; p-- > 0;) {
-        const size_t i = e->column[p];
-        double sum = right[p];
-        for (size_t j = i + 1; j < e->n; j++) sum -= e->a[p][j] * x[j];
-        x[i] = sum / e->a[p][i];
+    for (size_t k = rank; k <= n; k++) { /* the last one is x */
+        double solved[MOST_CONTACTS] = {0};
+        if (k == n) memcpy(solved, right, rank * sizeof *right);
+        else solved[k] = 1;
+        substitute(a, rank, n, solved);
+        for (size_t i = 0; i < n; i++) *(k == n ? &x[order[i]] : &vanishing[k - rank][order[i]]) = solved[i];
     }
+    return rank;
 }
 
-/* Vectors that the matrix makes 0, row after row. */
-static void null_vectors(const Echelon *e, double rows[][MOST_CONTACTS]) {
-    static const double NOTHING[MOST_CONTACTS];
-    for (size_t k = 0; k < e->n - e->rank; k++) {
-        memset(rows[k], 0, e->n * sizeof *rows[k]);
-        rows[k][e->dependent[k]] = 1;
-        substitute(e, NOTHING, rows[k]);
-    }
-}
-
-static double dot(const double a[], const double b[], size_t n) {
-    double sum = 0;
-    for (size_t i = 0; i < n; i++) sum += a[i] * b[i];
-    return sum;
-}
-
-/* Move one of several solutions into the range of K: by null vectors, until it is orthogonal to those of K transposed. */
-static void share(Echelon *e, const double K[], double x[]) {
-    const size_t n = e->n, count = n - e->rank;
+/* Solve K x = right with a singular matrix: x is moved by vectors that it makes 0 until it is in its range, which those are
+ * orthogonal to that the transposed matrix makes 0. */
+static size_t share(const double K[], size_t n, double x[]) {
     double right[MOST_CONTACTS][MOST_CONTACTS], left[MOST_CONTACTS][MOST_CONTACTS];
-    double products[MOST_CONTACTS * MOST_CONTACTS], parts[MOST_CONTACTS];
-    null_vectors(e, right);
-    reduce(e, K, n, 1, NULL);
-    if (n - e->rank != count) return;
-    null_vectors(e, left);
+    double products[MOST_CONTACTS * MOST_CONTACTS], parts[MOST_CONTACTS] = {0};
+    const size_t rank = solve_singular(K, n, 0, x, right), count = n - rank;
+    if (solve_singular(K, n, 1, parts, left) != rank || rank == 0) return count;
     for (size_t i = 0; i < count; i++) {
-        parts[i] = dot(left[i], x, n);
-        for (size_t j = 0; j < count; j++) products[i * MOST_CONTACTS + j] = dot(left[i], right[j], n);
+        parts[i] = 0;
+        for (size_t k = 0; k < n; k++) parts[i] += left[i][k] * x[k];
+        for (size_t j = 0; j < count; j++) {
+            double sum = 0;
+            for (size_t k = 0; k < n; k++) sum += left[i][k] * right[j][k];
+            products[i * MOST_CONTACTS + j] = sum;
+        }
     }
     complementarity_solve(products, count, parts);
-    for (size_t k = 0; k < count; k++)
-        for (size_t i = 0; i < n; i++) x[i] -= parts[k] * right[k][i];
+    for (size_t j = 0; j < count; j++)
+        for (size_t k = 0; k < n; k++) x[k] -= parts[j] * right[j][k];
+    return count;
 }
 
 size_t complementarity_solve(double K[], size_t n, double right[]) {
-    Echelon e;
-    double x[MOST_CONTACTS] = {0};
-    reduce(&e, K, n, 0, right);
-    substitute(&e, right, x);
-    const size_t dependent = n - e.rank;
-    if (dependent > 0 && dependent < n) share(&e, K, x);
+    double a[MOST_CONTACTS][MOST_CONTACTS], x[MOST_CONTACTS];
+    for (size_t i = 0; i < n; i++) {
+        x[i] = right[i];
+        for (size_t j = 0; j < n; j++) a[i][j] = K[i * MOST_CONTACTS + j];
+    }
+    for (size_t i = 0; i < n; i++) {
+        size_t best = i;
+        for (size_t k = i + 1; k < n; k++)
+            if (fabs(a[k][i]) > fabs(a[best][i])) best = k;
+        if (!(fabs(a[best][i]) > SINGULAR * size_of(K, n, 0, i))) return share(K, n, right);
+        eliminate(a, n, i, best, x);
+    }
+    substitute(a, n, n, x);
     memcpy(right, x, n * sizeof *x);
-    return dependent;
+    return 0;
 }
 
 /* ---- modes ---------------------------------------------------------------------------------------------------------- */
@@ -262,24 +278,7 @@ static void pivot(const Complementarity *p, Modes modes, double softness, double
     }
 }
 
-/* Modes that forces come near to which are corrected one after the other, by Gauss and Seidel. */
-static void relax(const Complementarity *p, Modes modes, double x[], double rate[]) {
-    const size_t n = p->contacts;
-    memset(x, 0, n * sizeof *x);
-    memcpy(rate, p->rate, n * sizeof *rate);
-    for (size_t turn = 0; turn < SWEEPS * p->n; turn++) {
-        const size_t i = p->contact[turn % p->n];
-        const long normal = i < p->gaps ? -1 : p->normal[i - p->gaps];
-        const double G = p->G[i + n * i], before = x[i], tried = before - rate[i] / G;
-        const double bound = i < p->gaps ? INFINITY : p->slide[i - p->gaps] * (normal < 0 ? !p->impulses : x[normal]);
-        x[i] = fmin(fmax(tried, i < p->gaps ? 0 : -bound), bound);
-        if (i < p->gaps) modes[i] = x[i] > 0 ? CLOSED : OPEN;
-        else modes[i] = x[i] == tried || !(bound > 0) ? STICKS : x[i] > 0 ? BACKWARD : FORWARD;
-        for (size_t j = 0; j < n; j++) rate[j] += p->G[j + n * i] * (x[i] - before);
-    }
-}
-
-/* Try what pivots lead to, with more compliance, and from there without: from where most is held, or nearer. */
+/* Try what pivots lead to from where most is held, with more compliance, and from there without. */
 static int try_pivots(const Complementarity *p, Modes modes, double x[], double rate[], Trials *trials) {
     double largest = 0;
     for (size_t k = 0; k < p->n; k++) {
@@ -287,14 +286,10 @@ static int try_pivots(const Complementarity *p, Modes modes, double x[], double 
         modes[i] = i < p->gaps ? CLOSED : STICKS;
         largest = fmax(largest, p->G[i + p->contacts * i]);
     }
-    for (int near = 0; near <= 1; near++) {
-        if (near) relax(p, modes, x, rate);
-        pivot(p, modes, SOFT * largest, x, rate);
-        if (try_modes(p, modes, x, rate, trials)) return 1;
-        pivot(p, modes, 0, x, rate);
-        if (try_modes(p, modes, x, rate, trials)) return 1;
-    }
-    return 0;
+    pivot(p, modes, SOFT * largest, x, rate);
+    if (try_modes(p, modes, x, rate, trials)) return 1;
+    pivot(p, modes, 0, x, rate);
+    return try_modes(p, modes, x, rate, trials);
 }
 
 Choice complementarity_choose(const Complementarity *p, Modes modes, double x[], double rate[]) {
