@@ -276,6 +276,57 @@ def test_balls_that_touch_are_struck_as_one() -> None:
     assert "t = 0 s: contacts act in another order or mode" in s.signals.warnings[0]
 
 
+# ---- redundant contacts
+
+
+class Bench(Mechanism):
+    """Bench that falls flat on three legs, two of them on one side."""
+
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    reach = Parameter(1.3, "m", "half of its length", above=0)
+    gravity = Gravity()
+    z = Coordinate("m", "height", start=0.3)
+    pitch = Coordinate("rad", "angle with the horizontal")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * (self.dot(self.z) ** 2 + self.reach**2 * self.dot(self.pitch) ** 2 / 4)
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z
+
+    @unilateral("m", "height of the first leg", restitution="bounce")
+    def first(self) -> ca.SX:
+        return self.z - 0.8 * self.reach * ca.sin(self.pitch)
+
+    @unilateral("m", "height of the second leg", restitution="bounce")
+    def second(self) -> ca.SX:
+        return self.z + 0.4 * self.reach * ca.sin(self.pitch)
+
+    @unilateral("m", "height of the last leg", restitution="bounce")
+    def last(self) -> ca.SX:
+        return self.z + self.reach * ca.sin(self.pitch)
+
+
+def test_legs_share_impulses_and_forces() -> None:
+    """Forces and impulses are C (Cᵀ C)⁻¹ (their sum, 0), of the shortest length."""
+    legs = ["first", "second", "last"]
+    by = ["mass", "gravity", "z_0"]
+    s = sensitivities(
+        Bench, by, times=[0.3, 3.0], record=[f"{leg}_{end}" for leg in legs for end in ("impulse", "force")]
+    )
+    C = np.column_stack([np.ones(3), [-0.8, 0.4, 1.0]])
+    shares = C @ np.linalg.solve(C.T @ C, [1, 0])
+    fall = 1.5 * 2.0 * np.sqrt(2 * 9.81 * 0.3)
+    for leg, share in zip(legs, shares, strict=True):
+        expected = [share * fall / x for x in (2.0, 2 * 9.81, 2 * 0.3)]
+        got = [s.derivative(f"{leg}_impulse", name)[0] for name in by]
+        np.testing.assert_allclose(got, expected, rtol=1e-10)
+        got = [s.derivative(f"{leg}_force", name)[1] for name in by]
+        np.testing.assert_allclose(got, [share * 9.81, share * 2.0, 0], rtol=1e-10, atol=1e-10)
+    assert not s.signals.warnings
+
+
 # ---- both modes, and the doors
 
 
