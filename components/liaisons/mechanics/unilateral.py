@@ -255,7 +255,7 @@ class ContactModes:
             own = flags[i] * sticks + direction**2 * slides
             rows.append(touching * own + 1 - touching)
         for i, contradiction in contradictions.items():
-            rows[i] = ca.fmin(rows[i], SAME - ca.fabs(contradiction) / self._rows["acceleration_scale"][i])
+            rows[i] = ca.fmin(rows[i], 1 - ca.fabs(contradiction) / (SAME * self._rows["acceleration_scale"][i]))
         return stack(rows)
 
     def _outputs_by_modes(self) -> dict[str, ca.SX]:
