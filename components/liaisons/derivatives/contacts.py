@@ -106,6 +106,7 @@ class _Numbers:
     slide: Floats
 
 
+@final
 class _Function:
     """A function of a point and more, called in place."""
 

@@ -42,7 +42,7 @@ SINGULAR, SAME = 1e-10, 1e-10
 """Part of its diagonal below which a pivot belongs to a contact that depends on others; part of its scale by which its
 acceleration may contradict theirs."""
 
-MOST_CONTACTS, _SAMPLES = 64, 8
+MOST_CONTACTS, _SAMPLES = 64, 5
 """Of one model, as in complementarity.h; configurations in which it is looked for contacts that depend on others."""
 
 LEAVING = 1e-3
@@ -125,7 +125,7 @@ class ContactModes:
         outputs = (v.name for v in layout.outputs)
         self._outputs = dict(zip(outputs, ca.vertsplit(results["outputs_function"]), strict=True))
         self._G = ca.jacobian(numbers["a"], vectors["x"])
-        dependent = self._dependent(layout)
+        dependent = self._dependent(layout) if len(contacts) > 1 else set[int]()
         self.contacts = tuple(replace(c, dependent=i in dependent) for i, c in enumerate(contacts))
         self._gaps, self._frictions = (
             [c for c in self.contacts if c.friction is friction] for friction in (False, True)
