@@ -49,9 +49,9 @@ EXPORT void start_members(long count, Member members[], double time, double tole
     }
 }
 
-/* Step members from each time to the next one, with n inputs of each kept at values. */
-EXPORT void step_members(long count, Member members[], long steps, const double times[], long n, const unsigned references[],
-                 const double values[]) {
+/* Step members from each time to the next one, after a time of their own, with n inputs of each kept at values. */
+EXPORT void step_members(long count, Member members[], const double begin[], long steps, const double times[], long n,
+                         const unsigned references[], const double values[]) {
     Arrival arrival;
     for (long i = 0; i < count; i++) {
         Member *member = &members[i];
@@ -59,7 +59,7 @@ EXPORT void step_members(long count, Member members[], long steps, const double 
         if (member->reason[0] == '\0' && n > 0)
             core_set(member->instance, references, numbers, values + i * n, numbers);
         for (long k = 0; k < steps && member->reason[0] == '\0'; k++)
-            core_step(member->instance, times[k], times[k + 1] - times[k], &arrival);
+            core_step(member->instance, begin[i] + times[k], times[k + 1] - times[k], &arrival);
     }
 }
 

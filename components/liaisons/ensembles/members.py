@@ -68,13 +68,15 @@ class Members:
         members, values = self._members[first : first + len(values)], np.ascontiguousarray(values)
         self._call("start_members", members, time, tolerance, names, values)
 
-    def step(self, times: ArrayLike, names: Sequence[str] = (), values: ArrayLike = ()) -> None:
+    def step(self, times: Floats, names: Sequence[str] = (), values: ArrayLike = (), begin: ArrayLike = 0.0) -> None:
         """Step all members from each time to the next one.
 
         :param values: of inputs, which are held, (members, names).
+        :param begin: what the times count from, for each member.
         """
-        points, values = np.array(times, dtype=float), np.array(values, dtype=float, order="C")
-        self._call("step_members", self._members, len(points) - 1, points, names, values)
+        values, origins = np.array(values, dtype=float, order="C"), np.empty(len(self._members))
+        origins[:] = begin
+        self._call("step_members", self._members, origins, len(times) - 1, np.ascontiguousarray(times), names, values)
 
     def read(self, names: Sequence[str]) -> Floats:
         """Values of variables now, (members, names); of a member that has failed they are not a number."""
