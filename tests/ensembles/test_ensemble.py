@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from liaisons import System, ensemble, max_error
+from liaisons import System, ensemble, max_error, simulate
 from liaisons.base import compiler
 from liaisons.check import slope
 from liaisons.ensembles import integrating
@@ -20,9 +20,12 @@ from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
 from liaisons.ensembles.steps import library, source
 from liaisons.errors import BuildError, ComponentError, SimulationError
+from liaisons.language import Mechanism
 from liaisons.models import (
+    BouncingBall,
     CartesianPendulum,
     CircularHoop,
+    DryOscillator,
     Oscillator,
     Pendulum,
     PendulumChain,
@@ -204,6 +207,91 @@ def test_without_a_compiler_there_are_no_ensembles(monkeypatch: pytest.MonkeyPat
     library.cache_clear()
     with pytest.raises(BuildError, match=r"^no C compiler is found: pip install 'liaisons\[cross\]'$"):
         ensemble(Oscillator, {"x_0": [1.0, 2.0]}, stop_time=1.0, step_size=0.1)
+
+
+@pytest.mark.parametrize(
+    ("component", "values", "record"),
+    [
+        (BouncingBall, {"height_0": np.linspace(0.5, 2.0, 5)}, ("height", "p_height", "gap_impacts", "gap_closed")),
+        (DryOscillator, {"mu_static": np.linspace(0.5, 0.9, 5), "mu_sliding": 0.5, "x_0": 3.0}, ("x", "slip_sticks")),
+    ],
+)
+def test_cases_with_contacts_have_the_numbers_of_their_fmu(
+    component: type[Mechanism], values: dict[str, Any], record: tuple[str, ...], fmu: Callable[..., Path]
+) -> None:
+    found = ensemble(component, values, stop_time=6.0, step_size=0.01, samples=60, record=[*record, "energy_balance"])
+    for case in range(5):
+        own = {name: float(np.broadcast_to(value, 5)[case]) for name, value in values.items()}
+        run = simulate(fmu(component), stop_time=6.0, step_size=0.01, start_values=own)
+        assert all(np.array_equal(found[name][:, case], run[name][::10]) for name in found.names)
+    assert {*np.unique(found[record[-1]])} == {0.0, 1.0}
+
+
+@pytest.mark.slow
+def test_an_operator_moves_the_table_as_in_a_flattened_system(fmu: Callable[..., Path], tmp_path: Path) -> None:
+    amplitudes, motion = np.array([0.02, 0.06, 0.1]), {"table.angular_frequency": 12.0, "bounce": 0.6, "height_0": 0.3}
+    found = ensemble(
+        BouncingBall,
+        motion | {"table.amplitude": amplitudes},
+        operators={"table": Sinusoid},
+        stop_time=3.0,
+        step_size=0.01,
+        samples=300,
+        record=["height", "gap_impacts", "table_force", "energy_balance"],
+    )
+    for case, amplitude in enumerate(amplitudes):
+        system = System("shaken ball")
+        ball = system.add("ball", fmu(BouncingBall), bounce=0.6, height_0=0.3)
+        shaker = system.add("shaker", fmu(Sinusoid), amplitude=amplitude, angular_frequency=12.0)
+        system.connect(ball["table"], shaker["y"])
+        run = simulate(system.flatten(tmp_path), stop_time=3.0, step_size=0.01)
+        assert all(np.array_equal(found[name][:, case], run[f"ball.{name}"]) for name in found.names)
+
+
+def test_contacts_of_other_cases_change_nothing() -> None:
+    heights = np.linspace(0.1, 2.0, 300)
+    many, few = (
+        ensemble(
+            BouncingBall, {"height_0": at}, stop_time=3.0, step_size=0.1, threads=threads, samples=3, estimate=False
+        )
+        for at, threads in ((heights, 2), (heights[150:153], 1))
+    )
+    assert np.array_equal(many["height"][:, 150:153], few["height"])
+
+
+def test_a_case_whose_bodies_overlap_is_named_with_its_values() -> None:
+    values = {"height_0": [1.0, -0.5], "bounce": [0.5, 0.7], "table": 0.2}
+    found = ensemble(BouncingBall, values, stop_time=1.0, step_size=0.1)
+    assert {*found.failures} == {1}
+    assert found.failures[1].startswith("height_0 = -0.5, bounce = 0.7: gap = -0.7 at t = 0: bodies overlap")
+    assert np.isfinite(found["height"][:, 0]).all()
+    assert np.isnan(found["height"][:, 1]).all()
+    assert np.isnan(found.error("height")[1])
+    assert not found.unconverged
+
+
+def test_a_case_that_fails_on_the_way_has_its_numbers_until_then() -> None:
+    # The position overflows under 1e308 N within 4 s.
+    values = {"height_0": [1.0, 1.0], "height_load": [0.0, 1e308]}
+    found = ensemble(BouncingBall, values, stop_time=4.0, step_size=0.5, samples=8, estimate=False)
+    assert {*found.failures} == {1}
+    assert 0 < np.isfinite(found["height"][:, 1]).sum() < 9
+
+
+def test_the_estimate_of_cases_with_contacts_covers_their_errors() -> None:
+    starts = np.linspace(1.0, 4.0, 9)
+    found = ensemble(DryOscillator, {"x_0": starts}, stop_time=3.0, step_size=3.0, record="x")
+    exact = [DryOscillator.exact(found.time, x_0=x)["x"] for x in starts]
+    error = np.max(np.abs(found["x"] - np.transpose(exact)), axis=0)
+    assert np.all(error <= 1.1 * found.error("x") + 1e-14)
+    assert np.all(found.error("x") <= 10 * error + 1e-14)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_cases_with_contacts_take_no_fixed_method(method) -> None:
+    words = rf"BouncingBall: method = '{method}' takes no unilateral liaisons and no dry friction \(gap\); leave it out"
+    with pytest.raises(ComponentError, match=words):
+        ensemble(BouncingBall, {"height_0": [1.0]}, stop_time=1.0, step_size=0.1, method=method)
 
 
 def test_integrals_are_left_out_unless_they_are_wanted() -> None:

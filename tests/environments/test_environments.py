@@ -66,6 +66,59 @@ def test_copies_move_as_fmus_do(name: str) -> None:
     one.close()
 
 
+CONTACTS: list[dict[str, Any]] = [
+    {"subject": "BouncingBall", "observe": ["height", "table", "gap_impacts"], "act": {"table_ddot": (-5, 5)}},
+    {"subject": "BouncingBall", "observe": ["height", "table", "gap_impulse"], "act": {"table_dot": (-0.3, 0.3)}},
+    {
+        "subject": "DryOscillator",
+        "observe": ["x", "belt", "slip_sticks"],
+        "act": {"x_force": (-3, 3), "belt_dot": (-0.3, 0.3)},
+        "start_values": {"mu_static": 0.2, "x_0": 0.1},
+    },
+]
+
+
+@pytest.mark.parametrize("settings", CONTACTS)
+def test_copies_with_contacts_have_the_numbers_of_their_fmu(settings: dict[str, Any]) -> None:
+    """Each with acts of its own, and begun again at another step."""
+    settings = settings | {"reward": settings["observe"][0], "step_size": 0.125, "stop_time": 2.0}
+    one, copies = Environment(**settings), VectorEnvironment(num_envs=3, **settings)
+    copies.action_space.seed(3)
+    (all_seen, _), (seen, _) = copies.reset(seed=0), one.reset()
+    started = all_seen[1].copy()
+    changed = set()
+    for step in range(24):
+        assert np.array_equal(all_seen[1], seen)
+        acts = copies.action_space.sample()
+        all_seen, rewards, ended, truncated, information = copies.step(acts)
+        if step == 16:
+            assert np.array_equal(all_seen[1], started)
+            seen, _ = one.reset()
+            continue
+        seen, reward, *ends, balance = one.step(acts[1])
+        assert (rewards[1], ended[1], truncated[1]) == (reward, *ends)
+        assert information["energy_balance"][1] == pytest.approx(balance["energy_balance"], abs=1e-12)
+        changed.add(seen[2])
+    assert len(changed) > 1
+    assert not np.array_equal(all_seen[0], all_seen[1])
+    one.close()
+
+
+def test_a_copy_whose_bodies_overlap_is_named() -> None:
+    settings = {
+        **CONTACTS[0],
+        "reward": "0",
+        "step_size": 0.1,
+        "randomize": {"height_0": (0.5, 1.0), "table": (0, 0.1)},
+    }
+    copies = VectorEnvironment(num_envs=2, **settings)
+    copies.task.randomize["table"] = (0.9, 1.1)  # type: ignore[index]
+    with pytest.raises(
+        SimulationError, match=r"copy [01]: height_0 = 0\.\d+, table = [01]\.\d+: gap = .*bodies overlap"
+    ):
+        copies.reset(seed=0)
+
+
 @pytest.mark.parametrize("many", [False, True])
 def test_an_accelerated_pivot_tilts_gravity(many: bool) -> None:
     acts, theta_0 = 3.0, 0.4

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
@@ -13,18 +14,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import chosen, listed, named, numbers, time_span, whole
-from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import INTEGRALS, operator_models, right_hand_side, settable, smooth_model
+from liaisons.ensembles.members import Members, moved_model
+from liaisons.ensembles.methods import METHODS, Tableau
+from liaisons.ensembles.right_hand_sides import (
+    INTEGRALS,
+    check_record,
+    operator_models,
+    right_hand_side,
+    settable,
+    smooth_model,
+)
 from liaisons.ensembles.steps import Advance, Floats, compiled, packs, unpacked
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
 from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.library import component as found_component
+from liaisons.mechanics.model import Model, refuse_contacts
 from liaisons.results import Result
 
 _CHUNK = 16
 """Most blocks in one task of a thread."""
+_MEMBERS = 256
+"""Most members with contacts in one."""
 _TASKS = 4
 """Least number of tasks for each thread, so that none waits long for the last one."""
 _MOST_STEPS, _MOST_NUMBERS = 10**12, 10**10
@@ -32,6 +44,8 @@ _LEAST_RATIO = 2.0
 """Least ratio of the differences before and after halving the steps: that of a method of first order."""
 _LARGEST_DIFFERENCE = 0.1
 """Largest relative difference of two runs from which an error is estimated."""
+_TIGHTER = 100.0
+"""Ratio of the tolerances of two runs from which an error is estimated."""
 _ROUNDING = 1e-12
 """Largest relative difference that is rounding, which does not shrink with the step."""
 
@@ -44,34 +58,39 @@ def ensemble(
     step_size: float,
     samples: int = 1,
     start_time: float = 0.0,
-    method: Literal["rk4", "rk8"] = "rk8",
+    method: Literal["rk4", "rk8"] | None = None,
     operators: Mapping[str, Target] | None = None,
     record: str | Iterable[str] | None = None,
     estimate: bool = True,
     threads: int | None = None,
 ) -> Result:
-    """Integrate many cases of a component with steps of one size.
+    """Integrate many cases of a component: with steps of one size, or with contacts each from event to event.
 
     A million steps of a pendulum take some milliseconds.  Inputs keep their values; a coordinate that moves takes an
     operator, whose parameters are values of the cases, too::
 
         ensemble(Pendulum, {"theta_0": angles, "length.amplitude": 0.1}, operators={"length": Sinusoid}, ...)
 
+    Cases of a component with unilateral liaisons or dry friction take the steps of its FMU, with its numbers: each of
+    its own size, and to its own events.
+
     :param component: its name, file or class.
     :param start_values: parameters and inputs by name: a number for all cases, or an array with one for each; the
         others have their defaults.
     :param stop_time: end [s].
-    :param step_size: largest step [s]; made smaller so that the recorded times, evenly spaced, are met.
+    :param step_size: largest step [s], with contacts communication step; made smaller so that the recorded times,
+        evenly spaced, are met.
     :param samples: how many times are recorded after the start.
     :param method: ``"rk4"`` (4 evaluations a step, order 4) or ``"rk8"`` (11, order 8).  The order holds where the
-        motion is smooth.
+        motion is smooth.  ``"rk8"`` if None; with contacts it is that of the FMU, and neither can be taken.
     :param operators: active coordinate -> operator that moves it, by its name, file or class.
     :param record: an output or several; coordinates and momenta if None.
     :param estimate: estimate the error from runs with steps twice and four times as long, which cost three quarters as
         much again: by the order that the three show, rounded up, the method's at most; the first where an operator
         announces instants at which it is not smooth.  Where halving the step does not
         even halve a difference the case's errors are infinite, see :attr:`liaisons.Result.unconverged`: its motion is
-        chaotic for that long, or the steps are too large.
+        chaotic for that long, or the steps are too large.  With contacts: what a hundredth of the tolerance
+        changes, in twice the time; infinite where it is more than a tenth.
     :param threads: how many; one a core if None.
     :returns: signals of shape (times, cases), :meth:`liaisons.Result.error` of each if it is estimated, and
         ``failures``: cases with a value outside its domain, or that left it on the way.
@@ -79,13 +98,14 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    model = smooth_model(found_component(component), "an ensemble", "take sweep(), which runs its FMU")
+    model = smooth_model(found_component(component), "an ensemble", "take sweep(), which runs its FMU", contacts=True)
     moving = operator_models(model, operators)
     variables = settable(model, moving)
     for name in named("start_values", start_values):
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
-    chosen("method", method, tuple(METHODS))
+    if method is not None:
+        chosen("method", method, tuple(METHODS))
     if threads is not None:
         whole("threads", threads)
     time_span(start_time, stop_time, step_size)
@@ -95,37 +115,21 @@ def ensemble(
             f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
         )
     arrays = {name: _checked_values(f"{model.name}: {name}", value) for name, value in start_values.items()}
-    lanes = {name: array for name, array in arrays.items() if array.ndim}
-    shared = {name: array for name, array in arrays.items() if not array.ndim}
-    count = _case_count(model.name, lanes)
+    count = _case_count(model.name, {name: array for name, array in arrays.items() if array.ndim})
     if samples * count > _MOST_NUMBERS:
         raise SimulationError(f"samples = {samples} of {count} cases are more numbers than memory holds; record less")
 
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
     names = tuple(moved if record is None else listed("record", record))
-    equations = right_hand_side(model, moving, lanes=lanes, shared=shared, record=names, start_time=start_time)
-    each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
-    advance = compiled(equations, METHODS[method], once)
-
     time = np.linspace(start_time, stop_time, samples + 1)
-    t, *constants, y = equations.symbols
-    (start,) = program(constants, [equations.start]).evaluate([each, once[:, None]])
-    seen = program([t, *constants, y], [equations.outputs, equations.conditions])
-
-    def run(steps: int) -> list[Floats]:
-        """Outputs, conditions and states, (rows, times, cases) each, with so many steps from one time to the next."""
-        states = _integrate(advance, each, start, time, steps=steps, threads=threads or os.cpu_count() or 1)
-        return [*seen.evaluate([time[None, :, None], each[:, None], once[:, None, None], states]), states]
-
-    parts = 4 if estimate else 1  # with estimate, steps four times as long have to fit
-    steps = parts * math.ceil((stop_time - start_time) / samples / step_size / parts - 1e-9)
-    fine, conditions, states = run(steps)
-    errors = None
-    if estimate:
-        runs = (run(part)[::2] for part in (steps // 2, steps // 4))
-        smooth = not any(part.events.numel_out(0) for part in (model, *moving.values()))
-        errors = _errors((fine, states), *runs, order=METHODS[method].order if smooth else 1)
-    failures = _run_failures(fine, conditions, equations.condition_texts, time)
+    threads = threads or os.cpu_count() or 1
+    cases = _Cases(model, moving, arrays, count, names, time, step_size, threads)
+    if model.contacts:
+        if method is not None:
+            refuse_contacts(model, f"method = {method!r}", "leave it out: members take the steps of its FMU")
+        fine, failures, errors = _by_events(cases, estimate=estimate)
+    else:
+        fine, failures, errors = _by_steps(cases, METHODS[method or "rk8"], estimate=estimate)
     failures |= {case: (0, text) for case, text in _domain_failures(variables, arrays, count).items()}
     for case, (first, _) in failures.items():
         fine[:, first:, case] = np.nan
@@ -142,25 +146,125 @@ def ensemble(
     )
 
 
-def _integrate(advance: Advance, each: Floats, start: Floats, time: Floats, *, steps: int, threads: int) -> Floats:
+@dataclass(frozen=True, eq=False)
+class _Cases:
+    """What is integrated.
+
+    :param moving: active coordinate -> model of its operator.
+    :param arrays: values by name: a number, or one a case.
+    :param names: outputs that are recorded, at ``time``.
+    """
+
+    model: Model
+    moving: Mapping[str, Model]
+    arrays: Mapping[str, Floats]
+    count: int
+    names: Sequence[str]
+    time: Floats
+    step_size: float
+    threads: int
+
+    def steps(self, parts: int = 1) -> int:
+        """Number of steps from one recorded time to the next, a multiple of ``parts``."""
+        interval = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
+        return parts * math.ceil(interval / self.step_size / parts - 1e-9)
+
+    def in_threads(self, function: Callable[[slice], None], count: int, most: int) -> None:
+        """Call a function for slices of ``count`` rows, of at most ``most`` each, in several threads."""
+        size = min(most, -(-count // (_TASKS * self.threads)))
+        chunks = [slice(begin, begin + size) for begin in range(0, count, size)]
+        with ThreadPoolExecutor(min(self.threads, len(chunks))) as pool:
+            list(pool.map(function, chunks))
+
+
+Failures = dict[int, tuple[int, str]]
+"""Case -> index of the first recorded time at which it is invalid, and the reason."""
+
+
+def _by_steps(cases: _Cases, method: Tableau, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
+    """Integrate cases without contacts with steps of one size: outputs (rows, times, cases), failures, errors."""
+    model, moving, time = cases.model, cases.moving, cases.time
+    lanes = {name: array for name, array in cases.arrays.items() if array.ndim}
+    shared = {name: array for name, array in cases.arrays.items() if not array.ndim}
+    equations = right_hand_side(
+        model, moving, lanes=lanes, shared=shared, record=cases.names, start_time=float(time[0])
+    )
+    each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
+    advance = compiled(equations, method, once)
+
+    t, *constants, y = equations.symbols
+    (start,) = program(constants, [equations.start]).evaluate([each, once[:, None]])
+    seen = program([t, *constants, y], [equations.outputs, equations.conditions])
+
+    def run(steps: int) -> list[Floats]:
+        """Outputs, conditions and states, (rows, times, cases) each, with so many steps from one time to the next."""
+        states = _integrate(cases, advance, each, start, steps)
+        return [*seen.evaluate([time[None, :, None], each[:, None], once[:, None, None], states]), states]
+
+    steps = cases.steps(4 if estimate else 1)  # with estimate, steps four times as long have to fit
+    fine, conditions, states = run(steps)
+    errors = None
+    if estimate:
+        runs = (run(part)[::2] for part in (steps // 2, steps // 4))
+        smooth = not any(part.events.numel_out(0) for part in (model, *moving.values()))
+        errors = _errors((fine, states), *runs, order=method.order if smooth else 1)
+    return fine, _run_failures(fine, conditions, equations.condition_texts, time), errors
+
+
+def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
+    """Step cases with contacts as their FMU does: outputs (rows, times, cases), failures, errors."""
+    check_record(cases.model, cases.names)
+    model, count = moved_model(cases.model, cases.moving), cases.count
+    names = [*cases.arrays]
+    values = np.stack([np.broadcast_to(array, count) for array in cases.arrays.values()], axis=-1)
+    rows, steps = [*cases.names, *(state.name for state in cases.model.states)], cases.steps()
+    points = np.linspace(cases.time[0], cases.time[-1], (len(cases.time) - 1) * steps + 1)
+
+    def run(tolerance: float) -> tuple[Floats, dict[int, str]]:
+        """Outputs and states, (rows, times, cases), and reasons of failures."""
+        records, failures = np.empty((len(cases.time), count, len(rows))), dict[int, str]()
+
+        def run_chunk(chunk: slice) -> None:
+            members = Members(model, len(values[chunk]))
+            members.start(names, values[chunk], time=points[0], tolerance=tolerance)
+            records[0, chunk] = members.read(rows)
+            for k in range(1, len(records)):
+                members.step(points[(k - 1) * steps : k * steps + 1])
+                records[k, chunk] = members.read(rows)
+            failures.update((chunk.start + i, reason) for i, reason in members.failures().items())
+
+        cases.in_threads(run_chunk, count, _MEMBERS)
+        return records.transpose(2, 0, 1), failures
+
+    (fine, reasons), recorded = run(0.0), len(cases.names)
+    varied = [i for i, array in enumerate(cases.arrays.values()) if array.ndim]
+    failures: Failures = {}
+    for case, reason in reasons.items():
+        own = ", ".join(f"{names[i]} = {values[case, i]:g}" for i in varied)
+        failures[case] = int(np.argmax(np.isnan(fine[0, :, case]))), f"{own}: {reason}"
+    errors = None
+    if estimate:
+        exact, _ = run(model.experiment.tolerance / _TIGHTER)
+        changes = np.max(np.where(np.isnan(exact) & ~np.isnan(fine), np.inf, np.abs(fine - exact)), axis=1)
+        diverges = changes[recorded:] > _LARGEST_DIFFERENCE * np.max(np.abs(fine[recorded:]), axis=1)
+        errors = np.where(diverges.any(axis=0), np.inf, changes[:recorded])
+    return fine[:recorded].copy(), failures, errors
+
+
+def _integrate(cases: _Cases, advance: Advance, each: Floats, start: Floats, steps: int) -> Floats:
     """Integrate all cases, in blocks of lanes and several blocks at once: states, (states, times, cases)."""
     lanes, first = packs(each, fill="edge"), packs(start, fill="edge")
-    records = np.empty((len(time), *first.shape))
+    records = np.empty((len(cases.time), *first.shape))
     records[0] = first
 
-    size = min(_CHUNK, -(-len(lanes) // (_TASKS * threads)))
-
-    def advance_chunk(begin: int) -> None:
+    def advance_chunk(chunk: slice) -> None:
         """Integrate some blocks from one recorded time to the next, through all of them."""
-        chunk = slice(begin, begin + size)
-        for k, (begin_time, end_time) in enumerate(pairwise(time)):
+        for k, (begin_time, end_time) in enumerate(pairwise(cases.time)):
             states = records[k, chunk].copy()
             advance(begin_time, (end_time - begin_time) / steps, steps, lanes[chunk], states)
             records[k + 1, chunk] = states
 
-    chunks = range(0, len(lanes), size)
-    with ThreadPoolExecutor(min(threads, len(chunks))) as pool:
-        list(pool.map(advance_chunk, chunks))
+    cases.in_threads(advance_chunk, len(lanes), _CHUNK)
     return unpacked(records, start.shape[1]).swapaxes(0, 1)
 
 
@@ -223,13 +327,11 @@ def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Flo
     return texts
 
 
-def _run_failures(
-    outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats
-) -> dict[int, tuple[int, str]]:
-    """Case -> index of the first recorded time at which it is invalid, and the reason."""
+def _run_failures(outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats) -> Failures:
+    """Cases that leave a domain, or whose outputs are not finite."""
     checks = {f"{text} (t = {{:g}} s)": row > 0 for text, row in zip(texts, conditions, strict=True)}
     checks["no longer finite at t = {:g} s; take smaller steps"] = np.isfinite(outputs).all(axis=0)
-    failures: dict[int, tuple[int, str]] = {}
+    failures: Failures = {}
     for text, holds in checks.items():
         for case in np.flatnonzero(~holds.all(axis=0)).tolist():
             first = int(np.argmin(holds[:, case]))

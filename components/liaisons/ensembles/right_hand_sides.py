@@ -145,6 +145,15 @@ def settable(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
     return own | {f"{name}.{p.name}": p for name, operator in moving.items() for p in operator.parameters}
 
 
+def check_record(model: Model, record: Iterable[str]) -> dict[str, int]:
+    """Rows of all outputs by name; raise a ComponentError if one that is to be recorded is none of them."""
+    rows = {variable.name: row for row, variable in enumerate(model.outputs)}
+    for name in record:
+        if name not in rows:
+            raise ComponentError(f"record: {model.name} has no output {name!r}{suggestion(name, rows)}")
+    return rows
+
+
 def right_hand_side(
     model: Model,
     moving: Mapping[str, Model],
@@ -167,10 +176,7 @@ def right_hand_side(
     :raises ComponentError: for an unknown output, outputs that no state moves, or a function that is not made of scalar
         operations.
     """
-    rows = {variable.name: row for row, variable in enumerate(model.outputs)}
-    for name in record:
-        if name not in rows:
-            raise ComponentError(f"record: {model.name} has no output {name!r}{suggestion(name, rows)}")
+    rows = check_record(model, record)
     t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
     symbol_of: dict[str, ca.SX] = {}
 

@@ -117,9 +117,14 @@ def library(code: str, *options: str) -> ctypes.CDLL:
     :param options: of the compiler, beside those for packs.
     :raises BuildError: if there is no compiler, or it fails.
     """
+    return loaded(_library_bytes(code.encode(), [(*best, *options) for best in _OPTIONS]))
+
+
+def loaded(content: bytes) -> ctypes.CDLL:
+    """Load a library from its bytes."""
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:  # Windows keeps what is loaded
         path = Path(folder, f"ensemble{host().extension}")
-        path.write_bytes(_library_bytes(code.encode(), [(*best, *options) for best in _OPTIONS]))
+        path.write_bytes(content)
         return ctypes.CDLL(str(path))
 
 

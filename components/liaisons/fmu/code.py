@@ -44,6 +44,8 @@ _HEADERS = (
     *("complementarity.h", "calls.h", "fmi_common.h", "fmi_functions.h"),
 )
 
+_FMI_FILES = ("fmi2.c", "fmi_common.c", "starts.c")
+
 
 def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> dict[str, bytes]:
     """Return all files that are needed to compile the FMU, by name.
@@ -61,6 +63,12 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
         **{name: (runtime / name).read_bytes() for name in files},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
+
+
+def core_files(model: Model) -> dict[str, bytes]:
+    """Return the C files of a model and of the runtime without the functions of FMI, by name."""
+    files = source_files(model, "", "2").items()
+    return {name: text for name, text in files if name.endswith((".c", ".h")) and name not in _FMI_FILES}
 
 
 def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:

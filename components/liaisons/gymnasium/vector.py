@@ -1,4 +1,4 @@
-"""Many environments together, as an ensemble in compiled code."""
+"""Many environments together, as an ensemble in compiled code; with contacts each in the code of its FMU."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import numbers, whole
+from liaisons.ensembles.members import Members
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import domain_gaps, right_hand_side, settable, smooth_model
 from liaisons.ensembles.steps import compiled, packs, unpacked
@@ -28,9 +29,10 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
     """Copies of an :class:`Environment` of one component, integrated together, each with draws of its own.
 
     An episode that has ended is reset by the next step.  Half a step is one of a method of eighth order; the energy
-    balance in ``info`` is what its errors have summed up to since the reset.
+    balance in ``info`` is what its errors have summed up to since the reset.  With unilateral liaisons or dry friction
+    half a step is that of the FMU, with its numbers.
 
-    :raises LiaisonsError: as for :class:`Environment`, and for contacts, samples and arrays of values.
+    :raises LiaisonsError: as for :class:`Environment`, and for samples and arrays of values.
     """
 
     metadata = VectorEnv.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -38,7 +40,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
     def __init__(self, *subject: Any, num_envs: int = 1, **settings: Any) -> None:
         """Take the settings of :class:`Task`, and how many copies."""
         declared = component(Task(*subject, **settings).subject)
-        model = smooth_model(declared, "a VectorEnvironment", "take Environment, which runs its FMU")
+        model = smooth_model(declared, "a VectorEnvironment", "take Environment, which runs its FMU", contacts=True)
         one = Environment(*subject, **settings)  # refuses what is wrong
         one.close()
         whole("num_envs", num_envs)
@@ -46,27 +48,28 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self.single_action_space, self.single_observation_space = one.action_space, one.observation_space
         self.action_space = batch_space(one.action_space, num_envs)
         self.observation_space = batch_space(one.observation_space, num_envs)
-        self._derive(model)
+        self._moved = [name for port in self.task.ports for name in port[:-1]]
+        self._names = list(dict.fromkeys([*self.task.act, *self.task.randomize, *self._moved]))
+        self._fixed = [row for row, name in enumerate(self._names) if name not in self._moved]
+        variables = settable(model, {})
+        values = {name: variable.starts[0] for name, variable in variables.items()} | dict(self.task.start_values)
+        self._common = [name for name in self.task.start_values if name not in self._names]
+        self._first, self._shared = (
+            np.array([numbers(name, values[name]) for name in names]).reshape(-1, 1)
+            for names in (self._names, self._common)
+        )
+        (self._take_instances if model.contacts else self._derive)(model)
         self._elapsed, self._balance = np.zeros((2, num_envs))
         self._ended = np.zeros(0, dtype=bool)
 
     def _derive(self, model: Model) -> None:
         """Derive equations in which moved coordinates, and the time of each copy, are states."""
-        task = self.task
-        moved = [name for port in task.ports for name in port[:-1]]
-        self._names = list(dict.fromkeys([*task.act, *task.randomize, *moved]))
-        variables = settable(model, {})
-        values = {name: variable.starts[0] for name, variable in variables.items()} | dict(task.start_values)
-        shared = [name for name in task.start_values if name not in self._names]
-        self._first, self._shared = (
-            np.array([numbers(name, values[name]) for name in names]).reshape(-1, 1) for names in (self._names, shared)
-        )
+        task, moved = self.task, self._moved
         outputs = [variable.name for variable in model.outputs]
-        found = right_hand_side(model, {}, lanes=self._names, shared=shared, record=outputs)
+        found = right_hand_side(model, {}, lanes=self._names, shared=self._common, record=outputs)
         t, each, once, y = found.symbols
         lanes, clock = dict(zip(self._names, ca.vertsplit(each), strict=True)), ca.SX.sym("clock")
         followed = ca.vertcat(*(lanes[name] for name in moved), clock)
-        self._fixed = [row for row, name in enumerate(self._names) if name not in moved]
         columns = each[self._fixed], once, ca.vertcat(y, followed)
         expressions = [found.rates, found.outputs, found.conditions, y if found.projected is None else found.projected]
         rates, readings, conditions, projected = ca.substitute(expressions, [t], [clock])
@@ -76,17 +79,65 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             rates=ca.vertcat(rates, *(lanes[name] for port in task.ports for name in port[1:]), 1),
             projected=None if found.projected is None else ca.vertcat(projected, followed),
         )
-        self._advance = compiled(equations, METHODS["rk8"], self._shared)
-        self._starts = program([each, once], [ca.vertcat(found.start, *(lanes[name] for name in moved), 0)])
+        step = compiled(equations, METHODS["rk8"], self._shared)
+        starts = program([each, once], [ca.vertcat(found.start, *(lanes[name] for name in moved), 0)])
+
+        def advance(size: float) -> Floats:
+            blocks, fixed = packs(self._states, fill="edge"), packs(self._values[self._fixed], fill="edge")
+            step(0.0, size, 1, fixed, blocks)
+            return unpacked(blocks, self.num_envs)
+
+        def start(again: Truths) -> Floats:
+            return starts.evaluate([self._values[:, again], self._shared])[0]
+
+        self._motion = start, advance
         signals = dict(zip(outputs, ca.vertsplit(readings), strict=True))
         balance = ca.SX(0, 1)
         if "energy_balance" in signals:  # which remembers a start, another one for each copy
             balance = signals["energy"] - signals["work"] + signals["dissipated"]
         begun = range(len(model.condition_texts) - model.start_only, len(model.condition_texts))
         lasting = [row for row in range(conditions.numel()) if row not in begun]
-        gaps = [gap for name in moved for gap in domain_gaps(variables[name], lanes[name])]
+        gaps = [gap for name in moved for gap in domain_gaps(settable(model, {})[name], lanes[name])]
         last = ca.vertcat(conditions[lasting], *gaps)
         self._program = program(columns, [task.measures(signals | lanes), balance, last])
+
+    def _take_instances(self, model: Model) -> None:
+        """Make an instance of the model for each copy; its outputs, and what is moved, take the room of states."""
+        task, moved, outputs = self.task, self._moved, [variable.name for variable in model.outputs]
+        members, time = Members(model, self.num_envs), np.zeros(self.num_envs)
+        inputs = [name for port in task.ports for name in port]
+
+        def advance(size: float) -> Floats:
+            values = dict(zip(self._names, self._values, strict=True))
+            values |= dict(zip(moved, self._states[len(outputs) :], strict=True))
+            held = np.stack([values[name] for name in inputs], axis=-1)
+            members.step(np.array([0.0, size]), inputs, held, begin=time)
+            time[:] += size
+            for port in task.ports:
+                value, rate, acceleration = (*(values[name] for name in port), 0.0, 0.0)[:3]
+                followed = value + size * (rate + size / 2 * acceleration), rate + size * acceleration
+                values |= zip(port[:-1], followed, strict=False)
+            return np.vstack([members.read(outputs).T, *(values[name] for name in moved)])
+
+        def start(again: Truths) -> Floats:
+            names, values = [*self._names, *self._common], np.repeat(self._shared, self.num_envs, axis=1)
+            values = np.vstack([self._values, values]).T
+            time[again] = 0.0
+            for copy in np.flatnonzero(again).tolist():
+                members.start(names, values[copy : copy + 1], time=0.0, tolerance=0.0, first=copy)
+                if reason := members.failures().get(copy):
+                    drawn = ", ".join(f"{name} = {values[copy, names.index(name)]:g}" for name in task.randomize)
+                    raise SimulationError(f"{self.title}, copy {copy}: {drawn}: {reason}")
+            rows = [self._names.index(name) for name in moved]
+            return np.vstack([members.read(outputs).T, self._values[rows]])[:, again]
+
+        self._motion = start, advance
+        each, once = ca.SX.sym("each", len(self._fixed)), ca.SX.sym("shared", len(self._common))
+        y = ca.SX.sym("y", len(outputs) + len(moved))
+        lanes = dict(zip((self._names[row] for row in self._fixed), ca.vertsplit(each), strict=True))
+        signals = lanes | dict(zip((*outputs, *moved), ca.vertsplit(y), strict=True))
+        balance = signals.get("energy_balance", ca.SX(0, 1))
+        self._program = program([each, once, y], [task.measures(signals), balance, ca.SX(0, 1)])
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode in all copies.
@@ -98,7 +149,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             raise InvalidValueError(f"options = {options!r}: give ranges in randomize")
         super().reset(seed=seed)
         self._values, self._ended = np.repeat(self._first, self.num_envs, axis=1), np.zeros(self.num_envs, dtype=bool)
-        self._states = self._starts.evaluate([self._values, self._shared])[0]
+        self._states = self._motion[0](~self._ended)
         self._restart(~self._ended)
         return self._measured()[0][:-2].T, self._information()
 
@@ -114,16 +165,14 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
         before = self._states
         self._values[: len(self.task.act)] = acts.T
-        blocks, fixed = packs(before, fill="edge"), packs(self._values[self._fixed], fill="edge")
         measured = [self._measured()]
         for _ in range(2):
-            self._advance(0.0, size / 2, 1, fixed, blocks)
-            self._states = unpacked(blocks, self.num_envs)
+            self._states = self._motion[1](size / 2)
             measured.append(self._measured())
         (_, begin, _), (middle, *_), (_, end, conditions) = measured
         failed = ~(again | (np.isfinite(self._states).all(axis=0) & (conditions > 0).all(axis=0)))
         self._states[:, failed] = before[:, failed]
-        self._balance += (end - begin).sum(axis=0)
+        self._balance += np.where(failed, 0.0, (end - begin).sum(axis=0))
         self._elapsed += size
         self._restart(again)
         after, moving = self._measured()[0], ~(again | failed)
@@ -138,7 +187,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._values[:, again] = self._first
         for name, (low, high) in self.task.randomize.items():
             self._values[self._names.index(name), again] = self.np_random.uniform(low, high, again.sum())
-        self._states[:, again] = self._starts.evaluate([self._values[:, again], self._shared])[0]
+        self._states[:, again] = self._motion[0](again)
         self._elapsed[again] = self._balance[again] = 0.0
 
     def _measured(self) -> list[Floats]:

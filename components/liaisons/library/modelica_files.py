@@ -80,13 +80,12 @@ def _composition(subject: System) -> Composition:
 def modelica_library(chosen: Collection[type[Component]], *, standard_library: bool = False) -> str:
     """Return the package ``Liaisons``: components, and as ``Examples`` default experiments and some systems.
 
-    Those with unilateral liaisons or dry friction, and those that read samples, are left out.
+    Mechanisms with arrays, and components that read samples, are left out.
     """
-    from liaisons.language import Experiment
-    from liaisons.mechanics.model import contact_names
+    from liaisons.language import Experiment, Mechanism
     from liaisons.modelica_text import Composition, library_text, with_standard_library
 
-    chosen = [c for c in chosen if not (contact_names(c) or c.is_sampled())]
+    chosen = [c for c in chosen if not (c.is_sampled() or (issubclass(c, Mechanism) and c().layout().dimensions))]
     classes = {component.__name__: component for component in chosen}
     systems = [
         Composition(name, {n: (classes[c], starts) for n, (c, starts) in parts.items()}, joined, Experiment(5.0))

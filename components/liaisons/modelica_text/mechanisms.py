@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import casadi as ca
 
@@ -16,8 +17,8 @@ from liaisons.language import Mechanism
 from liaisons.mechanics import assemble, derive
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
-from liaisons.mechanics.model import refuse_contacts
 from liaisons.mechanics.printing import of_mechanism
+from liaisons.modelica_text.contacts import add_contacts
 from liaisons.modelica_text.printer import identifier
 from liaisons.modelica_text.text import (
     MOTION,
@@ -35,7 +36,6 @@ from liaisons.modelica_text.text import (
 
 def motion(component: type[Mechanism]) -> list[str]:
     """Return lines of the model ``Motion``: coordinates, rates, accelerations and outer forces are unknowns."""
-    refuse_contacts(component, "Modelica text", "import its FMU")
     if component().layout().dimensions:
         raise ComponentError(f"{component.__name__}: Modelica text takes no arrays of a mechanism; import its FMU")
     e = derive(component)
@@ -51,6 +51,8 @@ def motion(component: type[Mechanism]) -> list[str]:
             section.unsaid.append(item.name)
     _add_laws(e, section)
     _add_constraints(e, section)
+    unit = units_of(m)
+    discrete, contact_starts, clauses = add_contacts(e, section, unit, partial(_with_outer_forces, e))
     for item in m.calculated_parameters:
         section.add(item.name, ca.SX(getattr(m, item.name)), LONGEST)
     section.add("kinetic_energy", e.kinetic_energy)
@@ -63,8 +65,9 @@ def motion(component: type[Mechanism]) -> list[str]:
             "an interpolant or inf; write it by formulas, or import its FMU"
         )
     constants, initial = parameters(m)
-    declarations = [*constants, *_declarations(e, section), *section.comment]
-    return model(MOTION, declarations, filled([*conditions, *section.statements]), initial)
+    declarations = [*constants, *discrete, *_declarations(e, section, unit), *section.comment]
+    equations = [*filled([*conditions, *section.statements]), *clauses]
+    return model(MOTION, declarations, equations, [*initial, *contact_starts])
 
 
 def _add_laws(e: Equations, section: Section) -> None:
@@ -73,15 +76,12 @@ def _add_laws(e: Equations, section: Section) -> None:
     names = [f"p_{v}".removesuffix("_dot") for v in map(str, ca.vertsplit(m.free.q_dot))]
     momenta = stack(map(ca.SX.sym, names))
     quaternions = {f"{name}_dot" for o in m.orientations for name in o.quaternion}
-    applied = [ca.SX.sym(f"Q_{q.name}") for q in m.coordinates]
-    attached = [-ca.SX.sym(f"Q_{name}") for name in e.points]
-    inside, outside = ca.vertcat(e.drives, e.loads, e.point_loads), ca.vertcat(*applied, *[0] * len(applied), *attached)
     section.rows(names, e.momenta)
     section.statements += [f"der({identifier(q.name)}) = {q.name}_dot;" for q in m.coordinates]
     count, forces = len(m.coordinates), list[ca.SX]()
     accelerated = dict(zip(names[:count], rates, strict=False))
     for law in of_mechanism(e):
-        right, name = ca.substitute(law.right, inside, outside), law.left.removesuffix("_dot")
+        right, name = _with_outer_forces(e, law.right), law.left.removesuffix("_dot")
         if law.section in ("motion", "internal") or law.left in quaternions:
             section.add(f"der({name})", right)
         if law.section == "motion":
@@ -98,6 +98,14 @@ def _add_laws(e: Equations, section: Section) -> None:
         section.rows((f"{section.write_expression(rate)}" for rate in rates[own]), balance)
 
 
+def _with_outer_forces(e: Equations, expression: ca.SX) -> ca.SX:
+    """Expression with outer forces Q in place of drives and loads."""
+    applied = [ca.SX.sym(f"Q_{q.name}") for q in e.mechanism.coordinates]
+    attached = [-ca.SX.sym(f"Q_{name}") for name in e.points]
+    outside = ca.vertcat(*applied, *[0] * len(applied), *attached)
+    return ca.substitute(expression, ca.vertcat(e.drives, e.loads, e.point_loads), outside)
+
+
 def _add_constraints(e: Equations, section: Section) -> None:
     """Write residuals r, and how they decay: r̈ + 2α ṙ + α² r = 0, of non-holonomic constraints ṙ + α r = 0."""
     m, constraints = e.mechanism, e.constraints
@@ -111,10 +119,10 @@ def _add_constraints(e: Equations, section: Section) -> None:
         section.add(decay, m.dot(rate))
 
 
-def _declarations(e: Equations, section: Section) -> Iterator[str]:
+def _declarations(e: Equations, section: Section, unit: dict[str, str]) -> Iterator[str]:
     """Yield declarations: active and free coordinates with their rates, then all the other variables."""
     m = e.mechanism
-    unit = units_of(m) | {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
+    unit |= {f"p_{name}": "kg.m2/s" for o in m.orientations for name in o.rates}
     unit |= {f"{name}_dot": units.rate(of) for name, of in unit.items() if name.endswith("_residual")}
     described = (*m.actives, *m.coordinates, *m.internal_states, *m.outputs, *m.calculated_parameters)
     texts = {item.name: item.description for item in described}

@@ -1,0 +1,107 @@
+"""Members of an ensemble as instances of an FMU's code, each of which goes from event to event by itself."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from importlib import resources
+from typing import Any, final
+from weakref import finalize
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.base.compiler import compile_library, host
+from liaisons.ensembles.steps import Floats, call, loaded
+from liaisons.errors import SimulationError
+from liaisons.fmu.code import core_files
+from liaisons.fmu.layout import first_reference
+from liaisons.language.operator import TRIPLE
+from liaisons.mechanics import Model
+from liaisons.mechanics.composition import compose
+
+_MEMBER = np.dtype([("instance", np.uintp), ("reason", "S512")])
+"""As in ``members.c``."""
+
+
+def moved_model(model: Model, moving: Mapping[str, Model]) -> Model:
+    """The model composed with its operators; its own variables are called ``"Pendulum.theta"``.
+
+    :param moving: active coordinate -> model of the operator that moves it.
+    """
+    triples = [(a.value, a.rate, a.acceleration) for a in model.active if a.value in moving]
+    sources = {
+        f"{model.name}.{name}": f"{triple[0]}.{source}"
+        for triple in triples
+        for name, source in zip(triple, TRIPLE, strict=True)
+    }
+    return compose(model.name, {model.name: model, **moving}, sources) if moving else model
+
+
+@final
+class Members:
+    """Instances of a model, which take the steps of its FMU.
+
+    :param model: without arrays.
+    :raises SimulationError: if memory runs out.
+    :raises BuildError: if there is no compiler, or it fails.
+    """
+
+    def __init__(self, model: Model, count: int) -> None:
+        self._code, self._prefix = _library(tuple(core_files(model).items())), f"{model.name}."
+        names = (element.name.removeprefix(self._prefix) for v in model.variables for element in v.elements())
+        self._references = {name: reference for reference, name in enumerate(names, first_reference(model))}
+        self._members = np.zeros(count, _MEMBER)
+        created = call(self._code, "create_members", count, self._members)
+        finalize(self, call, self._code, "free_members", count, self._members)
+        if not created:
+            raise SimulationError(f"{model.name}: out of memory for {count} members; take fewer")
+
+    def start(self, names: Sequence[str], values: Floats, *, time: float, tolerance: float, first: int = 0) -> None:
+        """Start members anew.
+
+        :param values: of parameters and inputs, (members, names).
+        :param tolerance: 0: that of the model.
+        :param first: member that the first row is of.
+        """
+        members, values = self._members[first : first + len(values)], np.ascontiguousarray(values)
+        self._call("start_members", members, time, tolerance, names, values)
+
+    def step(self, times: Floats, names: Sequence[str] = (), values: ArrayLike = (), begin: ArrayLike = 0.0) -> None:
+        """Step all members from each time to the next one.
+
+        :param values: of inputs, which are held, (members, names).
+        :param begin: what the times count from, for each member.
+        """
+        values, origins = np.array(values, dtype=float, order="C"), np.empty(len(self._members))
+        origins[:] = begin
+        self._call("step_members", self._members, origins, len(times) - 1, np.ascontiguousarray(times), names, values)
+
+    def read(self, names: Sequence[str]) -> Floats:
+        """Values of variables now, (members, names); of a member that has failed they are not a number."""
+        values = np.full((len(self._members), len(names)), np.nan)
+        self._call("read_values", self._members, names, values)
+        return values
+
+    def failures(self) -> dict[int, str]:
+        """Members that have failed, and the reasons."""
+        reasons = self._members["reason"]
+        return {i: reasons[i].decode().replace(self._prefix, "") for i in np.flatnonzero(reasons != b"").tolist()}
+
+    def _call(self, function: str, members: NDArray, *arguments: Any) -> None:
+        """Call a function of ``members.c``; names become their number and their references."""
+        made = list[Any]()
+        for argument in arguments:
+            if isinstance(argument, (list, tuple)):
+                made += [len(argument), np.array([self._references[name] for name in argument], dtype=np.uintc)]
+            else:
+                made.append(argument)
+        call(self._code, function, len(members), members, *made)
+
+
+@lru_cache(maxsize=16)
+def _library(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
+    """Compile the code of a model with ``members.c``, once a process."""
+    own = resources.files("liaisons.ensembles").joinpath("members.c").read_bytes()
+    return loaded(compile_library({**dict(sources), "members.c": own}, host()))
