@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.linalg import svd
 
 from liaisons.base.arguments import finite, merged, named, positive, shown
 from liaisons.cosim.structure.sources import rounding
@@ -33,11 +32,12 @@ from liaisons.holding.feedback import (
     rest_targets,
     riccati,
     riccati_recursion,
+    spectral_radius,
     transition_matrix,
 )
 from liaisons.holding.observing import observe
 from liaisons.holding.sampling import SampledMechanism, in_directions
-from liaisons.holding.subjects import SETTINGS, sampled_subject
+from liaisons.holding.subjects import SETTINGS, planned_motion, sampled_subject
 from liaisons.language import Orientation
 from liaisons.library import Target
 from liaisons.planning.goals import by_name, motion_names
@@ -46,6 +46,8 @@ from liaisons.planning.plans import JUMP_LEAD, Plan
 _BOUND_NAMES = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Names that a Regulator has for the bounds of a correction, of its rate and of its acceleration."""
 _UNBOUNDED = 1e30
+_LEAST_GROWTH = 1 + 1e-6
+"""Multipliers above it grow."""
 
 
 def hold(
@@ -130,11 +132,11 @@ def hold(
     return replace(controller, observer=observer)
 
 
-def _spectral_radius(matrix: Array) -> float:
+def _perturbed_radius(matrix: Array) -> float:
     """Spectral radius, maximised over perturbations as large as the integration error."""
     random, size = np.random.default_rng(0), SETTINGS.integration_error * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
-    return float(np.max(np.abs(np.linalg.eigvals(near)), initial=0.0))
+    return spectral_radius(near)
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,8 @@ class _Criterion:
     def costs(self, sampled: SampledMechanism, directions: Sequence[Array]) -> list[Array]:
         """Cost matrices at the knots, in coordinates of the directions of deviation."""
         cost = {name: float(name in sampled.free) for name in sampled.states}
-        cost |= {f"{m}_dot": SETTINGS.drift_weight for m in sampled.moves if m not in sampled.held_moves}
+        drifting = (move for move in sampled.moves if move not in sampled.held_moves)
+        cost |= {f"{move}_dot": SETTINGS.drift_weight for move in drifting}
         for name, weight in self.weights.items():
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
@@ -168,34 +171,40 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
     :raises PlanError: if a held coordinate is not controllable.
     """
     sigma = sampled.sigma
-    planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
+    planned = np.dstack([sigma, sigma])
+    planned[:, :2, 1] += H * sigma[:, 1:]
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
     trajectory = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
     D = sampled.directions(reference[:, 0], sigma)
     ((A, B),) = in_directions(steps, [D, D])
     (Q,) = criterion.costs(sampled, [D])
     constant = _constant_directions([(A, B)])
-    V, U = reachable_subspace((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
-    K = np.zeros((B.shape[1], len(A)))
+    steps_per_time = sampled.time / H
+    V, U = reachable_subspace((A - np.eye(len(A))) * steps_per_time, B * steps_per_time)
+    R = criterion.effort * np.eye(B.shape[1])
+    K = np.zeros((len(R), len(A)))
     with suppress(np.linalg.LinAlgError):
-        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, criterion.effort * np.eye(B.shape[1])) @ V.T
-    if not _spectral_radius(V.T @ (A - B @ K) @ V) < 1:
+        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
+    if not _perturbed_radius(V.T @ (A - B @ K) @ V) < 1:
         raise PlanError(
             f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {H:g} s hardly reach all that "
             "falls; Riccati's equation has no solution in 16 digits"
         )
     if U.size:
         fixed = np.eye(len(A))[:, constant]
-        U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(constant)]])
-        is_bounded = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
-        target, missed = rest_targets(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
+        changing, _, _ = np.linalg.svd(U - fixed @ (fixed.T @ U))
+        U = np.hstack([fixed, changing[:, : U.shape[1] - len(constant)]])
+        is_bounded = spectral_radius(U.T @ A @ U) < _LEAST_GROWTH
+        free = [sampled.states.index(name) for name in sampled.free]
+        target, missed = rest_targets(A, D[free], V, U)
         for j in range(U.shape[1]):
             if not is_bounded or (j >= len(constant) and missed[j] > RANK):
                 raise _uncontrollable_error(sampled, D, U[:, j])
         K -= K @ V @ target @ U.T
     _refuse_bounds(sampled, criterion.bounds, sigma)
-    cost = None if U.size else (B, Q, criterion.effort * np.eye(B.shape[1]))
-    prediction = LinearPrediction(A - B @ K, D, D, V, _states_along(sampled, D, constant), returns=True, cost=cost)
+    cost = None if U.size else (B, Q, R)
+    conserved = _states_along(sampled, D, constant)
+    prediction = LinearPrediction(A - B @ K, D, D, V, conserved, returns=True, cost=cost)
     gains = [K @ np.linalg.pinv(D)]
     return _controller(sampled, H, trajectory, gains=gains, bounds=criterion.bounds, prediction=prediction)
 
@@ -212,10 +221,13 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     D = [sampled.directions(*point) for point in trajectory.points]
     steps, costs = in_directions(steps, D), criterion.costs(sampled, D)
     R = criterion.effort * np.eye(len(motion.goal.moves))
-    transition, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
+    transition, inputs = transition_matrix(steps), input_matrix(steps)
+    after = np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
-        y, planned = trajectory.states[: len(sampled.names), -1], trajectory.motion[:, :, [-1, -1]]
-        at_rest = in_directions(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
+        y = trajectory.states[: len(sampled.names), -1]
+        planned = trajectory.motion[:, :, [-1, -1]]
+        _, at_rest = sampled.steps(np.array([0.0, H]), planned, H, y)
+        at_rest = in_directions(at_rest, [D[-1], D[-1]])
         ((A, B),) = at_rest
         V, U = reachable_subspace(A - np.eye(len(A)), np.hstack([B, inputs]))
         _refuse_uncontrolled_growth(sampled, D[-1], U, A)
@@ -234,11 +246,13 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     gains, constant = [*solution[0], after], _constant_directions(steps)
     loop = transition_matrix(steps, gains)
     fixed = np.eye(len(transition))[:, constant]
-    left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
+    changing, sizes, _ = np.linalg.svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _states_along(sampled, D[0], constant)
-    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)
+    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in changing[:, sizes > RANK].T)
     _refuse_bounds(sampled, criterion.bounds)
-    bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _quantities(sampled)} | dict(criterion.bounds)
+    quantities = _quantities(sampled)
+    planned_bounds = {name: pair for name, pair in motion.goal.bounds.items() if name in quantities}
+    bounds = planned_bounds | dict(criterion.bounds)
     gains = [K @ np.linalg.pinv(basis) for K, basis in zip(gains, D, strict=True)]
     prediction = LinearPrediction(loop, D[0], D[-1], V, conserved, returns)
     return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
@@ -256,24 +270,27 @@ def _reference_trajectory(
     if most < T / H:
         raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
     instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
-    edges = [0.0, *motion.switches, T]
-    parts = [np.linspace(a, b, max(1, int(np.ceil((b - a) / H - 1e-9))), endpoint=False) for a, b in pairwise(edges)]
+    parts = []
+    for begin, end in pairwise([0.0, *motion.switches, T]):
+        count = max(1, int(np.ceil((end - begin) / H - 1e-9)))
+        parts.append(np.linspace(begin, end, count, endpoint=False))
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
-    sigma = motion.sigma(times)
-    planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
+    planned = planned_motion(motion, times)
     reference, steps = _steps_to_end(motion, sampled, times, planned, H)
-    gap, closure = np.abs(reference[:, -1] - reference[:, 0]), SETTINGS.closure
+    closure = SETTINGS.closure
+    gap = np.abs(reference[:, -1] - reference[:, 0])
+    extents = np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
-    is_open = gap > closure * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
-    open_states = {name for name, is_off in zip(sampled.states, is_open, strict=True) if is_off}
+    open_states = {sampled.states[i] for i in np.flatnonzero(gap > closure * extents).tolist()}
     open_states -= {*sampled.cyclic, *may_jump}
     at_rest = planned[:, :, -1].copy()
     stops = [order < 2 or m in sampled.held_moves for m in moves]
     size = sampled.input_sizes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
     is_moving = np.abs(at_rest[:, 1]) > closure * size[:, 1]
-    at_rest[stops, 1], at_rest[:, 2] = 0.0, 0.0
+    at_rest[stops, 1] = at_rest[:, 2] = 0.0
     after: After = "ends"
-    last, end = planned[:, :, -1], reference[: len(sampled.names), -1]
+    last = planned[:, :, -1]
+    end = reference[: len(sampled.names), -1]
     if not open_states:
         after, last = "repeats", planned[:, :, 0]
     elif order < 2 or not np.any(is_moving & stops):
@@ -284,11 +301,8 @@ def _reference_trajectory(
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
         reference, steps = _steps_to_end(motion, sampled, times, planned, H)
-    return (
-        ReferenceTrajectory(times, planned, reference, after),
-        steps,
-        all(x.endswith(Orientation.quaternion) for x in open_states),
-    )
+    returns = all(name.endswith(Orientation.quaternion) for name in open_states)
+    return ReferenceTrajectory(times, planned, reference, after), steps, returns
 
 
 def _steps_to_end(
@@ -300,7 +314,8 @@ def _steps_to_end(
     """
     reference, steps = sampled.steps(times, planned, H)
     n = len(sampled.names)
-    planned_end, reached = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1]), reference[:n, -1]
+    reached = reference[:n, -1]
+    planned_end = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1])
     missed = np.array([planned_end.get(name, x) - x for name, x in zip(sampled.names, reached, strict=True)])
     missed /= sampled.sizes[:n]
     if not np.max(np.abs(missed), initial=0.0) <= SETTINGS.largest_miss:
@@ -330,7 +345,7 @@ def _controller(
     :param gains: of states divided by sizes.
     """
     symbols = sampled.symbols
-    starts = {parameter: float(symbols.parameters[parameter]) for parameter in symbols.start_parameters.values()}
+    starts = sampled.start_values
     for i, m in enumerate(sampled.moves):
         starts |= by_name(motion_names(m), map(float, trajectory.motion[i, :, 0]))
     return Controller(
@@ -365,7 +380,9 @@ def _perturbations(
         keys = [parameters.get(name, name) for name in names]
         return tuple({k: x for k, x in zip(keys, column, strict=True) if k in starts} for column in columns)
     axes = {name for name in sampled.states if name.endswith(Orientation.quaternion)}
-    columns = [{sampled.states[i]: float(x[i]) for i in np.flatnonzero(x)} for x in (sizes * directions).T]
+    columns = [
+        {sampled.states[i]: float(column[i]) for i in np.flatnonzero(column)} for column in (sizes * directions).T
+    ]
     rotations = ({parameters[name]: x for name, x in column.items()} for column in columns if axes & column.keys())
     names = {parameter: name for name, parameter in parameters.items()}
     singles = [names.get(start, start) for start in starts]
@@ -380,8 +397,10 @@ def _correction_limits(
     :raises PlanError: if a force is bounded where the effective mass vanishes.
     """
     n, last = len(sampled.names), trajectory.times.size - 1
-    forces, masses = np.split(np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points]), [1], axis=2)
-    allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs} | dict(bounds)
+    along = np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points])
+    forces, masses = along[:, :, 0], along[:, :, 1:]
+    allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs}
+    allowed |= bounds
     ends = np.array([[_finite_ends(allowed[name]) for name in motion_names(m)] for m in sampled.moves])
     low = np.minimum(0.0, ends[:, :, :1] - trajectory.motion)  # (moves, 3, knots)
     high = np.maximum(0.0, ends[:, :, 1:] - trajectory.motion)
@@ -395,21 +414,26 @@ def _correction_limits(
                 f"acceleration tells the force; bound {m}_ddot"
             )
         least, most = _finite_ends(bounds[f"{m}_force"])
-        margins = np.array([np.minimum(0, least - forces[:, j, 0]), np.maximum(0, most - forces[:, j, 0])])
+        margins = np.array(
+            [
+                np.minimum(0, least - forces[:, j]),
+                np.maximum(0, most - forces[:, j]),
+            ]
+        )
         acts = sizes > negligible * sizes.max()
         shares = acts.sum(axis=1)
         for i in np.flatnonzero(acts.any(axis=0)):
-            least, most = np.sort(margins / np.where(acts[:, i], masses[:, j, i] * shares, negligible), axis=0)
+            mass = np.where(acts[:, i], masses[:, j, i] * shares, negligible)
+            least, most = np.sort(margins / mass, axis=0)
             low[i, 2] = np.maximum(low[i, 2], least)
             high[i, 2] = np.minimum(high[i, 2], most)
-    ahead = np.arange(last + 1)[:, None] + np.arange(SETTINGS.knots_ahead + 1)
+    ahead = np.add.outer(np.arange(last + 1), np.arange(SETTINGS.knots_ahead + 1))
     ahead = ahead % max(1, last) if trajectory.after == "repeats" else np.minimum(ahead, last)
-    limits = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
-    return {
-        name: values[:, order]
-        for order, names in enumerate(_BOUND_NAMES)
-        for name, values in zip(names, limits, strict=True)
-    }
+    low, high = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
+    limits: dict[str, Array] = {}
+    for order, (lowest, highest) in enumerate(_BOUND_NAMES):
+        limits |= {lowest: low[:, order], highest: high[:, order]}
+    return limits
 
 
 def _finite_ends(pair: Sequence[float | None]) -> tuple[float, float]:
@@ -436,7 +460,8 @@ def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: 
             raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(quantities)}")
         i, n = quantities[name]
         held = () if point is None or n == 3 else (point[i, n],)
-        low, high = _finite_ends(pair) if isinstance(pair, (tuple, list)) and len(pair) == 2 else (0.0, 0.0)
+        is_pair = isinstance(pair, (tuple, list)) and len(pair) == 2
+        low, high = _finite_ends(pair) if is_pair else (0.0, 0.0)
         if not all(a < b for a, b in pairwise((low, *held, high))):
             chain = " < ".join(["low", *(f"{x:g}" for x in held), "high"])
             raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with {chain}")
@@ -444,15 +469,18 @@ def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: 
 
 def _constant_directions(steps: Sequence[Step]) -> list[int]:
     """Indices of the directions that no step and no input changes."""
-    n = len(steps[0][0])
-    return [
-        i for i in range(n) if all(np.allclose(A[i], np.eye(n)[i]) and not np.any(np.abs(B[i]) > 0) for A, B in steps)
-    ]
+    rows = np.eye(len(steps[0][0]))
+
+    def is_constant(i: int) -> bool:
+        return all(np.allclose(A[i], rows[i]) and not B[i].any() for A, B in steps)
+
+    return [*filter(is_constant, range(len(rows)))]
 
 
 def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence[int]) -> tuple[str, ...]:
     """Names of the states that change along some of the directions."""
-    return tuple(n for n, row in zip(sampled.states, directions, strict=True) if set(np.flatnonzero(row)) & set(chosen))
+    changed = np.flatnonzero(directions[:, list(chosen)].any(axis=1))
+    return tuple(sampled.states[i] for i in changed.tolist())
 
 
 def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> str:
@@ -462,8 +490,9 @@ def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> st
 
 def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
     """Raise an error for a deviation that grows and is not controllable."""
-    if U.size and np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) > 1 + 1e-6:
-        values, vectors = np.linalg.eig((U.T @ A @ U).T)
+    left = U.T @ A @ U
+    if spectral_radius(left) > _LEAST_GROWTH:
+        values, vectors = np.linalg.eig(left.T)
         worst = np.real(vectors[:, int(np.argmax(np.abs(values)))])
         raise _uncontrollable_error(sampled, directions, U @ worst)
 

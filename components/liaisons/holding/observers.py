@@ -24,8 +24,8 @@ from liaisons.errors import PlanError
 from liaisons.holding.filtering import EstimationModel, identifier
 from liaisons.interface import System, operator
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
-from liaisons.library import build, fmu_path
-from liaisons.planning.goals import Array, by_name, chain_size, motion_names
+from liaisons.library import Target, build, fmu_path
+from liaisons.planning.goals import Array, by_name, chain_size
 from liaisons.planning.plans import Plan
 
 _RUNS = 200
@@ -64,9 +64,9 @@ class Observer:
     @cached_property
     def corrected(self) -> tuple[Array, Array]:
         """Covariance after the first measurement, of a steady filter after each, and its gain; divided by sizes."""
-        point = self.model.start, self.model.sampled.sigma
-        results = self.model.correct(point[0], self.covariance, point[1], self.model.measure(*point)[0])
-        return np.array(results[1]), np.array(results[3])
+        model, x, sigma = self.model, self.model.start, self.model.sampled.sigma
+        _, after, _, gain = model.correct(x, self.covariance, sigma, model.measure(x, sigma)[0])
+        return np.array(after), np.array(gain)
 
     @property
     def gain(self) -> Array:
@@ -87,8 +87,7 @@ class Observer:
     @property
     def multipliers(self) -> Any:
         """Eigenvalues of the error of a steady filter over one period."""
-        model, sigma = self.model, self.model.sampled.sigma
-        F, C = np.array(model.predict(model.start, sigma, sigma)[1]), np.array(model.measure(model.start, sigma)[1])
+        F, _, C = self.model.at_start()
         return np.linalg.eigvals(self.directions.T @ (F - self.corrected[1] @ C @ F) @ self.directions)
 
     @cached_property
@@ -102,7 +101,8 @@ class Observer:
         step, period = model.step(self.covariance if steady else None), model.period
         variables = model.sampled.symbols.model
         units = {v.name: v.unit for v in (*variables.inputs, *variables.outputs)}
-        measured, motion = [*map(identifier, model.measured)], [x for m in model.sampled.moves for x in motion_names(m)]
+        measured = [*map(identifier, model.measured)]
+        motion = model.sampled.motion_names
         triangle = [] if steady else [f"covariance_{i + 1}_{j + 1}" for j in range(n) for i in range(j, n)]
         body: dict[str, Any] = {"period": Parameter(period, "s", "sampling period", minimum=period, maximum=period)}
 
@@ -110,15 +110,17 @@ class Observer:
             kind: Any, names: Iterable[str], of_unit: Iterable[str], starts: Iterable[float] = repeat(0.0)
         ) -> None:
             for name, variable, start in zip(names, of_unit, starts, strict=False):
-                unit, text = units.get(variable.removesuffix("_bias"), "1"), name.replace("_", " ")
-                body[name] = kind(unit, text, start=start, unchecked="the filter has units in its numbers")
+                unit = units.get(variable.removesuffix("_bias"), "1")
+                words = name.replace("_", " ")
+                body[name] = kind(unit, words, start=start, unchecked="the filter has units in its numbers")
 
-        readings, noises, innovations = (
-            [f"{m}_{kind}" for m in measured] for kind in ("measured", "noise", "innovation")
-        )
+        readings = [f"{name}_measured" for name in measured]
+        noises = [f"{name}_noise" for name in measured]
+        innovations = [f"{name}_innovation" for name in measured]
         before = [f"{name}_before" for name in motion]
-        for names, variables in (readings, model.measured), (noises, model.measured), (motion, motion):
-            declare(Input, names, variables)
+        declare(Input, readings, model.measured)
+        declare(Input, noises, model.measured)
+        declare(Input, motion, motion)
         declare(DiscreteOutput, self.outputs.values(), model.states, map(float, model.start * model.sizes))
         declare(DiscreteOutput, innovations, repeat("1"))
         columns, rows = np.triu_indices(n)
@@ -130,11 +132,14 @@ class Observer:
             def column(names: Iterable[str]) -> ca.SX:
                 return ca.vertcat(*(filter_.symbols[name] for name in names))
 
-            begin, end = (ca.reshape(column(names), 3, -1).T for names in (before, motion))
-            x, y = column(self.outputs.values()) / model.sizes, (column(readings) + column(noises)) / model.noise
+            begin = ca.reshape(column(before), 3, -1).T
+            end = ca.reshape(column(motion), 3, -1).T
+            x = column(self.outputs.values()) / model.sizes
+            y = (column(readings) + column(noises)) / model.noise
             x, P, e = step(filter_.samples < 0.5, x, column(triangle), begin, end, y)
+            names = *self.outputs.values(), *triangle, *innovations, *before, "samples"
             after = ca.vertcat(x * model.sizes, P, e, column(motion), 1)
-            return by_name((*self.outputs.values(), *triangle, *innovations, *before, "samples"), ca.vertsplit(after))
+            return by_name(names, ca.vertsplit(after))
 
         body |= {"__doc__": f"Kalman filter of {self.name}.", "__module__": __name__, "update": update}
         return new_class(f"{self.name}Observer", (Sampled,), exec_body=lambda space: space.update(body))
@@ -158,13 +163,11 @@ class Observer:
         """
         starts, sampled = merged(self.name, start_values, keywords, PlanError), self.model.sampled
         if self.motion is None:
-            system, symbols = System(f"observed_{self.name}"), sampled.symbols
-            sizes = chain_size(symbols.goal.component, symbols.goal.values)
-            values: dict[str, Any] = {name: x for name, x in symbols.goal.values.items() if name not in sizes}
-            values |= {name: symbols.parameters[name] for name in symbols.start_parameters.values()} | starts
+            system, goal = System(f"observed_{self.name}"), sampled.symbols.goal
+            settings: dict[str, Any] = sampled.start_values | starts
             for m, (x, rate, _) in zip(sampled.moves, sampled.sigma.tolist(), strict=True):
-                values[m] = operator("Ramp", offset=x, rate=rate)
-            system.add(self.name, fmu_path(symbols.goal.component, **sizes), **values)
+                settings[m] = operator("Ramp", offset=x, rate=rate)
+            add_mechanism(system, self.name, goal.component, goal.values, **settings)
         else:
             system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
         self.connect_to(system)
@@ -175,7 +178,8 @@ class Observer:
     def duration(self) -> float:
         """Duration of the plan, or of a few radians of the free motion [s], in whole periods."""
         period = self.model.period
-        return period * round((self.motion.duration if self.motion else _RADIANS * self.model.sampled.time) / period)
+        duration = self.motion.duration if self.motion else _RADIANS * self.model.sampled.time
+        return period * round(duration / period)
 
     def verify(self) -> list[Verdict]:
         """Verdicts from 200 runs with random noise, forces and errors at the start: the filter knows its errors.
@@ -190,13 +194,17 @@ class Observer:
 
         The last instant is left out of the states: its noise is none.
         """
-        model, random, H = self.model, np.random.default_rng(1), self.model.period
-        count, n, uncertainty = round(self.duration / H), len(self.model.sampled.names), self.model.uncertainty
-        deviations, forces = uncertainty.disturbance, list({**uncertainty.disturbance, **uncertainty.unknown_forces})
-        inputs = [f"{self.part}.{identifier(m)}_noise" for m in model.measured] + [f"{self.name}.{f}" for f in forces]
-        sources = [f"{m}_bias" for m in model.measured] + forces
+        random, model, uncertainty = np.random.default_rng(1), self.model, self.model.uncertainty
+        H, n = model.period, len(model.sampled.names)
+        count = round(self.duration / H)
+        deviations = uncertainty.disturbance
+        forces = list({**deviations, **uncertainty.unknown_forces})
+        inputs = [f"{self.part}.{identifier(name)}_noise" for name in model.measured]
+        inputs += [f"{self.name}.{force}" for force in forces]
+        sources = [f"{name}_bias" for name in model.measured] + forces
         slow = [(sources.index(name), i) for i, name in enumerate(model.states[n:])]
-        sizes = np.append(model.noise, [deviations.get(name, 0.0) / np.sqrt(H) for name in forces])
+        of_forces = [deviations.get(name, 0.0) / np.sqrt(H) for name in forces]
+        sizes = np.append(model.noise, of_forces)
         means = np.append(0 * model.noise, [model.sampled.symbols.inputs[name] for name in forces])
         vectors, variances, _ = np.linalg.svd(self.covariance)
         coupling = "gauss-seidel" if self.motion else "jacobi"
@@ -204,8 +212,9 @@ class Observer:
         with ignored_warnings(), system.start(step_size=H, tolerance=1e-9, coupling=coupling) as run:
             step = run.stepper(inputs, [])
             for _ in range(_RUNS):
-                x = model.start - vectors @ (np.sqrt(variances) * random.standard_normal(len(variances)))
-                run.reset(by_name((f"{self.part}.{y}_0" for y in self.outputs.values()), x * model.sizes))
+                error = vectors @ (np.sqrt(variances) * random.standard_normal(len(variances)))
+                estimates = (model.start - error) * model.sizes
+                run.reset(by_name((f"{self.part}.{name}_0" for name in self.outputs.values()), estimates))
                 drifts = np.cumsum(random.standard_normal((count, len(slow))) * model.drift[n:], axis=0)
                 drifts = (drifts - drifts[0]) * model.sizes[n:]
                 values = random.standard_normal((count, len(inputs))) * sizes + means
@@ -223,9 +232,11 @@ class Observer:
         model, nees, rank = self.model, 0.0, 0
         innovations = [f"{self.part}.{identifier(m)}_innovation" for m in model.measured]
         e = np.array([[run[name][:-1] for name in innovations] for run, _ in runs])
-        lagged = [np.einsum("rik,rjk->ij", e[:, :, k:], e[:, :, :-k]) for k in range(1, _LAGS + 1)]
-        pairs = len(runs) * (e.shape[2] - np.arange(1, _LAGS + 1))
-        power, freedom = np.sum(np.square(lagged) / pairs[:, None, None]), _LAGS * e.shape[1] ** 2
+        power, freedom = 0.0, _LAGS * e.shape[1] ** 2
+        for k in range(1, _LAGS + 1):
+            late, early = e[:, :, k:], e[:, :, :-k]
+            pairs = len(runs) * late.shape[2]
+            power += np.sum(np.einsum("rik,rjk->ij", late, early) ** 2) / pairs
         ones = range(1, len(model.states) + 1)
 
         def last(run: Result, name: str) -> float:
@@ -233,22 +244,34 @@ class Observer:
 
         for run, truth in runs:
             estimate = np.array([last(run, name) for name in self.outputs.values()]) / model.sizes
-            sigma = np.array([[last(run, name) for name in motion_names(m)] for m in model.sampled.moves])
-            P, D = self.corrected[0], model.tangents(estimate, sigma)
+            sigma = np.reshape([last(run, name) for name in model.sampled.motion_names], (-1, 3))
+            D = model.tangents(estimate, sigma)
+            P, _ = self.corrected
             if self.motion:
                 P = np.array([[last(run, f"covariance_{max(i, j)}_{min(i, j)}") for i in ones] for j in ones])
             off = D.T @ (truth[:, -1] / model.sizes - estimate)
-            nees, rank = nees + float(off @ np.linalg.solve(D.T @ P @ D, off)), rank + D.shape[1]
+            nees += float(off @ np.linalg.solve(D.T @ P @ D, off))
+            rank += len(off)
         statistics = {
             "innovations have the size that their covariance says, χ² of all": (np.sum(e**2), e.size),
             f"they are white, χ² of {_LAGS} autocorrelations": (power, freedom),
             f"errors have the size that their covariance says, NEES over {_RUNS} runs": (nees, rank),
         }
-        return [normal_verdict(text, (x - mean) / np.sqrt(2 * mean)) for text, (x, mean) in statistics.items()]
+        return [normal_verdict(words, (x - mean) / np.sqrt(2 * mean)) for words, (x, mean) in statistics.items()]
 
     def __repr__(self) -> str:
         text = ", ".join(f"{name} ± {value:.3g}" for name, value in self.standard_deviations.items())
         return f"<{self.name} observed by {', '.join(self.model.measured)} every {self.model.period:g} s: {text}>"
+
+
+def add_mechanism(system: System, name: str, target: Target, values: Mapping[str, float], **settings: Any) -> Any:
+    """Add a mechanism to a system; returns its component.
+
+    :param values: of parameters, the number of links included; ``settings`` are further ones, which prevail.
+    """
+    sizes = chain_size(target, values)
+    own: dict[str, Any] = {parameter: value for parameter, value in values.items() if parameter not in sizes}
+    return system.add(name, fmu_path(target, **sizes), **own | settings)
 
 
 def normal_verdict(claim: str, value: float) -> Verdict:

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import named, numbers, positive, shown
 from liaisons.errors import PlanError
 from liaisons.holding.sampling import SampledMechanism
 from liaisons.library import Target, component
-from liaisons.planning.goals import Goal, by_name, duration_range, is_expression, motion_names, move_names
+from liaisons.planning.goals import Array, Goal, by_name, duration_range, is_expression, motion_names, move_names
 from liaisons.planning.plans import Plan
 from liaisons.planning.symbols import ROUNDING, goal_symbols
 
@@ -111,7 +112,8 @@ def _round_down(value: float) -> float:
 def sampled_mechanism(motion: Plan) -> SampledMechanism:
     """The mechanism of a plan, with the start and the sizes that the plan has."""
     goal, T = motion.goal, motion.duration
-    bare, symbols = Goal(goal.component, goal.moves, (T, T), goal.values, {}), goal_symbols(goal)
+    bare = Goal(goal.component, goal.moves, (T, T), goal.values, {})
+    symbols = goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
     start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
     start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
@@ -130,3 +132,9 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
         longest=T / SETTINGS.least_radians,
         extents=extents,
     )
+
+
+def planned_motion(motion: Plan, times: ArrayLike) -> Array:
+    """σ and its two rates at times [s], (moves, 3, times)."""
+    sigma = motion.sigma(times)
+    return np.array([[sigma[name] for name in motion_names(m)] for m in motion.goal.moves])
