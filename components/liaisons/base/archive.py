@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, final
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
+from liaisons.base.arguments import quoted
 from liaisons.errors import LiaisonsError, SimulationError
 
 UNPACKED_LIMIT = 2**30
@@ -54,8 +55,8 @@ def size_error(what: str, size: int) -> SimulationError:
     )
 
 
-def regular_file_status(path: Path) -> os.stat_result:
-    """Status of a file, checked to be a regular one.
+def file_identity(path: Path) -> tuple[int, ...]:
+    """Time, size and inode of a regular file, which differ where its content does.
 
     :raises SimulationError: if it is missing, no regular file, or cannot be accessed.
     """
@@ -68,7 +69,7 @@ def regular_file_status(path: Path) -> os.stat_result:
     if not stat.S_ISREG(status.st_mode):
         what = "a directory" if stat.S_ISDIR(status.st_mode) else "no plain file"
         raise SimulationError(f"{path}: is {what}, not an archive; check the path, or build it with 'liaisons build'")
-    return status
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 @final
@@ -83,7 +84,7 @@ class Archive:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        regular_file_status(path)
+        file_identity(path)  # raises if there is none
         with ExitStack() as stack, self._translated_errors(Exception):  # anything in an untrusted file
             self._zip = stack.enter_context(ZipFile(stack.enter_context(_LimitedReader(path))))
             self._members = self._checked_members()
@@ -155,9 +156,7 @@ class Archive:
             if (other.CRC, other.file_size) != (member.CRC, member.file_size):  # some tools write the same file twice
                 reason = "is there twice"
             if reason:
-                raise SimulationError(
-                    f"{self.path}: {_shortened(member.orig_filename)} inside {reason}; export it anew"
-                )
+                raise SimulationError(f"{self.path}: {quoted(member.orig_filename)} inside {reason}; export it anew")
             members[member.filename] = member
         return members
 
@@ -187,8 +186,3 @@ def _refusal_reason(member: ZipInfo) -> str:
     if member.compress_type not in {ZIP_STORED, ZIP_DEFLATED}:
         return f"is compressed by method {member.compress_type}, where FMI and SSP know 0 (none) and 8 (deflate) only"
     return ""
-
-
-def _shortened(name: str) -> str:
-    """Name in quotes, cut to 80 characters for messages."""
-    return repr(name if len(name) <= 80 else f"{name[:77]}...")

@@ -9,7 +9,8 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula, quoted
+from liaisons.base.arguments import quoted
+from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula
 
 _POINTS, _MOST = 501, 20
 """Between which maxima are searched for, and how many at most are looked at."""
@@ -77,7 +78,7 @@ def _rate(value: ca.SX) -> ca.SX:
 
 
 def _magnitude(value: ca.SX) -> ca.SX:
-    """Absolute value whose sign at a zero is the one right after it, so that its rate is the one-sided one."""
+    """Return the absolute value; its rate at a zero is the one to the right."""
     rate = _rate(value)
     sign = ca.sign(rate) + (rate == 0) * ca.sign(_rate(rate))
     return (ca.sign(value) + (value == 0) * sign) * value

@@ -130,7 +130,7 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Return the functions that are not generated as loops, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
     functions |= {
-        "outputs_function": _output_function(model),
+        "outputs_function": (model.table or model).outputs_function,  # of rows of a table
         "contact": model.contact and _with_one_result(model.contact),
     }
     functions["draw"] = (model.table and model.table.draw) or model.draw
@@ -147,7 +147,7 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
 
 
 def _booking(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list[str]]:
-    """Return C statements of functions that take the number that they book from the outputs, by their members.
+    """Return, by member, C statements of the functions that copy a booked number from the outputs.
 
     Where the outputs are large their code would be repeated, and with it that of both derivatives.
     """
@@ -183,14 +183,9 @@ def _booking(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list
 
 
 def _with_one_result(function: ca.Function) -> ca.Function:
-    """Return the function with its results one below the other in one."""
+    """Return the function with its results stacked in one column."""
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
-
-
-def _output_function(model: Model) -> ca.Function:
-    """Return (t, y, u, k, m) → z; of a table with the two rows of each lookup in place of k."""
-    return model.outputs_function if model.table is None else model.table.outputs_function
 
 
 # ---- tables of parameters --------------------------------------------------------------------------------------
@@ -199,7 +194,7 @@ def _output_function(model: Model) -> ca.Function:
 def _row_functions(
     model: Model, members: Mapping[str, ca.Function], rates: Iterable[tuple[ca.Function, ca.Function]]
 ) -> dict[str, ca.Function]:
-    """Return functions of rows of a table, by the names of those that look the rows up and call them."""
+    """Return the functions that take rows of a table, by the names of their callers, which look the rows up."""
     if model.table is None:
         return {}
     functions = {name: function for name, function in members.items() if name.startswith("calculate")}
@@ -214,7 +209,7 @@ def _row_functions(
 
 
 def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
-    """Return C definitions of functions that look rows up and call those of rows."""
+    """Return C definitions of the callers, which look rows of a table up and call the functions of rows."""
     statements = {}
     for name, function in row_functions.items():
         suffix = name.removeprefix("calculate") if name.startswith("calculate") else ""
@@ -284,7 +279,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 
 def _effects_of_inputs(model: Model) -> dict[str, int]:
-    """Return by name what an input acts on where it is not 0, as bits of _LOADS and _MOVES."""
+    """Return, by input, the bits _LOADS and _MOVES of what a value other than 0 acts on."""
     effects = {variable.name: _LOADS for variable in model.inputs}
     for coordinate in model.active:
         effects |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}
@@ -373,8 +368,8 @@ def _contact_members(model: Model, contact: ca.Function) -> dict[str, object]:
         "gaps": gaps,
         "frictions": len(model.contacts) - gaps,
         "operators": len(impulsive_operators(model)),
+        "indicators": len(model.contacts),
     }
-    counts["indicators"] = len(model.contacts)
     starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
     rows = (f".{name} = {start}" for name, start in zip((*contact.name_out(), "count"), starts, strict=True))
     return {
@@ -441,8 +436,8 @@ def _c_arrays(model: Model) -> list[str]:
 
 
 def _c_array(kind: str, name: str, rows: Sequence[str]) -> list[str]:
-    # C has no arrays without elements; the tables that have none are never read.
     """Return the definition of a static C array."""
+    # C has no arrays without elements; the tables that have none are never read.
     nothing = "0" if kind == "size_t" or kind.endswith("const") else "{0}"
     return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
 

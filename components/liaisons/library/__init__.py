@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
-from liaisons.base.arguments import as_path, shown, whole
-from liaisons.base.compiler import Backend, Fmi, Platforms
+from liaisons.base.archive import file_identity
+from liaisons.base.arguments import shown, whole, with_settings
+from liaisons.base.compiler import Backend, BuildSettings
 from liaisons.base.project import ProjectError, fmus_directory, load_module
 from liaisons.base.published import load_published, published, publishers
-from liaisons.errors import BuildError, LiaisonsError, suggestion
+from liaisons.errors import LiaisonsError, suggestion
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -44,7 +45,7 @@ def catalogue() -> dict[str, type[Component]]:
 
 
 def catalogue_names() -> list[str]:
-    """Return the names of these components, read from the files: completion loads no component."""
+    """Return the names of the catalogue's components, read from their files: completion loads no component."""
     files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
@@ -73,7 +74,7 @@ def is_robot(word: str) -> bool:
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
-    """Return name, causality and start of the variables of a component that has a name or of an FMU file; else none."""
+    """Return name, causality and start of each variable of a named component or an FMU file; none of anything else."""
     from liaisons.cosim.description.fmu import read_description
 
     try:
@@ -201,15 +202,8 @@ def derive(target: Target) -> Equations:
     return mechanics.derive(class_)
 
 
-def build(
-    target: Target | Model,
-    output: Path | str | None = None,
-    *,
-    backend: Backend = "auto",
-    platforms: Platforms = "host",
-    fmi: Fmi = "2",
-    arrays: bool = True,
-) -> Path:
+@with_settings(BuildSettings)
+def build(target: Target | Model, settings: BuildSettings) -> Path:
     """Build the FMU of a component, unless the file is up to date.
 
     :param target: name, file or class of a component, or a model (``assemble(PendulumChain, 20)``).
@@ -230,7 +224,7 @@ def build(
     from liaisons import fmu
     from liaisons.mechanics import Model
 
-    folder = fmus_directory() if output is None else as_path("output", output, BuildError)
+    folder = settings.folder
     if isinstance(target, Model):
         derived, shipped = target, catalogue().get(target.name)
         if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
@@ -239,7 +233,7 @@ def build(
         chosen = component(target)
         claim(chosen, folder)
         derived = model(chosen)
-    return fmu.build(derived, folder, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays)
+    return fmu.build(derived, **vars(settings))
 
 
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
@@ -256,10 +250,10 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     folder = sized_folder(fmus_directory(), sizes)
     key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
-    if path is None or seen != _file_status(path):
+    if path is None or not path.is_file() or seen != file_identity(path):
         claim(class_, folder)
         path = build(sized or model(class_), folder, backend=backend)
-        _built[key] = path, _file_status(path)
+        _built[key] = path, file_identity(path)
     return path
 
 
@@ -287,7 +281,7 @@ def claim(component: type[Component], folder: Path | str) -> None:
 
 
 def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
-    """Raise an error if a folder is that of the catalogue."""
+    """Raise a ProjectError if a component of one's own with a catalogue's name is built into the catalogue's folder."""
     if folder.is_relative_to(fmus_directory().resolve()):
         raise ProjectError(_name_taken(name, origin, folder, "the catalogue's component of this name"))
 
@@ -295,14 +289,6 @@ def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
 def _name_taken(name: str, origin: str, folder: Path, owner: str) -> str:
     """Return a message about an FMU of another component."""
     return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
-
-
-def _file_status(path: Path) -> tuple[int, ...]:
-    """Return what changes with a file's content; empty without a file."""
-    if not path.is_file():
-        return ()
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def fmu_file(target: Target) -> Path:
@@ -330,7 +316,7 @@ def _is_source(name: str) -> bool:
 
 
 def _no_component_message(target: object, text: str) -> str:
-    """Return a message about what is no component."""
+    """Return the message for an object that is no component."""
     from liaisons.cosim import System
 
     if isinstance(target, System):

@@ -11,7 +11,7 @@ from typing import IO, Literal, TypeVar, final
 
 import fmpy
 
-from liaisons.base.archive import Archive, regular_file_status
+from liaisons.base.archive import Archive, file_identity
 from liaisons.base.array_names import Shape, split
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.model_description import Description, Table, parse
@@ -137,7 +137,7 @@ class Fmu:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether its outputs are constant but for events that it announces, so that it reads inputs there alone."""
+        """Whether outputs change at announced events only, so that inputs are read at these only."""
         if self.next_event_time is None:
             return False
         return not any(self.variables[name].continuous for name in self._scalars(RECORDED, ("output",), math.inf))
@@ -183,8 +183,7 @@ def read(
         no binary for this platform, or a model description that contradicts itself.
     """
     path = Path(path)
-    status = regular_file_status(path)
-    return _read(path, tuple((sizes or {}).items()), prefers, status.st_mtime_ns, status.st_size, status.st_ino)
+    return _read(path, tuple((sizes or {}).items()), prefers, *file_identity(path))
 
 
 @lru_cache(maxsize=64)
@@ -203,7 +202,7 @@ def read_description(path: Path) -> Description:
 
 
 def _read_from(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
-    """What a function reads from the model description in an archive."""
+    """Return the result of a function that reads the model description in an archive."""
     if DESCRIPTION not in archive.names:
         raise SimulationError(f"{archive.path}: has no {DESCRIPTION} inside, so it is no FMU")
     with archive.open(DESCRIPTION) as file:
