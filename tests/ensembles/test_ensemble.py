@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from scipy.integrate import solve_ivp
 from liaisons import System, ensemble, max_error, simulate
 from liaisons.base import compiler
 from liaisons.check import slope
-from liaisons.ensembles import integrating
+from liaisons.ensembles import integrating, members
 from liaisons.ensembles.integrating import _errors
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
@@ -268,6 +269,24 @@ def test_a_case_whose_bodies_overlap_is_named_with_its_values() -> None:
     assert np.isnan(found["height"][:, 1]).all()
     assert np.isnan(found.error("height")[1])
     assert not found.unconverged
+
+
+def test_members_are_freed_also_when_memory_runs_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    called, call = list[str](), members.call
+
+    def counted(code: Any, name: str, *arguments: Any) -> int:
+        called.append(name)
+        result = call(code, name, *arguments)
+        return 0 if name == "create_members" and len(called) > 2 else result
+
+    monkeypatch.setattr(members, "call", counted)
+    members.Members(flat_model(BouncingBall), 3)
+    gc.collect()
+    assert called == ["create_members", "free_members"]
+    with pytest.raises(SimulationError, match=r"^BouncingBall: out of memory for 4 members; take fewer$"):
+        members.Members(flat_model(BouncingBall), 4)
+    gc.collect()
+    assert called[2:] == ["create_members", "free_members"]
 
 
 def test_a_case_that_fails_on_the_way_has_its_numbers_until_then() -> None:

@@ -56,7 +56,7 @@ EXPORT void step_members(long count, Member members[], const double begin[], lon
     for (long i = 0; i < count; i++) {
         Member *member = &members[i];
         const size_t numbers = (size_t)n;
-        if (member->reason[0] == '\0' && n > 0)
+        if (member->reason[0] == '\0')
             core_set(member->instance, references, numbers, values + i * n, numbers);
         for (long k = 0; k < steps && member->reason[0] == '\0'; k++)
             core_step(member->instance, begin[i] + times[k], times[k + 1] - times[k], &arrival);
