@@ -60,8 +60,8 @@ def model() -> Model:
 
 
 def test_all_contacts_are_named() -> None:
-    with pytest.raises(LiaisonsError, match=r"^Sledge: .* unilateral .* \(gap, slip\); .*take sweep\(\)"):
-        ensemble(Sledge, {}, stop_time=1, step_size=0.1)
+    with pytest.raises(LiaisonsError, match=r"^Sledge: method = .* unilateral .* \(gap, slip\); leave it out"):
+        ensemble(Sledge, {"mass": [1.0, 2.0]}, stop_time=1, step_size=0.1, method="rk4")
 
 
 def test_model_is_refused(model: Model, tmp_path: Path) -> None:
