@@ -39,6 +39,7 @@ class Goal:
     closed: tuple[str, ...] = ()
     minimize: Cost = "time"
     bounds: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
+    phases: tuple[Mapping[str, Any], ...] = ()  # modes by contact, and durations
 
 
 class Readings(Mapping[str, ca.SX]):

@@ -37,11 +37,23 @@ def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
 
     :param problem: in relative units.
     """
+    if problem.phases:
+        return _phased_guesses(problem, intervals)
     if problem.is_loop:
         return _closed_guesses(problem, intervals)
     return (
         (_integrated_transfer if problem.constrained else _straight_transfer)(problem, intervals, k) for k in count()
     )
+
+
+def _phased_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
+    """Straight lines from start to end through all phases, of equal durations as far as these are free."""
+    ranges = [phase.duration for phase in problem.phases]
+    arcs = (Arc(max(3, -(-intervals // len(ranges)))),) * len(ranges)
+    for k in count():
+        trajectory = _straight_transfer(problem, intervals, k)
+        T = trajectory.durations[0] / len(ranges)
+        yield trajectory.on(arcs, np.array([np.clip(T, *pair) for pair in ranges]))
 
 
 def refuse_invariants(problem: Problem) -> None:
