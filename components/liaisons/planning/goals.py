@@ -113,6 +113,18 @@ def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
     return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
 
 
+def modes_by_phase(phases: Any) -> tuple[Mapping[str, Any], ...]:
+    """Phases as dictionaries, checked; none without phases."""
+    if phases is None:
+        return ()
+    entries = [*phases] if isinstance(phases, (list, tuple)) else []
+    if not entries or not all(isinstance(entry, Mapping) for entry in entries):
+        raise PlanError(
+            f'phases = {shown(phases)}: give a list of modes by contact, [{{"gap": "closed"}}, {{"gap": "open"}}]'
+        )
+    return tuple(dict(named(f"phases[{k}]", entry, PlanError)) for k, entry in enumerate(entries))
+
+
 def unit_quaternion(label: str, value: Any) -> Array:
     """A quaternion divided by its norm.
 

@@ -47,13 +47,13 @@ def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
 
 
 def _phased_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """Straight lines from start to end through all phases, of equal durations as far as these are free."""
-    ranges = [phase.duration for phase in problem.phases]
+    """Straight lines from start to end through all phases, of equal durations at first, then of others."""
+    ranges = np.array([phase.duration for phase in problem.phases])
     arcs = (Arc(max(3, -(-intervals // len(ranges)))),) * len(ranges)
     for k in count():
         trajectory = _straight_transfer(problem, intervals, k)
-        T = trajectory.durations[0] / len(ranges)
-        yield trajectory.on(arcs, np.array([np.clip(T, *pair) for pair in ranges]))
+        shares = np.array([0.2 + _halton(k, 1 + i) for i in range(len(ranges))])
+        yield trajectory.on(arcs, (trajectory.durations * shares / shares.sum()).clip(*ranges.T))
 
 
 def refuse_invariants(problem: Problem) -> None:

@@ -14,7 +14,16 @@ from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.progress import progress_bar
 from liaisons.errors import PlanError
 from liaisons.library import Target, component
-from liaisons.planning.goals import Cost, Expression, Goal, Value, closed_names, duration_range, move_names
+from liaisons.planning.goals import (
+    Cost,
+    Expression,
+    Goal,
+    Value,
+    closed_names,
+    duration_range,
+    modes_by_phase,
+    move_names,
+)
 from liaisons.planning.guesses import guesses, refuse_invariants
 from liaisons.planning.phases import problem_of
 from liaisons.planning.plans import Plan
@@ -98,7 +107,7 @@ def plan(
         minimize=minimize,
         bounds=named("bounds", bounds or {}, PlanError),
         values=merged("plan", start_values, keywords, PlanError),
-        phases=_modes_by_phase(phases),
+        phases=modes_by_phase(phases),
     )
     whole("intervals", intervals, PlanError)
     whole("loops", loops, PlanError)
@@ -151,18 +160,6 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
         if key in keys:
             raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
     return plan(beside(path, mechanism), **arguments, **values, progress=progress)
-
-
-def _modes_by_phase(phases: Any) -> tuple[Mapping[str, Any], ...]:
-    """Phases as dictionaries, checked; none without phases."""
-    if phases is None:
-        return ()
-    entries = [*phases] if isinstance(phases, (list, tuple)) else []
-    if not entries or not all(isinstance(entry, Mapping) for entry in entries):
-        raise PlanError(
-            f'phases = {shown(phases)}: give a list of modes by contact, [{{"gap": "closed"}}, {{"gap": "open"}}]'
-        )
-    return tuple(dict(named(f"phases[{k}]", entry, PlanError)) for k, entry in enumerate(entries))
 
 
 def _goal_of_one_loop(goal: Goal, problem: Problem, loops: int) -> Goal:

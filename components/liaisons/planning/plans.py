@@ -23,7 +23,7 @@ from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, fmu_path, is_named
-from liaisons.planning.goals import Goal, by_name, chain_size, duration_range, motion_names
+from liaisons.planning.goals import Goal, by_name, chain_size, duration_range, modes_by_phase, motion_names
 from liaisons.planning.phases import problem_of
 from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
@@ -320,7 +320,8 @@ def _tuples(value: Any) -> Any:
 def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     """The goal of a file, with another component if one is given."""
     keys = [field.name for field in fields(Goal)]
-    if not isinstance(document, dict) or sorted(document) != sorted(keys):
+    document = {"phases": []} | document if isinstance(document, dict) else {}
+    if sorted(document) != sorted(keys):
         raise PlanError(f"goal has to have the keys {', '.join(keys)}")
     if component is None:
         component = document["component"]
@@ -336,7 +337,10 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         listed(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
-    return Goal(**arguments | {"component": component, "duration": duration_range(arguments["duration"])})
+    phases = modes_by_phase(arguments["phases"] or None)
+    return Goal(
+        **arguments | {"component": component, "duration": duration_range(arguments["duration"]), "phases": phases}
+    )
 
 
 def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution:
