@@ -100,7 +100,7 @@ def test_a_ball_is_kept_bouncing_by_a_table_that_comes_back() -> None:
     assert motion.cost == pytest.approx(least(cost, 0.01), rel=1e-12)
     run = motion.replay()
     assert end_error(motion) < 1e-11
-    assert (run["gap_impacts"] == (run.time >= motion.switches[0] * (1 - 1e-12))).all()
+    assert (run["gap_impacts"] == (run.time > motion.switches[0] * (1 + 1e-12))).all()
 
 
 def test_a_block_moves_by_stick_and_slip_alone() -> None:
@@ -201,11 +201,12 @@ def test_a_parcel_rubs_at_the_impact(mode: str) -> None:
     sign = 1 if mode == "backward" else -1
     motion = plan(
         Parcel,
-        end={"x": sign * 0.3, "belt_dot": 0},
-        duration=(0.3, 2),
+        start={"belt_dot": sign * 2.0},
+        end={"x": sign * 0.8, "belt_dot": 0},
+        duration=1.5,
         minimize="belt_ddot**2",
         phases=[{"gap": "open"}, {"gap": "closed", "slip": mode}, {"slip": "sticks"}],
-        tries=2,
+        tries=1,
     )
     verified(motion)
     fall, run = np.sqrt(0.4 / GRAVITY), motion.replay()
@@ -254,6 +255,13 @@ PARCEL = {"mechanism": Parcel, "start": {}, "end": {"belt_dot": 0}, "minimize": 
 )
 def test_what_phases_cannot_be_is_refused_in_one_line(changes: dict[str, Any], text: str) -> None:
     assert text in refused(**changes)
+
+
+def test_a_phase_that_the_best_motion_does_not_have_is_named() -> None:
+    """Without a time for the stroke, the table carries the ball up as slowly as it may."""
+    stroke = {"end": {"height": 0.5, "height_dot": 0}, "phases": [{"gap": "closed"}, {"gap": "open"}]}
+    text = refused(duration=(0.1, 1), intervals=6, **stroke)
+    assert "phases[1] vanishes: the best motion has none; leave it out, or give its duration" in text
 
 
 def test_what_cannot_be_reached_names_the_bound() -> None:

@@ -29,8 +29,10 @@ from liaisons.planning.phases import problem_of
 from liaisons.planning.plans import Plan
 from liaisons.planning.problems import Problem
 from liaisons.planning.searching import LIMITS, SearchSettings, refuse_singularity, search
-from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, in_si, relative
+from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, Solution, in_si, relative
 
+_VANISHING = 1e-5
+"""Part of the duration below which a phase vanishes."""
 _EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
 
 
@@ -129,6 +131,7 @@ def plan(
         if guess is not None:
             starts, tries = [_trajectory_of_guess(problem, guess, intervals)], 1
         solution = search(problem.relative, starts, clock, SearchSettings(intervals, accuracy, tries))
+    _refuse_vanishing_phases(problem, solution)
     if minimize == "motion":
         refuse_singularity(problem.relative, solution)
     return Plan(goal, problem, in_si(problem, solution))
@@ -160,6 +163,16 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
         if key in keys:
             raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
     return plan(beside(path, mechanism), **arguments, **values, progress=progress)
+
+
+def _refuse_vanishing_phases(problem: Problem, solution: Solution) -> None:
+    """Raise an error for a phase that lasts no time, where its duration is free."""
+    durations = solution.trajectory.durations
+    for k, (phase, T) in enumerate(zip(problem.phases, durations, strict=False)):
+        if phase.duration[0] < T <= _VANISHING * durations.sum():
+            raise PlanError(
+                f"{problem.name}: phases[{k}] vanishes: the best motion has none; leave it out, or give its duration"
+            )
 
 
 def _goal_of_one_loop(goal: Goal, problem: Problem, loops: int) -> Goal:

@@ -115,8 +115,10 @@ class CollocatedTrajectory:
         return cost + (adjoints * rates).sum(axis=0)
 
     def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
-        """The motion interpolated linearly on another mesh, as a start for IPOPT."""
+        """The motion on another mesh, as a start for IPOPT, by polynomials of equally many arcs, or linearly."""
         blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
+        if len(arcs) == len(self.arcs) > 1:
+            return self._on_finer(blank)
         instants, scale = self.instants, durations.sum()
         times = np.append(self.breaks, instants)
         order = np.argsort(times, kind="stable")
@@ -128,7 +130,26 @@ class CollocatedTrajectory:
             return np.array([np.interp(own_times, own, row) for row in rows]).reshape(len(rows), -1)
 
         knots, inner = (resampled(states, times[order], other) for other in (blank.breaks, blank.instants))
-        return CollocatedTrajectory(arcs, durations, knots, inner, resampled(self.controls, instants, blank.instants))
+        return replace(blank, knots=knots, inner=inner, controls=resampled(self.controls, instants, blank.instants))
+
+    def _on_finer(self, blank: CollocatedTrajectory) -> CollocatedTrajectory:
+        """The motion on another mesh of as many arcs, between which states and controls may jump."""
+        first, states, controls = 0, [], []
+        for old, new in zip(self.arcs, blank.arcs, strict=True):
+            places = (np.arange(new.intervals)[:, None] + [*POINTS, 1.0]) * old.intervals / new.intervals
+            interval = np.minimum(places.astype(int), old.intervals - 1)
+            weights = (places - interval)[..., None] ** POWERS @ TO_POWERS
+            for rows, parts in ((self.inner, states), (self.controls, controls)):
+                own = rows[:, first * DEGREE : (first + old.intervals) * DEGREE].reshape(-1, old.intervals, DEGREE)
+                parts.append((own[:, interval] * weights).sum(axis=-1))
+            first += old.intervals
+        X, U = (np.concatenate(parts, axis=1) for parts in (states, controls))
+        return replace(
+            blank,
+            knots=np.hstack([self.knots[:, :1], X[..., -1]]),
+            inner=X[..., :-1].reshape(len(X), -1),
+            controls=U[..., :-1].reshape(len(U), -1),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -398,8 +419,10 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
     )
     for unknown, first in ((knots, guess.knots), (inner, guess.inner), (controls, guess.controls)):
         opti.set_initial(unknown, first)
-    for k, first in enumerate(later):
-        opti.set_initial(after[:, k], guess.inner[:, first : first + DEGREE] @ TO_POWERS[0])
+    for k, (first, rows) in enumerate(zip(later, problem.junctions, strict=True)):
+        X, U = (columns[:, first : first + DEGREE] @ TO_POWERS[0] for columns in (guess.inner, guess.controls))
+        opti.set_initial(after[:, k], X)
+        opti.set_initial(impulses[:, k], _nearest_impulses(rows, guess.knots[:, first // DEGREE], X, U))
     low, high = problem.duration
     if low == high and len(arcs) == 1:
         durations = ca.MX(ca.DM(low))
@@ -433,6 +456,14 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - begin - gained @ to_ends),
         cost=ca.dot(ca.vec(running * h), np.tile(B, m)),
     )
+
+
+def _nearest_impulses(rows: Rows, before: Array, after: Array, controls: Array) -> Array:
+    """Impulses with which the states before and after a junction agree best."""
+    impulses = ca.SX.sym("impulses", rows.function.size1_in(2))
+    column = rows.function(before, after, impulses, controls)[rows.equalities]
+    matrix, rest = (np.array(ca.evalf(part)) for part in ca.linear_coeff(column, impulses))
+    return np.linalg.lstsq(matrix, -rest, rcond=None)[0]
 
 
 def _begins(knots: ca.MX, after: ca.MX, k: int, inside: slice) -> tuple[ca.MX, ca.MX]:
