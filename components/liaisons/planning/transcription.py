@@ -115,41 +115,20 @@ class CollocatedTrajectory:
         return cost + (adjoints * rates).sum(axis=0)
 
     def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
-        """The motion on another mesh, as a start for IPOPT, by polynomials of equally many arcs, or linearly."""
+        """The motion interpolated on another mesh, as a start for IPOPT, by the polynomials of the intervals."""
         blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
-        if len(arcs) == len(self.arcs) > 1:
-            return self._on_finer(blank)
-        instants, scale = self.instants, durations.sum()
-        times = np.append(self.breaks, instants)
-        order = np.argsort(times, kind="stable")
-        states = np.hstack([self.knots, self.inner])[:, order]
+        breaks, scale = self.breaks, durations.sum()
 
-        def resampled(rows: Array, own: Array, other: Array) -> Array:
-            """Rows at other times."""
-            own_times = other / scale * self.breaks[-1]
-            return np.array([np.interp(own_times, own, row) for row in rows]).reshape(len(rows), -1)
+        def resampled(rows: Array, times: Array) -> Array:
+            """Rows at other times; at a break those before it."""
+            own_times = times / scale * breaks[-1]
+            interval = np.searchsorted(breaks[1:-1], own_times)
+            places = (own_times - breaks[interval]) / np.diff(breaks)[interval]
+            points = interval[:, None] * DEGREE + np.arange(DEGREE)
+            return (rows[:, points] * (places[:, None] ** POWERS @ TO_POWERS)).sum(axis=-1)
 
-        knots, inner = (resampled(states, times[order], other) for other in (blank.breaks, blank.instants))
-        return replace(blank, knots=knots, inner=inner, controls=resampled(self.controls, instants, blank.instants))
-
-    def _on_finer(self, blank: CollocatedTrajectory) -> CollocatedTrajectory:
-        """The motion on another mesh of as many arcs, between which states and controls may jump."""
-        first, states, controls = 0, [], []
-        for old, new in zip(self.arcs, blank.arcs, strict=True):
-            places = (np.arange(new.intervals)[:, None] + [*POINTS, 1.0]) * old.intervals / new.intervals
-            interval = np.minimum(places.astype(int), old.intervals - 1)
-            weights = (places - interval)[..., None] ** POWERS @ TO_POWERS
-            for rows, parts in ((self.inner, states), (self.controls, controls)):
-                own = rows[:, first * DEGREE : (first + old.intervals) * DEGREE].reshape(-1, old.intervals, DEGREE)
-                parts.append((own[:, interval] * weights).sum(axis=-1))
-            first += old.intervals
-        X, U = (np.concatenate(parts, axis=1) for parts in (states, controls))
-        return replace(
-            blank,
-            knots=np.hstack([self.knots[:, :1], X[..., -1]]),
-            inner=X[..., :-1].reshape(len(X), -1),
-            controls=U[..., :-1].reshape(len(U), -1),
-        )
+        knots, inner = (resampled(self.inner, times) for times in (blank.breaks, blank.instants))
+        return replace(blank, knots=knots, inner=inner, controls=resampled(self.controls, blank.instants))
 
 
 @dataclass(frozen=True, eq=False)
@@ -463,7 +442,7 @@ def _nearest_impulses(rows: Rows, before: Array, after: Array, controls: Array) 
     impulses = ca.SX.sym("impulses", rows.function.size1_in(2))
     column = rows.function(before, after, impulses, controls)[rows.equalities]
     matrix, rest = (np.array(ca.evalf(part)) for part in ca.linear_coeff(column, impulses))
-    return np.linalg.lstsq(matrix, -rest, rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(matrix, -rest, rcond=None)[0], dtype=float)
 
 
 def _begins(knots: ca.MX, after: ca.MX, k: int, inside: slice) -> tuple[ca.MX, ca.MX]:

@@ -143,7 +143,7 @@ def _hamiltonian_verdicts(problem: Problem, solution: Solution) -> Iterator[Verd
         reason=why,
     )
     if _is_within(problem.duration, trajectory.durations.sum()):
-        error = abs(float(np.mean(solution.hamiltonian[free_points(problem, solution)]))) / scale
+        error = abs(float(np.mean(hamiltonians(problem, solution)[0]))) / scale
         yield verdict("it is 0, for the duration is free", error=error, tolerance=HAMILTONIAN_VARIATION, reason=why)
     if problem.control_order != 1:
         return
@@ -164,19 +164,22 @@ def _is_within(duration: tuple[float, float], T: float) -> bool:
     return low < T * (1 - 1e-9) and high * (1 - 1e-9) > T
 
 
-def free_points(problem: Problem, solution: Solution) -> Array:
-    """Flags of the collocation points of phases whose duration is not given; of all without phases."""
-    durations = solution.trajectory.durations
-    parts = zip(phase_points(problem, solution.trajectory.arcs), durations, strict=False)
-    flags = [(_is_within(phase.duration, T) or not problem.phases, inside) for (phase, inside), T in parts]
-    return np.concatenate([np.full(inside.stop - inside.start, is_free) for is_free, inside in flags])
+def hamiltonians(problem: Problem, solution: Solution) -> list[Array]:
+    """Values of the Hamiltonian on the parts where it is constant: all phases of free duration, and each other one."""
+    H, points = solution.hamiltonian, phase_points(problem, solution.trajectory.arcs)
+    durations = solution.trajectory.durations if problem.phases else [0.0]
+    given = [
+        inside
+        for (phase, inside), T in zip(points, durations, strict=True)
+        if problem.phases and not _is_within(phase.duration, T)
+    ]
+    free = np.delete(H, np.r_[*given]) if given else H
+    return [part for part in (free, *(H[inside] for inside in given)) if part.size]
 
 
 def hamiltonian_variation(problem: Problem, solution: Solution) -> float:
-    """Variation of the Hamiltonian, which is another constant in each phase of given duration."""
-    H, free = solution.hamiltonian, free_points(problem, solution)
-    parts = [inside for _, inside in phase_points(problem, solution.trajectory.arcs) if not free[inside.start]]
-    return float(max([np.ptp(H[free]) if free.any() else 0.0, *(np.ptp(H[inside]) for inside in parts)]))
+    """Variation of the Hamiltonian on these parts."""
+    return float(max(map(np.ptp, hamiltonians(problem, solution))))
 
 
 def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
