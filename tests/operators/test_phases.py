@@ -75,6 +75,13 @@ def test_a_plan_with_phases_is_read_again(stroke: Plan, tmp_path: Path) -> None:
     assert plan("BouncingBall", guess=again, **STROKE).cost == pytest.approx(stroke.cost, rel=1e-12)
 
 
+def test_a_mode_that_is_named_again_changes_nothing(stroke: Plan) -> None:
+    closed = [{"gap": "closed", "duration": T} for T in (0.1, 0.15)]
+    again = plan("BouncingBall", tries=1, **STROKE | {"phases": [*closed, {"gap": "open"}]})
+    assert again.cost == pytest.approx(stroke.cost, rel=1e-12)
+    assert again.switches == pytest.approx([0.1, 0.25], rel=1e-12)
+
+
 @pytest.mark.parametrize("room", [hold, lambda motion: observe(motion, "height", {"height": 0.01})])
 def test_a_plan_with_phases_is_neither_held_nor_observed(room: Callable[[Plan], Any], stroke: Plan) -> None:
     with pytest.raises(PlanError, match="takes no plan with phases, between which contacts change modes"):
