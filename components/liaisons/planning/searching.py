@@ -284,6 +284,8 @@ def _refine(problem: Problem, solution: Solution, accuracy: float | None, clock:
         finer = solve(problem, trajectory.on(arcs, trajectory.durations), clock, near=True)
         if not finer.succeeded:
             return replace(solution, finished=finer.finished)
+        if problem.phases and hamiltonian_variation(problem, finer) > hamiltonian_variation(problem, solution):
+            break  # the barrier of gaps that close prevails
         solution = finer if len(arcs) > 1 else _insert_arcs(problem, finer, clock)
     return solution
 
