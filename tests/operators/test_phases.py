@@ -45,8 +45,9 @@ def least(cost: Callable[..., float], *first: float) -> float:
 
 def end_error(motion: Plan) -> float:
     """Largest miss of the end by the FMUs."""
-    run = motion.replay()
-    return max(abs(run[name][-1] - value) for name, value in motion.goal.end.items())
+    run, end = motion.replay(), motion.goal.end
+    assert isinstance(end, dict)
+    return max(abs(run[name][-1] - value) for name, value in end.items())
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,8 @@ def test_a_plan_with_phases_is_read_again(stroke: Plan, tmp_path: Path) -> None:
 
 def test_a_mode_that_is_named_again_changes_nothing(stroke: Plan) -> None:
     closed = [{"gap": "closed", "duration": T} for T in (0.1, 0.15)]
-    again = plan("BouncingBall", tries=1, **STROKE | {"phases": [*closed, {"gap": "open"}]})
+    goal: dict[str, Any] = {**STROKE, "phases": [*closed, {"gap": "open"}]}
+    again = plan("BouncingBall", tries=1, **goal)
     assert again.cost == pytest.approx(stroke.cost, rel=1e-12)
     assert again.switches == pytest.approx([0.1, 0.25], rel=1e-12)
 
