@@ -223,9 +223,9 @@ def _independent_rows(symbols: GoalSymbols, label: str, rows: list[Row], further
     X, sizes = stack(state.symbol for state in states), np.array([state.size for state in states])
     first = problems.initial_values(symbols, states, [*rows, *further])
     x = np.array([first[state.name] for state in states])
-    known = [row for row in rows if row.low == row.high]
+    independent = [row for row in rows if row.low == row.high]
     for row in further:
-        columns = stack((one.expression - one.low) / one.size for one in (*known, row))
+        columns = stack((one.expression - one.low) / one.size for one in (*independent, row))
         results = [ca.densify(columns), ca.densify(symbols.scaled_jacobian(columns, X))]
         function = ca.Function("rows", [X, symbols.motion[2]], results)
         values, gradients = map(np.array, function(x, 0))
@@ -233,7 +233,7 @@ def _independent_rows(symbols: GoalSymbols, label: str, rows: list[Row], further
             x = x - sizes * (np.linalg.pinv(gradients[:-1], rcond=_DEPENDENT) @ values[:-1]).ravel()
             values, gradients = map(np.array, function(x, 0))
         if row.low < row.high or np.linalg.matrix_rank(gradients, tol=_DEPENDENT) == len(gradients):
-            known += [row] if row.low == row.high else []
+            independent += [row] if row.low == row.high else []
             yield row
         elif abs(values[-1].item()) > _DEPENDENT:
             value = row.low + values[-1].item() * row.size

@@ -168,13 +168,13 @@ def hamiltonians(problem: Problem, solution: Solution) -> list[Array]:
     """Values of the Hamiltonian on the parts where it is constant: all phases of free duration, and each other one."""
     H, points = solution.hamiltonian, phase_points(problem, solution.trajectory.arcs)
     durations = solution.trajectory.durations if problem.phases else [0.0]
-    given = [
+    fixed = [
         inside
         for (phase, inside), T in zip(points, durations, strict=True)
         if problem.phases and not _is_within(phase.duration, T)
     ]
-    free = np.delete(H, np.r_[*given]) if given else H
-    return [part for part in (free, *(H[inside] for inside in given)) if part.size]
+    free = np.delete(H, np.r_[*fixed]) if fixed else H
+    return [part for part in (free, *(H[inside] for inside in fixed)) if part.size]
 
 
 def hamiltonian_variation(problem: Problem, solution: Solution) -> float:
