@@ -19,7 +19,7 @@ from liaisons.holding.subjects import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
-from liaisons.planning.problems import problem_of
+from liaisons.planning.phases import problem_of
 
 from .conftest import SCALES, Scale, parameters, scaled, sizes, times, verified
 

@@ -18,8 +18,8 @@ import pytest
 from liaisons import Plan, System, plan
 from liaisons.errors import PlanError
 from liaisons.planning import transcription
+from liaisons.planning.phases import problem_of
 from liaisons.planning.plans import _even_step
-from liaisons.planning.problems import problem_of
 from liaisons.planning.searching import _satisfies_equations
 from liaisons.planning.transcription import Clock, curvature, relative
 from liaisons.planning.verifying import (
@@ -144,7 +144,9 @@ def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     values = replay.values.copy()
     values[replay.names.index("psi_1"), -1] += 1e-6
     refused = [
-        v.claim for v in _replay_verdicts(motion.problem.relative, replace(replay, values=values)) if not v.passed
+        v.claim
+        for v in _replay_verdicts(motion.problem.relative, motion.solution, replace(replay, values=values))
+        if not v.passed
     ]
     assert refused == ["what has to close is closed"]
 

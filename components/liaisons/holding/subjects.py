@@ -75,6 +75,8 @@ def sampled_subject(  # noqa: PLR0917 - those of hold, in its order
         positive("step_size", step_size, PlanError)
         duration_range(step_size, "step_size")
     if isinstance(motion, Plan):
+        if motion.goal.phases:
+            raise PlanError(f"{caller} takes no plan with phases, between which contacts change modes; replay it")
         if at is not None or moves is not None or values:
             words = "a plan says what moves, where, and with which parameters; leave at and moves out"
             raise PlanError(f"{caller}: {words}")

@@ -39,6 +39,7 @@ class Goal:
     closed: tuple[str, ...] = ()
     minimize: Cost = "time"
     bounds: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
+    phases: tuple[Mapping[str, Any], ...] = ()  # modes by contact, and durations
 
 
 class Readings(Mapping[str, ca.SX]):
@@ -110,6 +111,18 @@ def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
     if closed is True:
         return tuple(moves)
     return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
+
+
+def modes_by_phase(phases: Any) -> tuple[Mapping[str, Any], ...]:
+    """Phases as dictionaries, checked; none without phases."""
+    if phases is None:
+        return ()
+    entries = [*phases] if isinstance(phases, (list, tuple)) else []
+    if not entries or not all(isinstance(entry, Mapping) for entry in entries):
+        raise PlanError(
+            f'phases = {shown(phases)}: give a list of modes by contact, [{{"gap": "closed"}}, {{"gap": "open"}}]'
+        )
+    return tuple(dict(named(f"phases[{k}]", entry, PlanError)) for k, entry in enumerate(entries))
 
 
 def unit_quaternion(label: str, value: Any) -> Array:

@@ -37,11 +37,23 @@ def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
 
     :param problem: in relative units.
     """
+    if problem.phases:
+        return _phased_guesses(problem, intervals)
     if problem.is_loop:
         return _closed_guesses(problem, intervals)
     return (
         (_integrated_transfer if problem.constrained else _straight_transfer)(problem, intervals, k) for k in count()
     )
+
+
+def _phased_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
+    """Straight lines from start to end through all phases, of equal durations at first, then of others."""
+    ranges = np.array([phase.duration for phase in problem.phases])
+    arcs = (Arc(max(3, -(-intervals // len(ranges)))),) * len(ranges)
+    for k in count():
+        trajectory = _straight_transfer(problem, intervals, k)
+        shares = np.array([0.2 + _halton(k, 1 + i) for i in range(len(ranges))])
+        yield trajectory.on(arcs, (trajectory.durations * shares / shares.sum()).clip(*ranges.T))
 
 
 def refuse_invariants(problem: Problem) -> None:

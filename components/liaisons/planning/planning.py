@@ -14,13 +14,25 @@ from liaisons.base.interrupts import deferred_interrupts
 from liaisons.base.progress import progress_bar
 from liaisons.errors import PlanError
 from liaisons.library import Target, component
-from liaisons.planning.goals import Cost, Expression, Goal, Value, closed_names, duration_range, move_names
+from liaisons.planning.goals import (
+    Cost,
+    Expression,
+    Goal,
+    Value,
+    closed_names,
+    duration_range,
+    modes_by_phase,
+    move_names,
+)
 from liaisons.planning.guesses import guesses, refuse_invariants
+from liaisons.planning.phases import problem_of
 from liaisons.planning.plans import Plan
-from liaisons.planning.problems import Problem, problem_of
+from liaisons.planning.problems import Problem
 from liaisons.planning.searching import LIMITS, SearchSettings, refuse_singularity, search
-from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, in_si, relative
+from liaisons.planning.transcription import Arc, Clock, CollocatedTrajectory, Solution, in_si, relative
 
+_VANISHING = 1e-5
+"""Part of the duration below which a phase vanishes."""
 _EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
 
 
@@ -36,6 +48,7 @@ def plan(
     duration: float | tuple[float, float],
     minimize: Cost = "motion",
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    phases: Sequence[Mapping[str, Any]] | None = None,
     intervals: int = 20,
     accuracy: float | None = 1e-8,
     tries: int | None = None,
@@ -67,6 +80,10 @@ def plan(
     :param duration: [s]; (low, high): free.
     :param minimize: ``"motion"``: ∫ ½ σ̇ᵀΘσ̇ dt; ``"effort"``: ∫ λ² dt; ``"time"``; or an integrand.
     :param bounds: (low, high) of anything that can be read: coordinates, rates, accelerations, forces, power.
+    :param phases: of a mechanism with contacts, in their order; in each, modes by contact: ``"closed"`` or ``"open"``
+        for a unilateral liaison, ``"sticks"``, ``"forward"`` or ``"backward"`` for dry friction.  What a phase does not
+        name keeps its mode; ``"open"`` named twice in a row is a bounce.  ``"duration"`` is that of a phase, as above;
+        free unless given.
     :param intervals: of the first mesh.
     :param accuracy: the mesh is refined until the Hamiltonian is constant to this; None: it stays as it is.
     :param tries: how many motions to start from, where extremals compete; the best one is kept, so that more of them
@@ -92,6 +109,7 @@ def plan(
         minimize=minimize,
         bounds=named("bounds", bounds or {}, PlanError),
         values=merged("plan", start_values, keywords, PlanError),
+        phases=modes_by_phase(phases),
     )
     whole("intervals", intervals, PlanError)
     whole("loops", loops, PlanError)
@@ -107,11 +125,13 @@ def plan(
         if loops > 1:
             goal = _goal_of_one_loop(goal, problem, loops)
             problem = problem_of(goal)
-        refuse_invariants(problem.relative)
-        starts = guesses(problem.relative, min(LIMITS.coarse_intervals, intervals))
+        if not phases:
+            refuse_invariants(problem.relative)
+        starts = guesses(problem.relative, intervals if phases else min(LIMITS.coarse_intervals, intervals))
         if guess is not None:
             starts, tries = [_trajectory_of_guess(problem, guess, intervals)], 1
         solution = search(problem.relative, starts, clock, SearchSettings(intervals, accuracy, tries))
+    _refuse_vanishing_phases(problem, solution)
     if minimize == "motion":
         refuse_singularity(problem.relative, solution)
     return Plan(goal, problem, in_si(problem, solution))
@@ -145,12 +165,24 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
     return plan(beside(path, mechanism), **arguments, **values, progress=progress)
 
 
+def _refuse_vanishing_phases(problem: Problem, solution: Solution) -> None:
+    """Raise an error for a phase that lasts no time, where its duration is free."""
+    durations = solution.trajectory.durations
+    for k, (phase, T) in enumerate(zip(problem.phases, durations, strict=False)):
+        if phase.duration[0] < T <= _VANISHING * durations.sum():
+            raise PlanError(
+                f"{problem.name}: phases[{k}] vanishes: the best motion has none; leave it out, or give its duration"
+            )
+
+
 def _goal_of_one_loop(goal: Goal, problem: Problem, loops: int) -> Goal:
     """The goal of one of several equal loops, whose changes are equal parts.
 
     :raises PlanError: if there are none, or if what one of them gains is not what the next one gains.
     """
     label = f"{problem.name}: loops = {loops}"
+    if problem.phases:
+        raise PlanError(f"{label}: a motion with phases is planned as one; leave loops out")
     if not problem.is_loop:
         raise PlanError(f"{label}: only what is closed goes round: closed=True")
     if not isinstance(goal.end, Mapping) or not set(goal.end) <= set(problem.states):
@@ -175,4 +207,8 @@ def _trajectory_of_guess(problem: Problem, guess: Plan, intervals: int) -> Collo
     if not isinstance(guess, Plan) or guess.problem.states != problem.states:
         raise PlanError(f"{problem.name}: guess = {shown(guess)}: give a plan of the same coordinates and costs")
     trajectory = relative(problem, guess.solution).trajectory
+    if len(problem.phases) != len(guess.problem.phases):
+        raise PlanError(f"{problem.name}: guess has {len(guess.problem.phases)} phases; give a plan of the same phases")
+    if problem.phases:
+        return trajectory
     return trajectory.on((Arc(intervals),), trajectory.durations.sum(keepdims=True))

@@ -23,8 +23,9 @@ from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, fmu_path, is_named
-from liaisons.planning.goals import Goal, by_name, chain_size, duration_range, motion_names
-from liaisons.planning.problems import Problem, problem_of
+from liaisons.planning.goals import Goal, by_name, chain_size, duration_range, modes_by_phase, motion_names
+from liaisons.planning.phases import problem_of
+from liaisons.planning.problems import Problem
 from liaisons.planning.transcription import (
     DEGREE,
     POWERS,
@@ -37,7 +38,7 @@ from liaisons.planning.transcription import (
     interval_count,
     relative,
 )
-from liaisons.planning.verifying import verdicts
+from liaisons.planning.verifying import MODE_DISTANCES, verdicts
 
 _INTERPOLATION_ERROR = 1e-12
 """Error of the operators' quintics between knots, relative to the range of σ."""
@@ -83,9 +84,11 @@ class Plan:
 
     @property
     def multipliers(self) -> dict[str, float]:
-        """Derivatives of the cost by values at the end, by name, and by a given duration."""
+        """Derivatives of the cost by values at the end, by name, and by a given duration; none by those of phases."""
         multipliers = by_name(self.problem.end.labels, map(float, self.solution.end_multipliers))
         low, high = self.problem.duration
+        if not all(phase.duration[0] < phase.duration[1] for phase in self.problem.phases):
+            return multipliers
         return multipliers | ({"duration": float(np.mean(self.solution.hamiltonian))} if low == high else {})
 
     @property
@@ -217,7 +220,10 @@ class Plan:
         """Times of the knots, and one just before each jump [s]."""
         times = next(iter(self._knots.values()))[0]
         jumps = times[:-1][np.diff(times) == 0]
-        return np.unique(np.concatenate([times, jumps - JUMP_LEAD * self.duration]))
+        beside = [jumps - JUMP_LEAD * self.duration]
+        if self.problem.phases:
+            beside = [self.switches + sign * x * self.duration for x in MODE_DISTANCES for sign in (-1, 1)]
+        return np.unique(np.concatenate([times, *beside]).clip(times[0], times[-1]))
 
     # ---- files ------------------------------------------------------------------------------------------------
 
@@ -314,7 +320,8 @@ def _tuples(value: Any) -> Any:
 def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     """The goal of a file, with another component if one is given."""
     keys = [field.name for field in fields(Goal)]
-    if not isinstance(document, dict) or sorted(document) != sorted(keys):
+    document = {"phases": []} | document if isinstance(document, dict) else {}
+    if sorted(document) != sorted(keys):
         raise PlanError(f"goal has to have the keys {', '.join(keys)}")
     if component is None:
         component = document["component"]
@@ -330,7 +337,10 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         listed(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
-    return Goal(**arguments | {"component": component, "duration": duration_range(arguments["duration"])})
+    phases = modes_by_phase(arguments["phases"] or None)
+    return Goal(
+        **arguments | {"component": component, "duration": duration_range(arguments["duration"]), "phases": phases}
+    )
 
 
 def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution:

@@ -17,7 +17,7 @@ States on which neither rows nor cost depend are left out (where a falling cat i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -91,12 +91,19 @@ class Problem:
     mass: ca.Function  # Θ of the states
     fmu_starts: Callable[[Array, Array], dict[str, float]]  # start values of the FMU
     scales: Scales
+    modes: Mapping[str, float] = field(default_factory=dict)  # values of the FMU's variables for modes of contacts
+    phases: tuple[Problem, ...] = ()  # of contacts; their rates, cost, path and duration take the place of these
+    junctions: tuple[Rows, ...] = ()  # between phases, of the states before and after, impulses and controls after
 
     @property
     def is_loop(self) -> bool:
         """Whether all moved coordinates are closed."""
         closed = {self.states[i] for i in self.closed}
         return bool(closed) and set(self.moves) <= closed
+
+    def phase(self, k: int) -> Problem:
+        """The k-th phase; the problem itself without phases."""
+        return self.phases[k] if self.phases else self
 
     def indices(self, names: Iterable[str]) -> list[int]:
         """Indices of states by name."""
@@ -124,11 +131,13 @@ class Problem:
             end=self.end.relative(X),
             duration=(low / scales.time, high / scales.time),
             mass=_in_units_of(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
+            phases=tuple(phase.relative for phase in self.phases),
+            junctions=tuple(rows.relative(X, X, np.ones(rows.function.size1_in(2)), U) for rows in self.junctions),
         )
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
+class State:
     """A candidate for a state of the problem."""
 
     name: str
@@ -137,8 +146,8 @@ class _State:
     size: float
 
 
-def problem_of(goal: Goal) -> Problem:
-    """The problem of optimal control of a goal.
+def smooth_problem(goal: Goal) -> Problem:
+    """The problem of optimal control of a goal without phases.
 
     :raises PlanError: for an unknown name, with the nearest one, or a goal that cannot be reached.
     """
@@ -152,22 +161,28 @@ def problem_of(goal: Goal) -> Problem:
     if order == 0:
         rows = replace(rows, start=[row for row in rows.start if row.label not in goal.moves])
     if order == 2 and symbols.depends(rows.along, symbols.motion[2]):
-        rows = replace(rows, start=[*rows.start, *_rows_at_rest(symbols, {row.label for row in rows.start})])
+        rows = replace(rows, start=[*rows.start, *rows_at_rest(symbols, {row.label for row in rows.start})])
     elif order == 2:
         _refuse_impulses(symbols, rows)
-    states = _candidate_states(symbols, order)
+    states = candidate_states(symbols, order)
     closed = _closed_states(symbols, {state.name for state in states})
     conserved = _conserved_states(symbols, states, rows.start) - set(closed)
     needed = _needed_states(symbols, [state for state in states if state.name not in conserved], rows, closed)
     return _problem_in_states(symbols, rows, order, closed, [state for state in states if state.name in needed])
 
 
+def problem_in_all_states(symbols: GoalSymbols, rows: GoalRows) -> Problem:
+    """The problem whose controls are σ̈, in all states of the mechanism, σ and σ̇."""
+    states = candidate_states(symbols, 2)
+    return _problem_in_states(symbols, rows, 2, _closed_states(symbols, {state.name for state in states}), states)
+
+
 def _problem_in_states(
-    symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[_State]
+    symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[State]
 ) -> Problem:
     """The problem in some of the states; the others keep their initial values."""
-    goal, candidates = symbols.goal, _candidate_states(symbols, order)
-    initial = _initial_values(symbols, candidates, rows.start)
+    goal, candidates = symbols.goal, candidate_states(symbols, order)
+    initial = initial_values(symbols, candidates, rows.start)
     names = tuple(state.name for state in states)
     constants = [state for state in candidates if state.name not in names]
     X, U = ca.vertcat(*(state.symbol for state in states)), symbols.motion[order]
@@ -227,19 +242,19 @@ def _problem_in_states(
     )
 
 
-def _candidate_states(symbols: GoalSymbols, order: int) -> list[_State]:
+def candidate_states(symbols: GoalSymbols, order: int) -> list[State]:
     """States of the mechanism, and as many of σ and its rates as the order of control."""
     columns = [(symbols.state_names, symbols.state, symbols.rates, symbols.state_sizes)]
     names = [*zip(*map(motion_names, symbols.goal.moves), strict=True)]
     columns += [(names[n], *symbols.motion[n : n + 2], symbols.motion_sizes[n]) for n in range(order)]
     return [
-        _State(name, symbol[i], rate[i], sizes[i])
+        State(name, symbol[i], rate[i], sizes[i])
         for names, symbol, rate, sizes in columns
         for i, name in enumerate(names)
     ]
 
 
-def _rows_at_rest(symbols: GoalSymbols, labels: set[str]) -> list[Row]:
+def rows_at_rest(symbols: GoalSymbols, labels: set[str]) -> list[Row]:
     """Rows σ̇ = 0 at the start, of the rates for which the goal has no values."""
     goal = symbols.goal
     if is_expression(goal.start):
@@ -271,7 +286,7 @@ def _closed_states(symbols: GoalSymbols, states: set[str]) -> list[str]:
     return [*goal.closed, *rates]
 
 
-def _initial_values(symbols: GoalSymbols, states: list[_State], start: list[Row]) -> dict[str, float]:
+def initial_values(symbols: GoalSymbols, states: list[State], start: list[Row]) -> dict[str, float]:
     """Initial values of all states by name."""
     values = {state.name: 0.0 for state in states}
     first = symbols.evaluate(symbols.initial_state, 0.0).ravel()
@@ -293,14 +308,14 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
     return terminal
 
 
-def _conserved_states(symbols: GoalSymbols, states: list[_State], start: list[Row]) -> set[str]:
+def _conserved_states(symbols: GoalSymbols, states: list[State], start: list[Row]) -> set[str]:
     """Names of the states with a number at the start whose rate vanishes."""
     started = {row.label for row in start if row.low == row.high}
     relative = {state.name: state.rate * (symbols.time / state.size) for state in states if state.name in started}
     return {name for name, rate in relative.items() if symbols.vanishes(rate)}
 
 
-def _needed_states(symbols: GoalSymbols, states: list[_State], rows: GoalRows, closed: list[str]) -> set[str]:
+def _needed_states(symbols: GoalSymbols, states: list[State], rows: GoalRows, closed: list[str]) -> set[str]:
     """Names of the states on which constraints and cost depend, directly or through rates."""
     column = stack(state.symbol for state in states)
     uses = symbols.dependencies(stack(state.rate * (symbols.time / state.size) for state in states), column)

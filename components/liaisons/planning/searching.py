@@ -7,7 +7,7 @@ to knot, agrees with its knots: implicit schemes have solutions that the differe
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby, islice, pairwise
@@ -27,10 +27,16 @@ from liaisons.planning.transcription import (
     Solution,
     interval_count,
     path_rates,
+    phase_points,
     runge_kutta,
     solve,
 )
-from liaisons.planning.verifying import HAMILTONIAN_VARIATION, MULTIPLIER_ERROR, hamiltonian_scale
+from liaisons.planning.verifying import (
+    HAMILTONIAN_VARIATION,
+    MULTIPLIER_ERROR,
+    hamiltonian_scale,
+    hamiltonian_variation,
+)
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,7 @@ def _is_same_optimum(one: Solution, other: Solution) -> bool:
 
 def _sort_key(problem: Problem, solution: Solution) -> tuple[bool, float]:
     """Sort key of solutions: extremals first, then the lower cost, for coarse meshes undercut what is possible."""
-    variation = np.ptp(solution.hamiltonian)
+    variation = hamiltonian_variation(problem, solution)
     return bool(variation > LIMITS.extremal_variation * hamiltonian_scale(problem, solution)), solution.cost
 
 
@@ -232,6 +238,8 @@ def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, cl
         candidate = solve(problem, trajectory, clock)
         if candidate.ends_search:
             return candidate
+    if problem.phases:
+        return replace(nearest, status=candidate.status)
     arcs, durations = _arcs(_active_patterns(problem, nearest), nearest.trajectory)
     if low < high and len(arcs) > 1 and end_miss(problem, nearest) < LIMITS.blurred_miss:
         candidate = solve(problem, trajectory.on(arcs, durations), clock)
@@ -264,17 +272,20 @@ def _on_first_mesh(problem: Problem, rough: Solution, settings: SearchSettings, 
 
 def _refine(problem: Problem, solution: Solution, accuracy: float | None, clock: Clock) -> Solution:
     """The same motion with switching arcs, on meshes twice as fine each, until its Hamiltonian is constant."""
-    solution = _insert_arcs(problem, solution, clock)
+    if not problem.phases:
+        solution = _insert_arcs(problem, solution, clock)
     while accuracy is not None and solution.finished:
         trajectory = solution.trajectory
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
         tolerance = max(accuracy * hamiltonian_scale(problem, solution), MULTIPLIER_ERROR)
-        is_extremal = np.ptp(solution.hamiltonian) <= tolerance
+        is_extremal = hamiltonian_variation(problem, solution) <= tolerance
         if interval_count(arcs) > LIMITS.most_intervals or (is_extremal and _satisfies_equations(problem, solution)):
             break
         finer = solve(problem, trajectory.on(arcs, trajectory.durations), clock, near=True)
         if not finer.succeeded:
             return replace(solution, finished=finer.finished)
+        if problem.phases and hamiltonian_variation(problem, finer) > hamiltonian_variation(problem, solution):
+            break  # the barrier of gaps that close prevails
         solution = finer if len(arcs) > 1 else _insert_arcs(problem, finer, clock)
     return solution
 
@@ -416,7 +427,8 @@ def refuse_singularity(problem: Problem, solution: Solution) -> None:
     :raises PlanError: with instant and coordinate, unless the mesh resolves the motion.
     """
     trajectory, count = solution.trajectory, len(problem.moves)
-    if np.ptp(solution.hamiltonian) <= HAMILTONIAN_VARIATION * hamiltonian_scale(problem, solution):
+    variation = hamiltonian_variation(problem, solution)
+    if problem.phases or variation <= HAMILTONIAN_VARIATION * hamiltonian_scale(problem, solution):
         return
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
@@ -434,7 +446,7 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
     """Text of the error: the nearest end that was reached, and the active bounds."""
     if not failures and not rejected:
         return f"{problem.name}: no motion was found in time; raise time_limit"
-    end, X, path = problem.end, problem.end.sizes, problem.path
+    end, X = problem.end, problem.end.sizes
     if not failures:
         nearest = rejected[0]
         reached = problem.end_values(_integrated_knots(problem, nearest, from_start=True)[:, -1])
@@ -458,18 +470,24 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
         return (
             f"{problem.name}: not solved ({nearest.status}); the end can be reached: try other intervals or more tries"
         )
-    ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
-    values = nearest.trajectory.evaluate(path.function)
-    active = [
-        f"{name} = {bound * path.sizes[i]:g}"
-        for i, name, bound in ends
-        if np.isfinite(bound) and np.any(np.abs(values[i] - bound) <= LIMITS.at_bound * max(1.0, abs(bound)))
-    ]
+    active = list(dict.fromkeys(_active_texts(problem, nearest)))
     T = nearest.trajectory.durations.sum()
     if np.isclose(T, problem.duration[1]):
         active.append(f"duration = {T * problem.scales.time:g}")
     bounds = f"; active: {', '.join(active)}" if active else ""
     return f"{problem.name}: the end was not reached, nearest {', '.join(wrong)}{bounds}"
+
+
+def _active_texts(problem: Problem, solution: Solution) -> Iterator[str]:
+    """Texts "name = bound" of the active bounds."""
+    for phase, inside in phase_points(problem, solution.trajectory.arcs):
+        path = phase.path
+        values = solution.trajectory.evaluate(path.function, inside)
+        ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
+        for i, name, bound in ends:
+            is_active = np.abs(values[i] - bound) <= LIMITS.at_bound * max(1.0, abs(bound))
+            if np.isfinite(bound) and np.any(is_active):
+                yield f"{name} = {bound * path.sizes[i]:g}"
 
 
 # ---- integration of the equations ----------------------------------------------------------------------------------
@@ -478,7 +496,9 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
 def _satisfies_equations(
     problem: Problem, solution: Solution, tolerance: float = LIMITS.integration_difference
 ) -> bool:
-    """Whether the integrated equations agree with all knots of a solution."""
+    """Whether the integrated equations agree with all knots of a solution; those of phases are left to the replay."""
+    if problem.phases:
+        return True
     knots = solution.trajectory.knots[:, 1:]
     return bool(
         np.max(np.abs(_integrated_knots(problem, solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance

@@ -56,6 +56,7 @@ class GoalSymbols:
     sizes: Mapping[str, float]  # by variables
     time: float  # [s]
     energy: float  # [J]
+    memory: tuple[float, ...]  # of the model: modes of its contacts; else 0
 
     @property
     def name(self) -> str:
@@ -76,15 +77,16 @@ class GoalSymbols:
         return {name: x for symbols, names in columns for name, x in zip(names, symbols, strict=True)}
 
     @property
-    def _model_arguments(self) -> tuple[Any, ...]:
-        """Arguments of the model's functions: time, states, inputs and parameters."""
+    def model_arguments(self) -> tuple[Any, ...]:
+        """Arguments of the model's functions: time, states, inputs, parameters and memory."""
         y = ca.vertcat(self.state, 0, 0)
-        return 0, y, stack((self.inputs | self.moved).values()), stack(self.parameters.values())
+        return 0, y, stack((self.inputs | self.moved).values()), stack(self.parameters.values()), ca.DM(self.memory)
 
     @cached_property
     def rates(self) -> ca.SX:
         """Rates of the state, as expressions."""
-        return ca.densify(self.model.derivatives(*self._model_arguments)[: len(self.state_names)])
+        function = self.model.derivatives
+        return ca.densify(function(*self.model_arguments[: function.n_in()])[: len(self.state_names)])
 
     @cached_property
     def initial_state(self) -> ca.SX:
@@ -101,8 +103,7 @@ class GoalSymbols:
     @cached_property
     def signals(self) -> Readings:
         """All variables of the FMU by name, as expressions."""
-        memory = ca.DM.zeros(len(self.model.memory), 1)
-        z = ca.vertsplit(self.model.outputs_function(*self._model_arguments, memory))
+        z = ca.vertsplit(self.model.outputs_function(*self.model_arguments))
         signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
         signals |= by_name(self.state_names, ca.vertsplit(self.state))
         values = self.inputs | self.moved | self.parameters
@@ -210,8 +211,9 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     name = declared.__name__
     if not issubclass(declared, (Mechanism, Chain)):
         raise PlanError(f"{name} is an operator; plan the motion of a mechanism")
-    remedy = "plan for a mechanism without them, and simulate this one with that motion"
-    refuse_contacts(declared, "what is planned or held", remedy, PlanError)
+    if not goal.phases:
+        remedy = "say with phases=[...] in which order plan takes them; hold and observe the mechanism without them"
+        refuse_contacts(declared, "what is planned or held", remedy, PlanError)
     flat = model(declared, **chain_size(goal.component, goal.values)).flat()
     _refuse_moves(goal, name, flat)
     parameters, inputs = _parameters_and_inputs(goal, declared, flat)
@@ -250,6 +252,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         sizes={name: _unit_size(base, unit) for name, unit in units.items()},
         time=_unit_size(base, "s"),
         energy=_unit_size(base, "J"),
+        memory=(0.0,) * len(flat.memory),
         state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
         motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in motion_names("sigma")),  # type: ignore[arg-type]
     )

@@ -5,7 +5,8 @@ controls are numbers at these points.  The scheme is symplectic: adjoints follow
 Hamiltonian H = cost + adjoint · rates is constant along an extremal up to the error of the mesh.
 
 A mesh is a row of arcs with durations of their own, all unknown where the duration is; in an arc rows of the path may
-be held at a bound, which is how switching instants are found to the last digits.
+be held at a bound, which is how switching instants are found to the last digits.  Phases of contacts have an arc each:
+there the state jumps between arcs, by impulses that are unknowns, too.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -61,6 +63,14 @@ def interval_count(arcs: Sequence[Arc]) -> int:
     return sum(arc.intervals for arc in arcs)
 
 
+def phase_points(problem: Problem, arcs: Sequence[Arc]) -> list[tuple[Problem, slice]]:
+    """Phases, each with its collocation points; without phases the problem with all of them."""
+    ends = np.cumsum([0, *(arc.intervals * DEGREE for arc in arcs)]).tolist()
+    if not problem.phases:
+        return [(problem, slice(0, ends[-1]))]
+    return [(phase, slice(*pair)) for phase, pair in zip(problem.phases, pairwise(ends), strict=True)]
+
+
 @dataclass(frozen=True, eq=False)
 class CollocatedTrajectory:
     """States and controls on a mesh: n states, c controls, m intervals in all."""
@@ -85,29 +95,40 @@ class CollocatedTrajectory:
         breaks = self.breaks
         return (breaks[:-1, None] + np.diff(breaks)[:, None] * POINTS).ravel()
 
-    def evaluate(self, function: ca.Function) -> Array:
-        """Values (rows, m · DEGREE) of a function of states and controls at the collocation points."""
-        return np.array(function.map(self.inner.shape[1])(self.inner, self.controls))
+    def evaluate(self, function: ca.Function, inside: slice = slice(None)) -> Array:
+        """Values (rows, points) of a function of states and controls at all or some collocation points."""
+        inner, controls = self.inner[:, inside], self.controls[:, inside]
+        return np.array(function.map(inner.shape[1])(inner, controls))
+
+    def cost_and_rates(self, problem: Problem) -> tuple[Array, Array]:
+        """Cost (m · DEGREE,) and rates of the states (n, m · DEGREE) at the collocation points."""
+        parts = phase_points(problem, self.arcs)
+        cost, rates = (
+            np.hstack([self.evaluate(getattr(phase, name), inside) for phase, inside in parts])
+            for name in ("cost", "rates")
+        )
+        return cost.ravel(), rates
 
     def hamiltonian(self, problem: Problem, adjoints: Array) -> Array:
         """Cost + adjoints · rates at the collocation points."""
-        return self.evaluate(problem.cost).ravel() + (adjoints * self.evaluate(problem.rates)).sum(axis=0)
+        cost, rates = self.cost_and_rates(problem)
+        return cost + (adjoints * rates).sum(axis=0)
 
     def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
-        """The motion interpolated linearly on another mesh, as a start for IPOPT."""
+        """The motion interpolated on another mesh, as a start for IPOPT, by the polynomials of the intervals."""
         blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
-        instants, scale = self.instants, durations.sum()
-        times = np.append(self.breaks, instants)
-        order = np.argsort(times, kind="stable")
-        states = np.hstack([self.knots, self.inner])[:, order]
+        breaks, scale = self.breaks, durations.sum()
 
-        def resampled(rows: Array, own: Array, other: Array) -> Array:
-            """Rows at other times."""
-            own_times = other / scale * self.breaks[-1]
-            return np.array([np.interp(own_times, own, row) for row in rows]).reshape(len(rows), -1)
+        def resampled(rows: Array, times: Array) -> Array:
+            """Rows at other times; at a break those before it."""
+            own_times = times / scale * breaks[-1]
+            interval = np.searchsorted(breaks[1:-1], own_times)
+            places = (own_times - breaks[interval]) / np.diff(breaks)[interval]
+            points = interval[:, None] * DEGREE + np.arange(DEGREE)
+            return (rows[:, points] * (places[:, None] ** POWERS @ TO_POWERS)).sum(axis=-1)
 
-        knots, inner = (resampled(states, times[order], other) for other in (blank.breaks, blank.instants))
-        return CollocatedTrajectory(arcs, durations, knots, inner, resampled(self.controls, instants, blank.instants))
+        knots, inner = (resampled(self.inner, times) for times in (blank.breaks, blank.instants))
+        return replace(blank, knots=knots, inner=inner, controls=resampled(self.controls, blank.instants))
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +252,8 @@ class _Program:
     knots: Any
     inner: Any
     controls: Any
-    path: Any
+    after: Any  # states at the start of each phase but the first
+    impulses: Any  # of the contacts there
     residuals: Any  # of the equations at the collocation points, and at the ends of the intervals
     cost: Any
     constraints: dict[str, Any] = field(default_factory=dict)  # the equations, and the end where it is numbers
@@ -297,7 +319,11 @@ def _constrained_program(
     constraints["equations"] = program.residuals == 0
     opti.subject_to(constraints["equations"])
     _bound_durations(opti, problem, guess, program)
-    _bound_path(opti, problem, guess.arcs, program)
+    first = 0
+    for k, arc in enumerate(guess.arcs):
+        _bound_path(opti, problem.phase(k), arc, first, program)
+        first += arc.intervals
+    _join_phases(opti, problem, guess.arcs, program)
     _constrain_rows(opti, problem.start, problem.start.function(program.knots[:, 0]))
     for i in problem.closed:
         opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
@@ -347,11 +373,14 @@ def _bound_durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajector
     """Constrain unknown durations to be positive, and their sum to its range."""
     if program.durations.is_constant():
         return
-    low, high = problem.duration
     total = float(guess.durations.sum())
     opti.subject_to(ca.vec(program.durations) >= 1e-6 * total)
+    for k, phase in enumerate(problem.phases):
+        low, high = phase.duration
+        _constrain_range(opti, low, program.durations[k], high)
+    low, high = problem.duration
     whole = ca.sum2(program.durations)
-    opti.subject_to(_range_constraint(opti, low, whole, high) if low < high else whole == low)
+    _constrain_range(opti, low, whole, high)
 
 
 def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Program:
@@ -361,8 +390,18 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
     n, c, points = len(problem.states), len(problem.controls), m * DEGREE
     opti = ca.Opti()
     knots, inner, controls = opti.variable(n, m + 1), opti.variable(n, points), opti.variable(c, points)
+    parts = phase_points(problem, arcs)
+    later = [inside.start for _, inside in parts[1:]]
+    after, impulses = (
+        opti.variable(rows, len(later)) if later else ca.MX(rows, 0)
+        for rows in (n, problem.junctions[0].function.size1_in(2) if later else 0)
+    )
     for unknown, first in ((knots, guess.knots), (inner, guess.inner), (controls, guess.controls)):
         opti.set_initial(unknown, first)
+    for k, (first, rows) in enumerate(zip(later, problem.junctions, strict=True)):
+        X, U = (columns[:, first : first + DEGREE] @ TO_POWERS[0] for columns in (guess.inner, guess.controls))
+        opti.set_initial(after[:, k], X)
+        opti.set_initial(impulses[:, k], _nearest_impulses(rows, guess.knots[:, first // DEGREE], X, U))
     low, high = problem.duration
     if low == high and len(arcs) == 1:
         durations = ca.MX(ca.DM(low))
@@ -372,9 +411,18 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         opti.set_initial(durations, guess.durations[None, :] * np.clip(total, low, high) / total)
     lengths = [ca.repmat(durations[i] / arc.intervals, 1, arc.intervals * DEGREE) for i, arc in enumerate(arcs)]
     h = ca.horzcat(*lengths)  # of the interval of each point
-    running = problem.cost.map(points)(inner, controls)
-    begins = ca.reshape(ca.repmat(knots[:, :-1], DEGREE, 1), n, points)
-    gained = problem.rates.map(points)(inner, controls) * ca.repmat(h, n, 1)
+    running, rates = (
+        ca.horzcat(
+            *(
+                getattr(phase, name).map(inside.stop - inside.start)(inner[:, inside], controls[:, inside])
+                for phase, inside in parts
+            )
+        )
+        for name in ("cost", "rates")
+    )
+    begin = ca.horzcat(*(x for k, (_, inside) in enumerate(parts) for x in _begins(knots, after, k, inside)))
+    begins = ca.reshape(ca.repmat(begin, DEGREE, 1), n, points)
+    gained = rates * ca.repmat(h, n, 1)
     to_stages, to_ends = (ca.sparsify(ca.DM(np.kron(np.eye(m), block))) for block in (A.T, B[:, None]))
     return _Program(
         opti=opti,
@@ -382,10 +430,35 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         knots=knots,
         inner=inner,
         controls=controls,
-        path=problem.path.function.map(points)(inner, controls) if problem.path.labels else ca.MX(0, points),
-        residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - knots[:, :-1] - gained @ to_ends),
+        after=after,
+        impulses=impulses,
+        residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - begin - gained @ to_ends),
         cost=ca.dot(ca.vec(running * h), np.tile(B, m)),
     )
+
+
+def _nearest_impulses(rows: Rows, before: Array, after: Array, controls: Array) -> Array:
+    """Impulses with which the states before and after a junction agree best."""
+    impulses = ca.SX.sym("impulses", rows.function.size1_in(2))
+    column = rows.function(before, after, impulses, controls)[rows.equalities]
+    matrix, rest = (np.array(ca.evalf(part)) for part in ca.linear_coeff(column, impulses))
+    return np.asarray(np.linalg.lstsq(matrix, -rest, rcond=None)[0], dtype=float)
+
+
+def _begins(knots: ca.MX, after: ca.MX, k: int, inside: slice) -> tuple[ca.MX, ca.MX]:
+    """States at the starts of the intervals of the k-th phase: of the first one, and of the others."""
+    first, last = inside.start // DEGREE, inside.stop // DEGREE
+    return knots[:, 0] if k == 0 else after[:, k - 1], knots[:, first + 1 : last]
+
+
+def _join_phases(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
+    """Constrain states before and after the start of each phase but the first, its impulses and controls."""
+    later = phase_points(problem, arcs)[1:]
+    for k, (rows, (_, inside)) in enumerate(zip(problem.junctions, later, strict=True)):
+        first = inside.start
+        controls = program.controls[:, first : first + DEGREE] @ TO_POWERS[0]
+        before = program.knots[:, first // DEGREE]
+        _constrain_rows(opti, rows, rows.function(before, program.after[:, k], program.impulses[:, k], controls))
 
 
 def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
@@ -426,6 +499,11 @@ def _constrain_rows(opti: ca.Opti, rows: Rows, values: Any) -> Any:
     return constraint
 
 
+def _constrain_range(opti: ca.Opti, low: float, value: Any, high: float) -> None:
+    """Constrain a number to its range."""
+    opti.subject_to(_range_constraint(opti, low, value, high) if low < high else value == low)
+
+
 def _range_constraint(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
     """The constraint low <= value <= high."""
     if np.isinf(low):
@@ -433,40 +511,42 @@ def _range_constraint(opti: ca.Opti, low: float, value: Any, high: float) -> Any
     return value >= low if np.isinf(high) else opti.bounded(low, value, high)
 
 
-def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
-    """Constrain the rows of the path at the collocation points, states at the knots, too, and hold those of an arc.
+def _bound_path(opti: ca.Opti, problem: Problem, arc: Arc, first: int, program: _Program) -> None:
+    """Constrain the rows of the path at the collocation points of an arc, states at the knots, too, or hold them.
 
     A moved coordinate is held at its bound by its control, a function of states by its rate: each has its value at the
     start of the arc, and no rate along it.
+
+    :param first: interval of the arc.
     """
+    if not problem.path.labels:
+        return
     start, instant = problem.start, set(problem.path.function.jac_sparsity(0, 1).row())  # rows with controls
-    rates = path_rates(problem).map(program.inner.shape[1])(program.inner, program.controls)
+    last = first + arc.intervals
+    inner = slice(first * DEGREE, last * DEGREE)
+    held = dict(arc.active_bounds)
+    points = arc.intervals * DEGREE, program.inner[:, inner], program.controls[:, inner]
+    path, rates = (function.map(points[0])(*points[1:]) for function in (problem.path.function, path_rates(problem)))
     initial_labels = {start.labels[i] for i in start.equalities}
-    first = 0
-    for arc in arcs:
-        last = first + arc.intervals
-        inner = slice(first * DEGREE, last * DEGREE)
-        held = dict(arc.active_bounds)
-        for i, label in enumerate(problem.path.labels):
-            low, high = problem.path.low[i], problem.path.high[i]
-            if i in held and label in problem.moves and problem.control_order > 0:
-                begin = {label: held[i], f"{label}_dot": 0.0} if problem.control_order == 2 else {label: held[i]}
-                for name in begin.keys() - (initial_labels if first == 0 else set()):
-                    opti.subject_to(program.knots[problem.states.index(name), first] == begin[name])
-                opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
-                continue
-            row = ca.vec(program.path[i, inner])
-            if i in held and problem.control_order > 0 and i not in instant:
-                begin = problem.path.function(program.knots[:, first], program.controls[:, first * DEGREE])
-                opti.subject_to(begin[i] == held[i])
-                opti.subject_to(ca.vec(rates[i, inner]) == 0)
-                continue
-            opti.subject_to(row == held[i] if i in held else _range_constraint(opti, low, row, high))
-            if label in problem.states and i not in held:
-                between = program.knots[problem.states.index(label), max(first, 1) : last]
-                if between.numel():
-                    opti.subject_to(_range_constraint(opti, low, ca.vec(between), high))
-        first = last
+    for i, label in enumerate(problem.path.labels):
+        low, high = problem.path.low[i], problem.path.high[i]
+        if i in held and label in problem.moves and problem.control_order > 0:
+            begin = {label: held[i], f"{label}_dot": 0.0} if problem.control_order == 2 else {label: held[i]}
+            for name in begin.keys() - (initial_labels if first == 0 else set()):
+                opti.subject_to(program.knots[problem.states.index(name), first] == begin[name])
+            opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
+            continue
+        row = ca.vec(path[i, :])
+        if i in held and problem.control_order > 0 and i not in instant:
+            begin = problem.path.function(program.knots[:, first], program.controls[:, first * DEGREE])
+            opti.subject_to(begin[i] == held[i])
+            opti.subject_to(ca.vec(rates[i, :]) == 0)
+            continue
+        opti.subject_to(row == held[i] if i in held else _range_constraint(opti, low, row, high))
+        if label in problem.states and i not in held:
+            between = program.knots[problem.states.index(label), max(first, 1) : last]
+            if between.numel():
+                opti.subject_to(_range_constraint(opti, low, ca.vec(between), high))
 
 
 def runge_kutta(z: ca.MX, p: ca.MX, rate: ca.MX) -> ca.Function:
@@ -484,7 +564,7 @@ def path_rates(problem: Problem) -> ca.Function:
 def _fix_phase(opti: ca.Opti, problem: Problem, program: _Program) -> None:
     """Constrain the phase of a loop with a free start, which begins where a weighted sum of σ is extremal."""
     closed = {problem.states[i] for i in problem.closed}
-    if problem.control_order == 0 or not problem.is_loop or closed & set(problem.start.labels):
+    if problem.control_order == 0 or problem.phases or not problem.is_loop or closed & set(problem.start.labels):
         return
     if problem.control_order == 1:
         rates = program.controls[:, :DEGREE] @ TO_POWERS[0]
@@ -499,15 +579,15 @@ def _lower_control_degree(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], 
     Otherwise the controls are not unique: multiples of the Legendre polynomial of degree ``DEGREE``, which vanishes at
     all points, cost nothing if they alternate from interval to interval.
     """
-    if [problem.cost.jac_sparsity(0, k).nnz() > 0 for k in (0, 1)] != [True, False]:
-        return
     leading = TO_POWERS[-1]
     first = 0
-    for arc in arcs:
+    for k, arc in enumerate(arcs):
+        cost = problem.phase(k).cost
         inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
         first += arc.intervals
         held = [problem.path.labels[i] for i, _ in arc.active_bounds]
-        if set(held) <= set(problem.moves):  # else all may be needed to hold the row
+        on_states_only = [cost.jac_sparsity(0, i).nnz() > 0 for i in (0, 1)] == [True, False]
+        if on_states_only and set(held) <= set(problem.moves):  # else all may be needed to hold the row
             for i in (i for i, name in enumerate(problem.moves) if name not in held):
                 opti.subject_to(leading[None, :] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0)
 

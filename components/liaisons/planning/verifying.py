@@ -10,7 +10,15 @@ import numpy as np
 
 from liaisons.check import Verdict, verdict
 from liaisons.planning.problems import Problem, Rows
-from liaisons.planning.transcription import Array, Clock, Solution, curvature, interval_count, solve
+from liaisons.planning.transcription import (
+    Array,
+    Clock,
+    Solution,
+    curvature,
+    interval_count,
+    phase_points,
+    solve,
+)
 from liaisons.results import Result
 
 MULTIPLIER_ERROR = 1e-10
@@ -23,6 +31,8 @@ _SLOPE_TOLERANCE = 1e-4
 """Tolerance of the slope of the cost, relative to the multipliers."""
 _DIRECTION_ITERATIONS = 3
 """Iterations that turn the displacement of the end until the multipliers are constant."""
+MODE_DISTANCES = (1e-6, 3e-5, 1e-3)
+"""Distances of communication points from the ends of phases, relative to the duration."""
 _END_SHIFT = 1e-4
 """Displacement of the end, in units of sizes, whose cost is compared with the multipliers."""
 
@@ -44,7 +54,7 @@ def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock)
     finer = cache(partial(_on_finer_mesh, problem, solution, clock))
     claims = [
         ended,
-        *_replay_verdicts(problem, replay),
+        *_replay_verdicts(problem, solution, replay),
         *_hamiltonian_verdicts(problem, solution),
         _second_order_verdict(problem, (lambda: solution, finer), clock),
     ]
@@ -82,9 +92,9 @@ def _least_eigenvalue(eigenvalues: Array) -> float:
     return float(eigenvalues[0] / max(np.abs(eigenvalues).max(), np.finfo(float).tiny))
 
 
-def _replay_verdicts(problem: Problem, replay: Result) -> Iterator[Verdict]:
-    """Verdicts on the run of the FMUs: end, closed states, energy and bounds."""
-    scales = problem.scales
+def _replay_verdicts(problem: Problem, solution: Solution, replay: Result) -> Iterator[Verdict]:
+    """Verdicts on the run of the FMUs: end, closed states, energy, bounds, and modes of contacts."""
+    scales, times = problem.scales, np.asarray(replay.time) / problem.scales.time
     X = np.array([replay[name] for name in problem.states]) / scales.states[:, None]
     U = np.array([replay[name] for name in problem.controls]) / scales.controls[:, None]
     yield verdict(
@@ -101,36 +111,80 @@ def _replay_verdicts(problem: Problem, replay: Result) -> Iterator[Verdict]:
     scale = max(1e-12 * scales.energy, float(np.ptp(energies)))
     balance = float(np.max(np.abs(replay["energy_balance"]))) / scale
     yield verdict("the energy gained is the operators' work", error=balance, tolerance=1e-7, reason="relative")
-    if problem.path.labels:
-        error = _relative_violation(problem.path, np.array(problem.path.function.map(X.shape[1])(X, U)))
-        yield verdict("bounds are kept between the nodes", error=error, tolerance=1e-6, reason="relative")
+    ends = np.append(0.0, np.cumsum(solution.trajectory.durations))
+    distances = np.abs(times[:, None] - ends[1:]).min(axis=1, initial=np.inf) / ends[-1]  # from phases' ends
+    errors, late = [], 0.0
+    for k, phase in enumerate(problem.phases or [problem]):
+        is_inside = (ends[k] <= times) & (times <= ends[k + 1]) if problem.phases else np.full(times.size, True)
+        for name, mode in phase.modes.items():
+            late = max(late, distances[is_inside & (replay[name] != mode)].max(initial=0.0))
+        is_inside &= distances > MODE_DISTANCES[0] / 4
+        if phase.path.labels:
+            values = phase.path.function.map(int(is_inside.sum()))(X[:, is_inside], U[:, is_inside])
+            errors.append(_relative_violation(phase.path, np.array(values)))
+    if errors:
+        yield verdict("bounds are kept between the nodes", error=max(errors), tolerance=1e-6, reason="relative")
+    if problem.phases:
+        why = f"of the duration; looked at to {MODE_DISTANCES[0]:g} of it"
+        yield verdict(
+            "contacts change modes at the planned instants", error=late, tolerance=MODE_DISTANCES[0] / 2, reason=why
+        )
 
 
 def _hamiltonian_verdicts(problem: Problem, solution: Solution) -> Iterator[Verdict]:
     """Verdicts on the Hamiltonian, which is constant along an extremal, and 0 if the duration is free."""
     trajectory, path = solution.trajectory, problem.path
-    H = solution.hamiltonian / hamiltonian_scale(problem, solution)
+    scale = hamiltonian_scale(problem, solution)
     why = f"relative to its terms, or {MULTIPLIER_ERROR:g}; an extremal that the mesh resolves keeps it to 1e-8"
-    yield verdict("the Hamiltonian is constant", error=float(np.ptp(H)), tolerance=HAMILTONIAN_VARIATION, reason=why)
-    (low, high), T = problem.duration, trajectory.durations.sum()
-    if low < T * (1 - 1e-9) and high * (1 - 1e-9) > T:
-        error = abs(float(np.mean(H)))
+    yield verdict(
+        "the Hamiltonian is constant",
+        error=hamiltonian_variation(problem, solution) / scale,
+        tolerance=HAMILTONIAN_VARIATION,
+        reason=why,
+    )
+    if _is_within(problem.duration, trajectory.durations.sum()):
+        error = abs(float(np.mean(hamiltonians(problem, solution)[0]))) / scale
         yield verdict("it is 0, for the duration is free", error=error, tolerance=HAMILTONIAN_VARIATION, reason=why)
+    if problem.control_order != 1:
+        return
     running = trajectory.evaluate(problem.cost).ravel()
     still = replace(trajectory, controls=np.zeros_like(trajectory.controls)).evaluate(problem.rates)
     values = trajectory.evaluate(path.function)
     room = np.minimum(values - path.low[:, None], path.high[:, None] - values)
     is_free = np.all(np.abs(still) < 1e-12) and np.all(room > 1e-6)
-    if problem.control_order == 1 and is_free and np.all(running > 0):
+    if is_free and np.all(running > 0):
         speed = np.sqrt(running)
         error = float(np.ptp(speed) / np.mean(speed))
         yield verdict("the Θ-speed is constant: a geodesic", error=error, tolerance=1e-6, reason="relative")
 
 
+def _is_within(duration: tuple[float, float], T: float) -> bool:
+    """Whether a duration lies inside of its range, and not at an end."""
+    low, high = duration
+    return low < T * (1 - 1e-9) and high * (1 - 1e-9) > T
+
+
+def hamiltonians(problem: Problem, solution: Solution) -> list[Array]:
+    """Values of the Hamiltonian on the parts where it is constant: all phases of free duration, and each other one."""
+    H, points = solution.hamiltonian, phase_points(problem, solution.trajectory.arcs)
+    durations = solution.trajectory.durations if problem.phases else [0.0]
+    fixed = [
+        inside
+        for (phase, inside), T in zip(points, durations, strict=True)
+        if problem.phases and not _is_within(phase.duration, T)
+    ]
+    free = np.delete(H, np.r_[*fixed]) if fixed else H
+    return [part for part in (free, *(H[inside] for inside in fixed)) if part.size]
+
+
+def hamiltonian_variation(problem: Problem, solution: Solution) -> float:
+    """Variation of the Hamiltonian on these parts."""
+    return float(max(map(np.ptp, hamiltonians(problem, solution))))
+
+
 def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
     """Mean size of the terms of the Hamiltonian."""
-    running = solution.trajectory.evaluate(problem.cost).ravel()
-    rates = solution.trajectory.evaluate(problem.rates)
+    running, rates = solution.trajectory.cost_and_rates(problem)
     return max(
         MULTIPLIER_ERROR / HAMILTONIAN_VARIATION,
         float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))),

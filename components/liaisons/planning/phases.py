@@ -1,0 +1,336 @@
+"""Phases of contacts: the problem of a plan whose contacts change modes in an order that the caller gives.
+
+In a phase every contact keeps its mode, so that the equations are smooth; between two phases lie conditions:
+
+================================  =====================================================================================
+open -> closed                    gap = 0; without restitution the states jump to the rate 0, else it is 0 before
+open -> open, named again         gap = 0; the states jump by Newton's law: a bounce
+closed -> open                    the force that would keep it closed is <= 0
+sticks -> forward, backward       the force that would make it stick is at least its bound
+forward, backward -> sticks       the sliding velocity is 0
+================================  =====================================================================================
+
+Along a phase gaps are >= 0 where they are open, forces >= 0 where they are closed, frictions within their bounds where
+they stick, and sliding velocities have their direction.  σ̈ is controlled, and may jump between phases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liaisons.base.arguments import shown
+from liaisons.errors import PlanError, suggestion
+from liaisons.expressions.algebra import stack
+from liaisons.mechanics.model import Contact
+from liaisons.planning import problems
+from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, with_sizes
+from liaisons.planning.goals import Goal, by_name, duration_range
+from liaisons.planning.problems import Problem, Rows
+from liaisons.planning.symbols import ROUNDING, GoalSymbols, goal_symbols
+
+_DIRECTIONS = {"sticks": 0, "forward": 1, "backward": -1}
+"""Directions of sliding by modes of dry friction."""
+_DEPENDENT = 1e-8
+"""Singular values below this, of gradients in units of sizes, say that rows follow from others."""
+_PROJECTIONS = 10
+"""Newton's steps onto rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Phase:
+    """A phase: modes of the contacts by name, those among them that the caller names, and its duration [s].
+
+    Dry friction without a mode is that of an open gap.
+    """
+
+    goal_symbols: GoalSymbols
+    modes: Mapping[str, str]
+    named: Collection[str]
+    duration: tuple[float, float]
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Unilateral liaisons, then dry friction."""
+        return self.goal_symbols.model.contacts
+
+    @property
+    def gaps(self) -> dict[int, bool]:
+        """Whether gaps are closed, by their indices."""
+        return {i: self.modes[c.name] == "closed" for i, c in enumerate(self.contacts) if not c.friction}
+
+    @property
+    def frictions(self) -> dict[int, int]:
+        """Directions of sliding, 0 where it sticks, by the indices of the frictions that can act."""
+        acting = [(i, c.name) for i, c in enumerate(self.contacts) if c.friction and self.modes.get(c.normal) != "open"]
+        return {i: _DIRECTIONS[self.modes[name]] for i, name in acting}
+
+    @property
+    def flags(self) -> dict[str, float]:
+        """1 for what is closed or sticks, else 0, by the names of the FMU's variables."""
+        flags = {self.contacts[i].variable("closed"): float(closed) for i, closed in self.gaps.items()}
+        return flags | {self.contacts[i].variable("sticks"): float(not d) for i, d in self.frictions.items()}
+
+    @cached_property
+    def symbols(self) -> GoalSymbols:
+        """Symbols of the mechanism in the modes of the phase."""
+        numbers = self.flags | {self.contacts[i].variable("direction"): float(d) for i, d in self.frictions.items()}
+        memory = self.goal_symbols.model.memory
+        return replace(self.goal_symbols, memory=tuple(numbers.get(name, 0.0) for name in memory))
+
+    @cached_property
+    def numbers(self) -> Mapping[str, ca.SX]:
+        """Numbers of the contacts without their forces, a row each, by name."""
+        contact: Any = self.symbols.model.contact
+        numbers = by_name(contact.name_out(), contact.call([ca.SX(x) for x in self.symbols.model_arguments[:4]]))
+        padding = ca.SX.zeros(len(self.gaps))
+        return numbers | {name: ca.vertcat(padding, numbers[name]) for name in ("stick", "slide")}
+
+    @cached_property
+    def forces(self) -> ca.SX:
+        """Contact forces: v̇ = a + G x is 0 where a gap is closed or friction sticks."""
+        n, numbers = len(self.contacts), self.numbers
+        held = [i for i, closed in self.gaps.items() if closed] + [i for i, d in self.frictions.items() if not d]
+        P, offset = ca.SX.eye(n), ca.SX.zeros(n)
+        for i, direction in self.frictions.items():
+            drag, normal = -direction * numbers["slide"][i], self.normal(i)
+            if direction and normal < 0:
+                offset[i] = drag
+            elif direction:
+                P[i, normal] = drag
+        if not held:
+            return offset
+        G = ca.reshape(numbers["G"], n, n)
+        return P[:, held] @ ca.solve((G @ P)[held, held], -(numbers["a"] + G @ offset)[held]) + offset
+
+    def normal(self, friction: int) -> int:
+        """Index of the gap whose force bounds a friction; -1 if its bound is a force."""
+        return next((i for i in self.gaps if self.contacts[i].name == self.contacts[friction].normal), -1)
+
+    def margins(self, friction: int) -> dict[int, ca.SX]:
+        """Distances of a force from the bounds at which friction slips, by the direction."""
+        normal, force = self.normal(friction), self.forces[friction]
+        bound = self.numbers["stick"][friction] * (1 if normal < 0 else self.forces[normal])
+        return {1: bound + force, -1: bound - force}
+
+    def rows(self) -> GoalRows:
+        """Constraints and cost of the goal, with those of the contacts along the phase."""
+        rows, values = goal_rows(self.symbols), list[tuple[str, ca.SX]]()
+        for i, closed in self.gaps.items():
+            name = self.contacts[i].name
+            values.append((f"{name}_force", self.forces[i]) if closed else (name, self.numbers["gap"][i]))
+        for i, direction in self.frictions.items():
+            name = self.contacts[i].name
+            if direction:
+                values.append((name, direction * self.numbers["v"][i]))
+            else:
+                values += [(f"{name}_force", margin) for margin in self.margins(i).values()]
+        own = (Row(name, value, 0.0, np.inf) for name, value in values)
+        return replace(rows, path=[*rows.path, *with_sizes(self.symbols, own)])
+
+    def held_rows(self) -> list[Row]:
+        """Rows of what the phase conserves: gap and rate 0 where it is closed, sliding velocity 0 where it sticks."""
+        v, gap, names = self.numbers["v"], self.numbers["gap"], [c.name for c in self.contacts]
+        closed = [i for i, is_closed in self.gaps.items() if is_closed]
+        rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(f"{names[i]}_dot", v[i]))]
+        rows += [Row(names[i], v[i]) for i, direction in self.frictions.items() if not direction]
+        return with_sizes(self.symbols, rows)
+
+
+def problem_of(goal: Goal) -> Problem:
+    """The problem of optimal control of a goal, with its phases if it has some.
+
+    :raises PlanError: for an unknown name or mode, with the nearest one, or what cannot be reached.
+    """
+    if not goal.phases:
+        return problems.smooth_problem(goal)
+    symbols = goal_symbols(goal)
+    phases = _phases(symbols)
+    rows = [phase.rows() for phase in phases]
+    last, size = len(rows) - 1, next((one.cost_size for one in rows if one.cost.n_dep()), rows[0].cost_size)
+    start = [*rows[0].start, *problems.rows_at_rest(symbols, {row.label for row in rows[0].start})]
+    start += _independent_rows(symbols, "start", start, phases[0].held_rows())
+    end = [*_independent_rows(symbols, "end", phases[-1].held_rows(), rows[-1].end)]
+    parts = []
+    for k, (phase, one) in enumerate(zip(phases, rows, strict=True)):
+        own = replace(one, start=start if k == 0 else [], end=end if k == last else [], cost_size=size)
+        parts.append(
+            replace(problems.problem_in_all_states(phase.symbols, own), duration=phase.duration, modes=phase.flags)
+        )
+    return replace(
+        parts[0],
+        terminal_state=parts[-1].terminal_state,
+        end=parts[-1].end,
+        duration=_total_duration(goal.duration, phases),
+        phases=tuple(parts),
+        junctions=tuple(_Junction(*pair).rows() for pair in pairwise(phases)),
+    )
+
+
+def _phases(symbols: GoalSymbols) -> list[_Phase]:
+    """Phases of a goal.
+
+    :raises PlanError: for an unknown name or mode, or one that is missing.
+    """
+    goal, contacts, modes = symbols.goal, symbols.model.contacts, dict[str, str]()
+    choices = {c.name: [*_DIRECTIONS] if c.friction else ["closed", "open"] for c in contacts}
+    if not choices:
+        raise PlanError(f"{symbols.name} has no unilateral liaison and no dry friction; leave phases out")
+    phases: list[_Phase] = []
+    for k, entries in enumerate(goal.phases):
+        label = f"{symbols.name}: phases[{k}]"
+        named = {name: mode for name, mode in entries.items() if name != "duration"}
+        for name in named.keys() - choices.keys():
+            raise PlanError(f"{label} has no contact {name!r}{suggestion(name, choices)}")
+        if phases and not named:
+            raise PlanError(f"{label} names no contact; name one with its mode in this phase")
+        modes = modes | named
+        for c in contacts:
+            is_open, mode = modes.get(c.normal) == "open", modes.get(c.name)
+            if is_open and c.name in named:
+                raise PlanError(f"{label}: {c.name} = {mode!r}, but {c.normal} is open; leave {c.name} out")
+            if not is_open and mode not in choices[c.name]:
+                raise PlanError(f"{label}: {c.name} = {shown(mode)}: give {' or '.join(map(repr, choices[c.name]))}")
+        duration = duration_range(entries.get("duration", goal.duration[1]), f"{label}: duration")
+        phases.append(_Phase(symbols, modes, named.keys(), duration if "duration" in entries else (0.0, duration[1])))
+    return phases
+
+
+def _total_duration(duration: tuple[float, float], phases: Sequence[_Phase]) -> tuple[float, float]:
+    """Range of the duration of all phases [s].
+
+    :raises PlanError: if their own durations leave none.
+    """
+    least, most = (sum(phase.duration[i] for phase in phases) for i in (0, 1))
+    low, high = max(duration[0], least), min(duration[1], most)
+    if low > high * (1 + ROUNDING):
+        raise PlanError(f"phases last {least:g} s to {most:g} s, and duration = {duration}; change one of them")
+    return low, max(low, high)
+
+
+def _independent_rows(symbols: GoalSymbols, label: str, rows: list[Row], further: list[Row]) -> Iterator[Row]:
+    """Further rows that do not follow from rows, at states where all of these hold.
+
+    :raises PlanError: if one follows with another value.
+    """
+    states = problems.candidate_states(symbols, 2)
+    X, sizes = stack(state.symbol for state in states), np.array([state.size for state in states])
+    first = problems.initial_values(symbols, states, [*rows, *further])
+    x = np.array([first[state.name] for state in states])
+    independent = [row for row in rows if row.low == row.high]
+    for row in further:
+        columns = stack((one.expression - one.low) / one.size for one in (*independent, row))
+        results = [ca.densify(columns), ca.densify(symbols.scaled_jacobian(columns, X))]
+        function = ca.Function("rows", [X, symbols.motion[2]], results)
+        values, gradients = map(np.array, function(x, 0))
+        for _ in range(_PROJECTIONS):
+            x = x - sizes * (np.linalg.pinv(gradients[:-1], rcond=_DEPENDENT) @ values[:-1]).ravel()
+            values, gradients = map(np.array, function(x, 0))
+        if row.low < row.high or np.linalg.matrix_rank(gradients, tol=_DEPENDENT) == len(gradients):
+            independent += [row] if row.low == row.high else []
+            yield row
+        elif abs(values[-1].item()) > _DEPENDENT:
+            value = row.low + values[-1].item() * row.size
+            raise PlanError(f"{symbols.name}: {label}: phases make {row.label} = {value:g} there, not {row.low:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Junction:
+    """Two phases with the conditions between them: of states before and after, impulses by their sizes, and σ̈ after."""
+
+    before: _Phase
+    after: _Phase
+
+    @cached_property
+    def impulses(self) -> ca.SX:
+        """Symbols of the impulses, divided by their sizes."""
+        return ca.SX.sym("impulses", len(self.before.contacts))
+
+    @cached_property
+    def sizes(self) -> list[float]:
+        """Sizes of the impulses."""
+        symbols = self.before.symbols
+        return [symbols.sizes[f"{c.name}_force"] * symbols.time for c in self.before.contacts]
+
+    @cached_property
+    def struck(self) -> list[int]:
+        """Indices of the gaps that close, or bounce."""
+        after = self.after
+        opens = [i for i, closed in self.before.gaps.items() if not closed]
+        return [i for i in opens if after.gaps[i] or after.contacts[i].name in after.named]
+
+    @cached_property
+    def jumping(self) -> list[int]:
+        """Indices of the gaps that have an impact: those that bounce, or close without restitution."""
+        symbols, e = self.before.symbols, self.before.numbers["restitution"]
+        return [i for i in self.struck if not self.after.gaps[i] or symbols.evaluate(e[i], 0.0).item() == 0]
+
+    def rows(self) -> Rows:
+        """All conditions.
+
+        :raises PlanError: for an impact that has no law.
+        """
+        symbols, numbers = self.before.symbols, self.before.numbers
+        states, n = problems.candidate_states(symbols, 2), symbols.state.numel()
+        X = stack(state.symbol for state in states)
+        X0, push = ca.SX.sym("before", X.numel()), symbols.model.push
+        assert push is not None
+        pushed = push(*symbols.model_arguments, self.impulses * ca.DM(self.sizes), ca.SX.zeros(len(self.before.gaps)))
+        columns = (ca.vertcat(pushed[0][:n], *symbols.motion[:2]), numbers["gap"], numbers["v"])
+        started, gap, v = ca.substitute([ca.SX(column) for column in columns], [X], [X0])
+        rows = [Row(state.name, state.symbol - started[i]) for i, state in enumerate(states)]
+        for i in self.before.gaps:
+            rows += self._gap_rows(i, gap[i], v[i])
+        for i in range(len(self.before.gaps), len(self.sizes)):
+            rows += self._friction_rows(i)
+        arguments = [X0, X, self.impulses, symbols.motion[2]]
+        function = ca.Function("junction", arguments, [ca.densify(stack(row.expression for row in rows))])
+        low, high = (np.array([getattr(row, name) for row in rows]) for name in ("low", "high"))
+        sizes = np.array([symbols.sizes.get(row.label, 1.0) for row in rows])
+        return Rows(tuple(row.label for row in rows), function, low, high, sizes)
+
+    def _gap_rows(self, i: int, gap: ca.SX, v: ca.SX) -> Iterator[Row]:
+        """Conditions on a gap, from its value and its rate before."""
+        name, stays, numbers = self.before.contacts[i].name, self.after.gaps[i], self.before.numbers
+        jumps = i in self.jumping
+        is_pushed = bool(self.jumping) if stays else jumps
+        if i in self.struck:
+            yield Row(name, gap)
+            if not jumps:
+                yield Row(f"{name}_dot", v)
+        if is_pushed:
+            yield Row(f"{name}_dot", numbers["v"][i] + (0 if stays else numbers["restitution"][i] * v))
+        yield Row("", self.impulses[i], 0.0, np.inf if is_pushed else 0.0)
+        if self.before.gaps[i] and not stays:
+            yield Row(f"{name}_force", -self.before.forces[i], 0.0, np.inf)
+
+    def _friction_rows(self, i: int) -> Iterator[Row]:
+        """Conditions on dry friction, whose impulse is bounded by the sliding coefficient, as in FMUs.
+
+        :raises PlanError: if the gap that presses it bounces.
+        """
+        before, name, normal = self.before, self.before.contacts[i].name, self.before.normal(i)
+        earlier, later = before.frictions.get(i), self.after.frictions.get(i)
+        if normal in self.jumping and later is None:
+            raise PlanError(
+                f"{before.symbols.name}: {before.contacts[i].normal} bounces where {name} rubs; let it close"
+            )
+        rubs = normal >= 0 and later is not None and bool(self.jumping)
+        if rubs:
+            most = before.numbers["slide"][i] * self.impulses[normal] * (self.sizes[normal] / self.sizes[i])
+            signs, high = ((later,), 0.0) if later else ((1, -1), np.inf)
+            yield from (Row("", most + sign * self.impulses[i], 0.0, high) for sign in signs)
+        else:
+            yield Row("", self.impulses[i])
+        slips = bool(later) and not rubs and earlier is not None and earlier != later
+        if (slips and earlier) or (later == 0 and (earlier != 0 or self.jumping)):
+            yield Row(name, before.numbers["v"][i])
+        if slips:
+            stuck = replace(before, modes=dict(before.modes) | {name: "sticks"})
+            yield Row(f"{name}_force", -stuck.margins(i)[later or 0], 0.0, np.inf)
