@@ -495,7 +495,20 @@ class non_holonomic(DeclaredFormula[ca.SX]):
     example = '@non_holonomic("m/s", "the wheel does not slip")'
 
 
-class unilateral(DeclaredFormula[ca.SX]):
+class ContactFormula(DeclaredFormula[ca.SX]):
+    """A contact, whose arrays take the elements of the arrays that they name; abstract."""
+
+    names: ClassVar[tuple[str, ...]]  # attributes that name parameters or contacts
+
+    def elements(self, owner: type) -> tuple[Self, ...]:
+        items = super().elements(owner)
+        arrays = [name for name in self.names if getattr(getattr(owner, str(getattr(self, name)), None), "size", "")]
+        for i, item in enumerate(items if self.size else (), start=1):
+            vars(item).update({name: element(getattr(self, name), i) for name in arrays})
+        return items
+
+
+class unilateral(ContactFormula):
     """A unilateral liaison: an expression of the configuration that stays >= 0, as the distance of two bodies.
 
     Impacts obey Newton's law, v⁺ = -e v⁻ (docs/explanation/unilateral.md).
@@ -505,6 +518,7 @@ class unilateral(DeclaredFormula[ca.SX]):
     """
 
     example = '@unilateral("m", "distance of ball and table", restitution="bounce")'
+    names = ("restitution",)
 
     def __init__(
         self,
@@ -519,15 +533,17 @@ class unilateral(DeclaredFormula[ca.SX]):
         self.restitution, self.size = restitution, size
 
 
-class dry_friction(DeclaredFormula[ca.SX]):
+class dry_friction(ContactFormula):
     """Dry friction against a relative velocity, an expression linear in the rates, which those of operators enter.
 
     :param static: name of the parameter, or method, that bounds the force while it sticks [of the force].
     :param sliding: name of the one that the force has while it slides; none: the same.
     :param normal: name of a unilateral liaison, whose force both are multiplied by (Coulomb); none: they are forces.
+    :param size: of an array, as of a unilateral liaison; each element is bounded by that of the arrays that are named.
     """
 
     example = '@dry_friction("m/s", "sliding of the block on the belt", static="grip")'
+    names = ("static", "sliding", "normal")
 
     def __init__(
         self,
@@ -537,10 +553,11 @@ class dry_friction(DeclaredFormula[ca.SX]):
         static: str,
         sliding: str | None = None,
         normal: str | None = None,
+        size: str = "",
         unchecked: str | None = None,
     ) -> None:
         super().__init__(unit, description, unchecked=unchecked)
-        self.static, self.sliding, self.normal = static, sliding or static, normal
+        self.static, self.sliding, self.normal, self.size = static, sliding or static, normal, size
 
 
 class assertion(DeclaredFormula[ca.SX]):

@@ -261,12 +261,12 @@ class MechanicalComponent(Component, abstract=True):
             yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", "local")
             yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
         for item in self.dry_frictions:
-            name = item.name
+            name, of = item.name, partial(suffixed, item.name)
             yield readable(name, item.unit, item.description)
-            yield readable(f"{name}_force", units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
-            yield at_events(f"{name}_sticks", "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
-            yield at_events(f"{name}_direction", "1", f"sign of {name} while it slides, else 0", "local")
-            yield readable(f"{name}_indicator", "1", f"event indicator of {name}", "local")
+            yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
+            yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
+            yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", "local")
+            yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
         if self.unilaterals or self.dry_frictions:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"

@@ -19,13 +19,13 @@ from liaisons.language.checks import Formulas, call, declared, scalar
 from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import (
     ActiveCoordinate,
+    ContactFormula,
     Coordinate,
     Declaration,
     Parameter,
     ParameterArray,
     Size,
     assertion,
-    unilateral,
 )
 from liaisons.language.mechanical import MechanicalComponent
 
@@ -233,7 +233,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         for item in (*self.coordinates, *self.parameters):
             if item.leading and not isinstance(item, ParameterArray):
                 self._refuse(item, f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
-        for item in declared(type(self), unilateral):
+        for item in declared(type(self), ContactFormula):
             extent, column = item.extent(type(self)), call(self, item.name)
             if extent and ca.SX(column).shape != (extent.count, 1):
                 self._refuse(item, f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
@@ -308,7 +308,7 @@ class Mechanism(MechanicalComponent, abstract=True):
     def _bound(self, formulas: Formulas, item: Declaration, name: str, unit: str) -> float:
         """A threshold of dry friction for the default parameters."""
         declared = {p.name: p for p in self.parameters}
-        if not isinstance(name, str) or not hasattr(type(self), name):
+        if not isinstance(name, str) or not (name in declared or hasattr(type(self), name)):
             more = suggestion(name if isinstance(name, str) else "", declared)
             self._refuse(item, f"is bounded by {name!r}, which is no parameter and no method{more}")
         parameters, default = self._named(self.parameter_column), self.start_values()

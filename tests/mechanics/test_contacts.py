@@ -1,0 +1,421 @@
+"""Contacts in linkages, in arrays and beside constraints: the motion of other equations, written by hand.
+
+Bounds: both FMUs integrate at 1e-11, and localise the same impacts; their errors grow with each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons import (
+    ActiveCoordinate,
+    Body,
+    BodyPoint,
+    Coordinate,
+    Gravity,
+    Linkage,
+    Mechanism,
+    Parameter,
+    Planar,
+    Prismatic,
+    Result,
+    Revolute,
+    Size,
+    dry_friction,
+    equations,
+    ground,
+    non_holonomic,
+    operator,
+    sensitivities,
+    simulate,
+    unchecked,
+    unilateral,
+)
+from liaisons.errors import ComponentError
+from liaisons.models import CartesianPendulum
+
+RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.01, "tolerance": 1e-11}
+ROD: dict[str, Any] = {"mass": 2.0, "inertia": (0.2, 0.2, 0.2), "centre": (0.5, 0, 0)}
+PLAIN: dict[str, Any] = {"unchecked": "numbers in SI units"}
+plain = unchecked("numbers in SI units")
+
+
+def restitution(value: float) -> Parameter:
+    return Parameter(value, "1", "coefficient of restitution", minimum=0, maximum=1)
+
+
+def same_motion(run: Result, by_hand: Result, names: Mapping[str, str], bound: float = 1e-9) -> None:
+    """Signals are those of the other run, by its names; energy accounts are closed."""
+    for name, other in names.items():
+        np.testing.assert_allclose(run[name], by_hand[other], rtol=0, atol=bound, err_msg=name)
+    assert abs(run["energy_balance"]).max() <= 10 * bound
+    assert run["impact_loss"] == pytest.approx(by_hand["impact_loss"], abs=bound)
+
+
+# ---- linkages --------------------------------------------------------------------------------------------------------
+
+
+class TwoRods(Linkage):
+    """Double pendulum whose tip hits a wall."""
+
+    bounce, wall = restitution(0.6), Parameter(0.3, "m", "distance of the wall")
+    upper, lower = Body(1.0, (0.02, 0.02, 0.001), (0, 0, -0.5)), Body(0.7, (0.01, 0.01, 0.001), (0, 0, -0.4))
+    shoulder = Revolute(ground, upper, axis="y", start=-0.5)
+    elbow = Revolute(upper, lower, axis="y", at=(0, 0, -1.0), start=-0.3)
+    tip = BodyPoint(lower, at=(0, 0, -0.8))
+
+    @unilateral("m", "distance of tip and wall", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.wall + self.tip["x"]
+
+
+class TwoAngles(Mechanism):
+    """The same by angles a, b of the rods from the vertical."""
+
+    bounce, wall, gravity = restitution(0.6), Parameter(0.3, "m", "distance of the wall"), Gravity()
+    a = Coordinate("rad", "angle of the upper rod", start=-0.5)
+    b = Coordinate("rad", "angle of the lower rod", start=-0.8)
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        a, b = self.dot(self.a), self.dot(self.b)
+        return 0.97 / 2 * a**2 + 0.122 / 2 * b**2 + 0.28 * a * b * ca.cos(self.a - self.b)
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return -self.gravity * (1.2 * ca.cos(self.a) + 0.28 * ca.cos(self.b))
+
+    @unilateral("m", "distance of tip and wall", restitution="bounce", **PLAIN)
+    def gap(self) -> ca.SX:
+        return self.wall - ca.sin(self.a) - 0.8 * ca.sin(self.b)
+
+
+@pytest.mark.parametrize("fmi", ["2", pytest.param("3", marks=pytest.mark.slow)])
+def test_tip_of_two_rods_hits_a_wall(fmu: Callable[..., Path], fmi: str) -> None:
+    run, by_hand = (simulate(fmu(kind, fmi=fmi), **RUN) for kind in (TwoRods, TwoAngles))
+    assert run["gap_impacts"][-1] == 3
+    same_motion(run, by_hand, {"shoulder": "a", "gap": "gap", "gap_impulse": "gap_impulse", "gap_force": "gap_force"})
+
+
+def test_sensitivities_of_impacts_of_a_linkage() -> None:
+    settings: dict[str, Any] = {"by": ["bounce", "wall"], "stop_time": 1.0, "step_size": 0.1}
+    ours, by_hand = (
+        sensitivities(TwoRods, record="shoulder", **settings),
+        sensitivities(TwoAngles, record="a", **settings),
+    )
+    for name in ("bounce", "wall"):
+        derivative = by_hand.derivative("a", name)
+        assert ours.derivative("shoulder", name) == pytest.approx(derivative, abs=1e-8 * abs(derivative).max())
+
+
+class FourBar(Linkage):
+    """Parallelogram whose crank has stops, whose rocker rubs, and whose knee hits a table."""
+
+    bounce, depth = restitution(0.5), Parameter(0.8, "m", "depth of the table below the hinges")
+    crank, coupler, rocker = Body(**ROD), Body(**ROD), Body(**ROD)
+    turn = Revolute(ground, crank, axis="y", start=-1.0, start_rate=-3.0, limits=(-1.5, 1.0), restitution=0.7)
+    elbow = Revolute(crank, coupler, axis="y", at=(1, 0, 0), start=1.0, start_rate=3.0)
+    swing = Revolute(ground, rocker, axis="y", at=(1, 0, 0), start=-1.0, start_rate=-3.0, friction=0.5)
+    pin = Revolute(coupler, rocker, axis="y", at=(1, 0, 0), at_child=(1, 0, 0))
+    knee = BodyPoint(crank, at=(1, 0, 0))
+
+    @unilateral("m", "height of the knee above the table", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.knee["z"] + self.depth
+
+
+class OneAngle(Mechanism):
+    """The same by the crank's angle."""
+
+    bounce, stop, grip, gravity = restitution(0.5), restitution(0.7), Parameter(0.5, "N.m", "rub", minimum=0), Gravity()
+    turn = Coordinate("rad", "angle of the crank below the horizontal", start=-1.0, start_rate=-3.0)
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        return 3.4 / 2 * self.dot(self.turn) ** 2
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return -self.gravity * 4.0 * ca.sin(self.turn)
+
+    @unilateral("rad", "distance from the lower stop", restitution="stop", **PLAIN)
+    def above(self) -> ca.SX:
+        return self.turn + 1.5
+
+    @unilateral("m", "height of the knee", restitution="bounce", **PLAIN)
+    def gap(self) -> ca.SX:
+        return 0.8 - ca.sin(self.turn)
+
+    @dry_friction("rad/s", "slip of the hinge", static="grip")
+    def slip(self) -> ca.SX:
+        return self.dot(self.turn)
+
+
+@pytest.mark.parametrize("fmi", ["2", pytest.param("3", marks=pytest.mark.slow)])
+def test_closed_loop_with_stops_and_friction(fmu: Callable[..., Path], fmi: str) -> None:
+    run, by_hand = (simulate(fmu(kind, fmi=fmi), **RUN) for kind in (FourBar, OneAngle))
+    assert run["turn_above_impacts"][-1] == 1
+    assert run["gap_impacts"][-1] >= 3
+    assert run["swing_slip_sticks"][-1] == by_hand["slip_sticks"][-1]
+    same_motion(run, by_hand, {"turn": "turn", "gap_impulse": "gap_impulse", "dissipated": "dissipated"})
+
+
+class Scara(Linkage):
+    """Arm whose quill falls onto a table."""
+
+    table = Parameter(-0.3, "m", "height of the table")
+    mu = Parameter(0.5, "1", "coefficient of friction", minimum=0)
+    arm, quill = Body(3.0, (0.2, 0.2, 0.3), (0.3, 0, 0)), Body(1.0)
+    slew = Revolute(ground, arm, axis="z", start_rate=1.0)
+    drop = Prismatic(arm, quill, axis="z", at=(0.6, 0, 0))
+
+    @unilateral("m", "height of the quill above the table")
+    def gap(self) -> ca.SX:
+        return self.quill.position()[2] - self.table
+
+    @dry_friction("m/s", "sliding of the quill on the table", static="mu", normal="gap")
+    def slip(self) -> ca.SX:
+        velocity = self.quill.velocity_of()
+        return velocity[1] * ca.cos(self.slew) - velocity[0] * ca.sin(self.slew)
+
+
+def test_quill_on_a_table_brakes_the_arm(fmu: Callable[..., Path]) -> None:
+    """It falls √(2 h/g); its impulse m g t takes μ m g t r/I off the rate of the arm, its weight the rest."""
+    run = simulate(fmu(Scara), **RUN)
+    g, r, mu, inertia = 9.81, 0.6, 0.5, 0.3 + 3.0 * 0.3**2 + 0.6**2
+    lands, slows = np.sqrt(2 * 0.3 / g), mu * g * r / inertia
+    rate = np.where(run.time < lands, 1.0, np.maximum(1.0 - slows * run.time, 0.0))
+    # friction has had the impulse μ m g t by t, of the impact and of the weight alike
+    np.testing.assert_allclose(run["slew_dot"], rate, rtol=0, atol=1e-9)
+    assert run["slip_sticks"][-1]
+    assert abs(run["energy_balance"]).max() < 1e-9
+
+
+# ---- constraints -----------------------------------------------------------------------------------------------------
+
+
+class FlooredPendulum(CartesianPendulum):
+    """Pendulum in Cartesian coordinates above a floor."""
+
+    bounce, floor = restitution(0.5), Parameter(0.2, "m", "height of the floor")
+
+    @unilateral("m", "height above the floor", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.z - self.floor
+
+
+class FlooredAngle(Mechanism):
+    """The same by its angle."""
+
+    bounce, gravity = restitution(0.5), Gravity()
+    theta = Coordinate("rad", "angle", start=1.0)
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        return self.dot(self.theta) ** 2 / 2
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return -self.gravity * ca.cos(self.theta)
+
+    @unilateral("m", "height above the floor", restitution="bounce", **PLAIN)
+    def gap(self) -> ca.SX:
+        return 0.8 - ca.cos(self.theta)
+
+    @property
+    def x(self) -> ca.SX:
+        return ca.sin(self.theta)
+
+
+def test_constraints_and_a_floor(fmu: Callable[..., Path]) -> None:
+    """Its bounces end on the floor, where rod and floor hold it."""
+    start = {"x_0": np.sin(1.0), "z_0": 1 - np.cos(1.0)}
+    run, by_hand = simulate(fmu(FlooredPendulum), **RUN, **start), simulate(fmu(FlooredAngle), **RUN)
+    assert run["x"] == pytest.approx(np.sin(by_hand["theta"]), abs=1e-9)
+    assert run["gap_closed"][-1]
+    same_motion(run, by_hand, {"gap": "gap", "gap_impulse": "gap_impulse", "gap_force": "gap_force"})
+
+
+class Skate(Mechanism):
+    """Skate that cannot slip sideways and runs into a wall."""
+
+    bounce = restitution(0.6)
+    mass, inertia = Parameter(2.0, "kg", "mass", above=0), Parameter(0.1, "kg.m2", "moment of inertia", above=0)
+    wall = Parameter(0.5, "m", "place of the wall")
+    x = Coordinate("m", "place along", start_rate=1.0)
+    y = Coordinate("m", "place across")
+    heading = Coordinate("rad", "direction of the blade from x", start_rate=1.2)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y}) + (
+            self.inertia / 2 * self.dot(self.heading) ** 2
+        )
+
+    @non_holonomic("m/s", "no slip across the blade")
+    def across(self) -> ca.SX:
+        return self.dot(self.y) * ca.cos(self.heading) - self.dot(self.x) * ca.sin(self.heading)
+
+    @unilateral("m", "distance from the wall", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.wall - self.x
+
+
+def test_skate_runs_back_from_a_wall_on_a_circle(fmu: Callable[..., Path]) -> None:
+    """The impulse acts along the blade alone, and turns v into -e v; the circles have radii v/ω and e v/ω."""
+    run, omega, e, wall = simulate(fmu(Skate), **RUN | {"stop_time": 1.0}), 1.2, 0.6, 0.5
+    hits = np.arcsin(wall * omega) / omega
+    v = np.where(run.time < hits, 1.0, -e)
+    x = np.where(run.time < hits, 0.0, wall * (1 + e)) + v * np.sin(omega * run.time) / omega
+    np.testing.assert_allclose(run["x"], x, rtol=0, atol=1e-9)
+    assert run["heading"] == pytest.approx(omega * run.time, abs=1e-9)
+    assert run["gap_impulse"][-1] == pytest.approx(2.0 * (1 + e) / np.cos(omega * hits), abs=1e-9)
+    assert abs(run["energy_balance"]).max() < 1e-9
+
+
+# ---- arrays ----------------------------------------------------------------------------------------------------------
+
+
+class Blocks(Mechanism):
+    """Blocks on a belt, bound to each other and to their places by springs."""
+
+    n = Size(3, "number of blocks")
+    stiffness = Parameter(20.0, "N/m", "stiffness of the springs", minimum=0)
+    mass = Parameter(1.0, "kg", "masses of the blocks", above=0, size="n")
+    grip = Parameter((3.0, 2.0, 1.0), "N", "static friction", minimum=0, size="n")
+    drag = Parameter(0.5, "N", "sliding friction", minimum=0)
+    x = Coordinate("m", "displacements", start=(0.3,), size="n")
+    belt = ActiveCoordinate("m", "way of the belt")
+
+    def kinetic_energy(self) -> ca.SX:
+        return ca.dot(self.mass, self.dot(self.x) ** 2) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (ca.sumsqr(ca.diff(self.x)) + ca.sumsqr(self.x))
+
+    @dry_friction("m/s", "sliding of the blocks", static="grip", sliding="drag", size="n")
+    def slip(self) -> ca.SX:
+        return self.dot(self.x) - self.dot(self.belt)
+
+
+def written_out() -> type[Mechanism]:
+    """Blocks whose frictions are declared one by one."""
+    single = [
+        dry_friction("m/s", "sliding of a block", static=f"grip[{i}]", sliding="drag")(
+            lambda m, i=i: m.dot(m.x[i - 1]) - m.dot(m.belt)
+        )
+        for i in (1, 2, 3)
+    ]
+    return type("WrittenOut", (Blocks,), {"slip": None, **{f"slip_{i}": s for i, s in enumerate(single, start=1)}})
+
+
+@pytest.mark.parametrize("fmi", ["2", pytest.param("3", marks=pytest.mark.slow)])
+def test_arrays_of_dry_friction(fmu: Callable[..., Path], fmi: str) -> None:
+    runs = [simulate(fmu(kind, fmi=fmi), **RUN, belt=operator("Ramp", rate=0.1)) for kind in (Blocks, written_out())]
+    names = {f"slip{end}[{i}]": f"slip_{i}{end}" for end in ("", "_force", "_sticks") for i in (1, 2, 3)}
+    same_motion(*runs, names)
+    assert 0 < np.mean(runs[0]["slip_sticks"]) < 1
+    assert runs[0]["slip_force"].shape == (len(runs[0].time), 3)
+
+
+def test_equations_of_arrays_of_dry_friction() -> None:
+    text = equations(Blocks)["dry_friction"].text()
+    assert "slip₂ = ẋ₂ − belt˙" in text
+    assert "S_slip,2 = grip₂" in text
+
+
+class Table(Linkage):
+    """Table top on two feet, which it lands on."""
+
+    feet = Size(2, "number of feet")
+    mu = Parameter((0.4, 0.2), "1", "coefficients of friction", minimum=0, size="feet")
+    bounce = Parameter((0.3, 0.5), "1", "coefficients of restitution", minimum=0, maximum=1, size="feet")
+    top = Body(2.0, (0.1, 0.1, 0.2))
+    move = Planar(ground, top, rotation=(np.pi / 2, 0, 0), start=(0.0, 0.5, 0.1), start_rate=(0.5, 0, 0))
+    left, right = BodyPoint(top, at=(-1, -0.3, 0)), BodyPoint(top, at=(1, -0.3, 0))
+
+    @unilateral("m", "heights of the feet", restitution="bounce", size="feet")
+    def gap(self) -> ca.SX:
+        return ca.vertcat(self.left["z"], self.right["z"])
+
+    @dry_friction("m/s", "sliding of the feet", static="mu", normal="gap", size="feet")
+    def slip(self) -> ca.SX:
+        return self.dot(ca.vertcat(self.left["x"], self.right["x"]))
+
+
+class ByFeet(Mechanism):
+    """The same, foot by foot."""
+
+    e_left, e_right, gravity = restitution(0.3), restitution(0.5), Gravity()
+    rough, smooth = (Parameter(mu, "1", "coefficient of friction", minimum=0) for mu in (0.4, 0.2))
+    x = Coordinate("m", "place", start_rate=0.5)
+    z = Coordinate("m", "height", start=0.5)
+    a = Coordinate("rad", "inclination", start=0.1)
+
+    def foot(self, side: float) -> tuple[ca.SX, ca.SX]:
+        c, s = ca.cos(self.a), ca.sin(self.a)
+        return self.x + side * c + 0.3 * s, self.z + side * s - 0.3 * c
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        return self.dot(self.x) ** 2 + self.dot(self.z) ** 2 + 0.1 * self.dot(self.a) ** 2
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return 2.0 * self.gravity * self.z
+
+    @unilateral("m", "height of the left foot", restitution="e_left", **PLAIN)
+    def left(self) -> ca.SX:
+        return self.foot(-1)[1]
+
+    @unilateral("m", "height of the right foot", restitution="e_right", **PLAIN)
+    def right(self) -> ca.SX:
+        return self.foot(1)[1]
+
+    @dry_friction("m/s", "sliding of the left foot", static="rough", normal="left", **PLAIN)
+    def left_slip(self) -> ca.SX:
+        return self.dot(self.foot(-1)[0])
+
+    @dry_friction("m/s", "sliding of the right foot", static="smooth", normal="right", **PLAIN)
+    def right_slip(self) -> ca.SX:
+        return self.dot(self.foot(1)[0])
+
+
+def test_feet_of_a_linkage_as_arrays_with_coefficients_of_their_own(fmu: Callable[..., Path]) -> None:
+    settings = RUN | {"stop_time": 1.0}
+    names = {"move_x": "x", "gap_impulse[1]": "left_impulse", "gap_force[2]": "right_force", "slip[2]": "right_slip"}
+    same_motion(simulate(fmu(Table), **settings), simulate(fmu(ByFeet), **settings), names)
+
+
+# ---- misuse ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"size": "n - 1"}, r"Wrong.slip returns .*: it must be a column of n - 1 = 2 elements"),
+        ({"size": "n", "static": "few"}, r"Wrong.slip\[3\] is bounded by 'few\[3\]', which is no parameter"),
+        (
+            {"size": "n", "static": "few", "normal": "gap"},
+            r"Wrong.slip\[3\] takes the force of normal = 'gap\[3\]': na",
+        ),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(options: dict[str, str], text: str) -> None:
+    with pytest.raises(ComponentError, match=text):
+
+        class Wrong(Blocks):
+            few = Parameter(1.0, "N", "static friction of some", minimum=0, size="n - 1")
+
+            @unilateral("m", "distances", size="n - 1")
+            def gap(self) -> ca.SX:
+                return ca.diff(self.x)
+
+            @dry_friction("m/s", "sliding of the blocks", **{"static": "grip"} | options)
+            def slip(self) -> ca.SX:
+                return self.dot(self.x)
