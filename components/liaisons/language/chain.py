@@ -11,8 +11,10 @@ from liaisons.base import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import Formulas, call, declared
+from liaisons.language.contact_checks import check_contacts
 from liaisons.language.declarations import (
     ActiveCoordinate,
+    ContactFormula,
     Coordinate,
     Declaration,
     Joint,
@@ -24,7 +26,7 @@ from liaisons.language.declarations import (
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.variables import Dimension
 
-_OF_CHAINS = (Parameter, Coordinate, ActiveCoordinate, Size, Joint, point, calculated)
+_OF_CHAINS = (Parameter, Coordinate, ActiveCoordinate, Size, Joint, point, calculated, ContactFormula)
 
 
 class Chain(MechanicalComponent, abstract=True):
@@ -60,6 +62,8 @@ class Chain(MechanicalComponent, abstract=True):
             [self._symbols(f"{name}{end}" for name in names) for end in ("", "_dot", "_ddot")]
             for names in (free, joint, active)
         )
+        contacts = (*self.unilaterals, *self.dry_frictions)
+        self.contact_forces = self._symbols(f"{item.name}_force" for item in contacts)
 
     # ---- defined by components -----------------------------------------------------------------------------
 
@@ -114,6 +118,7 @@ class Chain(MechanicalComponent, abstract=True):
         formulas("friction_coefficient", parameters, "1/s")
         for name in ("dissipation_function", "bond_dissipation"):
             formulas(name, motion, "W")
+        check_contacts(self, formulas, link, motion, q=self.q, q_dot=self.q_dot)
         for item in self.calculated_parameters:
             formulas(item.name, parameters, item.unit)
         joint = {f"joint_{axis}": unit for axis, unit in axes.items()}
@@ -126,10 +131,12 @@ class Chain(MechanicalComponent, abstract=True):
         rates = ca.vertcat(self.q_dot, self.w_dot)
         if ca.depends_on(ca.hessian(kinetic, rates)[0], rates):
             raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates")
-        if self.base() is None and ca.depends_on(ca.vertcat(kinetic, tip), ca.vertcat(self.w, self.w_dot)):
-            raise ComponentError(
-                f"{name}: tip and kinetic_energy need the joint, which a free end lacks; define base()"
-            )
+        joint = ca.vertcat(self.w, self.w_dot)
+        needs = {"tip and kinetic_energy need": ca.vertcat(kinetic, tip)}
+        needs |= {f"{c.name} needs": ca.SX(getattr(self, c.name)) for c in (*self.unilaterals, *self.dry_frictions)}
+        for text, expression in needs.items() if self.base() is None else ():
+            if ca.depends_on(expression, joint):
+                raise ComponentError(f"{name}: {text} the joint, which a free end lacks; define base()")
         for item, q, q_dot in zip(self.coordinates, ca.vertsplit(self.q), ca.vertsplit(self.q_dot), strict=True):
             if not (ca.depends_on(kinetic, q_dot) or ca.depends_on(tip, q)):
                 raise ComponentError(f"{name}: {item.name} moves no mass; let kinetic_energy depend on its rate")

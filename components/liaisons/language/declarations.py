@@ -499,6 +499,7 @@ class ContactFormula(DeclaredFormula[ca.SX]):
     """A contact, whose arrays take the elements of the arrays that they name; abstract."""
 
     names: ClassVar[tuple[str, ...]]  # attributes that name parameters or contacts
+    last: bool  # of a chain: of the last link alone
 
     def elements(self, owner: type) -> tuple[Self, ...]:
         items = super().elements(owner)
@@ -515,6 +516,7 @@ class unilateral(ContactFormula):
 
     :param restitution: name of the parameter e, in [0, 1]; none: 0.
     :param size: of an array, which the method returns as a column: name of a Size, or that less a number, ``"n - 1"``.
+    :param last: in a chain, whether only the last link has it; else each link has.
     """
 
     example = '@unilateral("m", "distance of ball and table", restitution="bounce")'
@@ -527,10 +529,11 @@ class unilateral(ContactFormula):
         *,
         restitution: str | None = None,
         size: str = "",
+        last: bool = False,
         unchecked: str | None = None,
     ) -> None:
         super().__init__(unit, description, unchecked=unchecked)
-        self.restitution, self.size = restitution, size
+        self.restitution, self.size, self.last = restitution, size, last
 
 
 class dry_friction(ContactFormula):
@@ -540,6 +543,7 @@ class dry_friction(ContactFormula):
     :param sliding: name of the one that the force has while it slides; none: the same.
     :param normal: name of a unilateral liaison, whose force both are multiplied by (Coulomb); none: they are forces.
     :param size: of an array, as of a unilateral liaison; each element is bounded by that of the arrays that are named.
+        ``last`` likewise.
     """
 
     example = '@dry_friction("m/s", "sliding of the block on the belt", static="grip")'
@@ -554,10 +558,12 @@ class dry_friction(ContactFormula):
         sliding: str | None = None,
         normal: str | None = None,
         size: str = "",
+        last: bool = False,
         unchecked: str | None = None,
     ) -> None:
         super().__init__(unit, description, unchecked=unchecked)
-        self.static, self.sliding, self.normal, self.size = static, sliding or static, normal, size
+        self.static, self.sliding, self.normal = static, sliding or static, normal
+        self.size, self.last = size, last
 
 
 class assertion(DeclaredFormula[ca.SX]):

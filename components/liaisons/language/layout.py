@@ -127,10 +127,16 @@ def readable(
 
 
 def event_output(
-    name: str, unit: str, text: str, causality: Causality = "output", of_type: NumberType = "Real"
+    name: str,
+    unit: str,
+    text: str,
+    causality: Causality = "output",
+    *,
+    of_type: NumberType = "Real",
+    dimension: Dimension | None = None,
 ) -> Variable:
     """A number that changes at events alone."""
-    return Variable(name, unit, text, causality, "discrete", type=of_type)
+    return Variable(name, unit, text, causality, "discrete", type=of_type, dimension=dimension)
 
 
 def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:

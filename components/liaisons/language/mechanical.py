@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -13,11 +13,13 @@ import casadi as ca
 from liaisons.base import units
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
+from liaisons.expressions.algebra import stack
 from liaisons.language import layout
-from liaisons.language.checks import Formulas, components_of, declared, require_units, shapes_of
+from liaisons.language.checks import Formulas, call, components_of, declared, require_units, shapes_of
 from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import (
     ActiveCoordinate,
+    ContactFormula,
     Coordinate,
     Declaration,
     Orientation,
@@ -60,6 +62,7 @@ class MechanicalComponent(Component, abstract=True):
     outputs = DeclarationsOf(output)
     calculated_parameters = DeclarationsOf(calculated)
     dimension: Dimension | None = None  # of the variables of links
+    contact_forces: ca.SX  # of unilateral liaisons, then of dry friction
     sizes: dict[str, int]
 
     @abstractmethod
@@ -97,6 +100,17 @@ class MechanicalComponent(Component, abstract=True):
         """Components of all named points, ``"bob_x"`` and so on."""
         components = ((item.name, components_of(self, item.name)) for item in self.points)
         return {f"{name}_{axis}": ca.SX(value) for name, axes in components for axis, value in axes.items()}
+
+    def contact_rates(self) -> ca.SX:
+        """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
+        return stack(
+            [*(self.dot(getattr(self, c.name)) for c in self.unilaterals)]
+            + [ca.SX(getattr(self, c.name)) for c in self.dry_frictions]
+        )
+
+    def threshold(self, name: str) -> ca.SX:
+        """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
+        return ca.SX(call(self, name) if name else 0)
 
     @property
     def passive_constraints(self) -> tuple[constraint | non_holonomic, ...]:
@@ -248,8 +262,8 @@ class MechanicalComponent(Component, abstract=True):
 
     def _contact_outputs(self) -> Iterator[Variable]:
         """Unilateral liaisons and dry friction (DESIGN of names: docs/reference/fmu.md)."""
-        readable, at_events = layout.readable, layout.event_output
         for item in self.unilaterals:
+            readable, at_events = self._of_contact(item)
             name, of, momentum = item.name, partial(suffixed, item.name), units.momentum(item.unit)
             yield readable(name, item.unit, item.description)
             yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
@@ -261,6 +275,7 @@ class MechanicalComponent(Component, abstract=True):
             yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", "local")
             yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
         for item in self.dry_frictions:
+            readable, at_events = self._of_contact(item)
             name, of = item.name, partial(suffixed, item.name)
             yield readable(name, item.unit, item.description)
             yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
@@ -270,7 +285,12 @@ class MechanicalComponent(Component, abstract=True):
         if self.unilaterals or self.dry_frictions:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
-                yield at_events(f"{s.name}_impulse", units.momentum(s.unit), text)
+                yield layout.event_output(f"{s.name}_impulse", units.momentum(s.unit), text)
+
+    def _of_contact(self, item: ContactFormula) -> tuple[Callable[..., Variable], Callable[..., Variable]]:
+        """Functions that make continuous and discrete outputs of a contact, in a chain arrays of its links."""
+        size = None if item.last else self.dimension
+        return partial(layout.readable, dimension=size), partial(layout.event_output, dimension=size)
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
         if not (self.coordinates or self.orientations or (self.actives and self.dimension is None)):

@@ -6,17 +6,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cache
-from typing import NoReturn, Self
+from typing import Self
 
 import casadi as ca
 import numpy as np
 
 from liaisons.base import units
 from liaisons.base.array_names import suffixed
-from liaisons.errors import ComponentError, suggestion
-from liaisons.expressions.algebra import gradient, is_quadratic, stack
+from liaisons.errors import ComponentError
+from liaisons.expressions.algebra import gradient, is_quadratic
 from liaisons.language.checks import Formulas, call, declared, scalar
 from liaisons.language.component import DeclarationsOf
+from liaisons.language.contact_checks import check_contacts, refuse
 from liaisons.language.declarations import (
     ActiveCoordinate,
     ContactFormula,
@@ -85,7 +86,6 @@ class Mechanism(MechanicalComponent, abstract=True):
     free: FreeColumns
     active: ActiveColumns
     multipliers: ca.SX
-    contact_forces: ca.SX  # of unilateral liaisons, then of dry friction
     placeholders: PlaceholderColumns
 
     def __init__(self) -> None:
@@ -179,17 +179,6 @@ class Mechanism(MechanicalComponent, abstract=True):
             suffixed(name, "_force"), f"contact_force({name!r})", (*self.unilaterals, *self.dry_frictions), of
         )
 
-    def contact_rates(self) -> ca.SX:
-        """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
-        return stack(
-            [*(self.dot(getattr(self, c.name)) for c in self.unilaterals)]
-            + [ca.SX(getattr(self, c.name)) for c in self.dry_frictions]
-        )
-
-    def threshold(self, name: str) -> ca.SX:
-        """Value of a parameter or method that bounds dry friction, or of a restitution; that of "" is 0."""
-        return ca.SX(call(self, name) if name else 0)
-
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
 
@@ -232,11 +221,11 @@ class Mechanism(MechanicalComponent, abstract=True):
     def _check(self) -> None:
         for item in (*self.coordinates, *self.parameters):
             if item.leading and not isinstance(item, ParameterArray):
-                self._refuse(item, f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
+                refuse(self, item, f"starts with {item.leading}: only an array does; say size='n', with n = Size(...)")
         for item in declared(type(self), ContactFormula):
             extent, column = item.extent(type(self)), call(self, item.name)
             if extent and ca.SX(column).shape != (extent.count, 1):
-                self._refuse(item, f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
+                refuse(self, item, f"returns {column}: it must be a column of {item.size} = {extent.count} elements")
         parameters, internal = self._named(self.parameter_column), self._named(self.internal)
         configuration = parameters | self._named(self.free.q, self.active.s)
         motion = configuration | self._named(self.free.q_dot, self.active.s_dot)
@@ -256,7 +245,7 @@ class Mechanism(MechanicalComponent, abstract=True):
             self.outputs: self.symbols,
             self.calculated_parameters: parameters,
         }
-        self._check_contacts(formulas, configuration, motion)
+        check_contacts(self, formulas, configuration, motion, q=self.free.q, q_dot=self.free.q_dot)
         for items, symbols in allowed.items():
             for item in items:
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
@@ -279,59 +268,6 @@ class Mechanism(MechanicalComponent, abstract=True):
                 f"{type(self).__name__}: {name} needs a Lagrangian that is quadratic in the rates; take independent "
                 "coordinates, and dissipation_function() for friction"
             )
-
-    def _check_contacts(self, formulas: Formulas, configuration: dict[str, ca.SX], motion: dict[str, ca.SX]) -> None:
-        free = ", ".join(map(str, ca.vertsplit(self.free.q)))
-        for item in self.unilaterals:
-            gap = formulas(item.name, configuration, item.unit)
-            if ca.jacobian(gap, self.free.q).is_zero():  # a comparison has no derivative
-                self._refuse(item, f"depends on no free coordinate ({free}), so that nothing upholds it")
-            if item.restitution is not None:
-                self._check_restitution(item, item.restitution)
-        rates = _rates(self)
-        for item in self.dry_frictions:
-            slip = formulas(item.name, motion, item.unit)
-            if not ca.depends_on(slip, self.free.q_dot):
-                self._refuse(item, f"depends on no rate of a free coordinate ({free}): take self.dot() of one into it")
-            if ca.depends_on(ca.jacobian(slip, rates), rates):
-                self._refuse(item, "must be linear in the rates")
-            names = [liaison.name for liaison in self.unilaterals]
-            if item.normal is not None and item.normal not in names:
-                of = ", ".join(names) or "there is none"
-                self._refuse(item, f"takes the force of normal = {item.normal!r}: name a unilateral liaison: {of}")
-            unit = units.multiplier_unit(item.unit) if item.normal is None else "1"
-            bounds = [self._bound(formulas, item, name, unit) for name in (item.static, item.sliding)]
-            if bounds[0] < bounds[1]:
-                more = f"sliding = {item.sliding!r} is {bounds[1]:g}"
-                self._refuse(item, f"has static = {item.static!r} of {bounds[0]:g}, but {more}: let static be no less")
-
-    def _bound(self, formulas: Formulas, item: Declaration, name: str, unit: str) -> float:
-        """A threshold of dry friction for the default parameters."""
-        declared = {p.name: p for p in self.parameters}
-        if not isinstance(name, str) or not (name in declared or hasattr(type(self), name)):
-            more = suggestion(name if isinstance(name, str) else "", declared)
-            self._refuse(item, f"is bounded by {name!r}, which is no parameter and no method{more}")
-        parameters, default = self._named(self.parameter_column), self.start_values()
-        bound = formulas.take(name, self.threshold(name), parameters, unit)
-        lowest = declared[name].minimum if name in declared else 0
-        if lowest is None or lowest < 0:
-            self._refuse(item, f"is bounded by {name!r}, which may be negative: let it have minimum=0")
-        value = float(ca.Function("bound", [*parameters.values()], [bound])(*(default[p] for p in parameters)))
-        if value < 0:
-            more = "for the default parameters; let it be >= 0"
-            self._refuse(item, f"is bounded by {name!r}, which is {value:g} {more}")
-        return value
-
-    def _check_restitution(self, item: Declaration, name: str) -> None:
-        declared = {p.name: (p.minimum, p.maximum, p.unit) for p in self.parameters}
-        low, high, unit = declared.get(name, (None, None, "1"))
-        if low is None or high is None or not 0 <= low <= high <= 1:
-            self._refuse(item, f"has the restitution {name!r}: let it be a Parameter in [0, 1]: minimum=0, maximum=1")
-        if unit != "1":
-            self._refuse(item, f"has the restitution {name!r} in {unit}: let its unit be '1'")
-
-    def _refuse(self, item: Declaration, why: str) -> NoReturn:
-        raise ComponentError(f"{type(self).__name__}.{item.name} {why}")
 
 
 def _rates(m: Mechanism) -> ca.SX:

@@ -21,7 +21,7 @@ from liaisons.language.layout import Layout
 from liaisons.language.variables import ActiveInput, State, Terminal, TerminalMember, Variable
 from liaisons.mechanics.functions import model_functions, results_of
 from liaisons.mechanics.model import NEXT_EVENT, Contact, Equation, Model, domain_conditions
-from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes
+from liaisons.mechanics.unilateral import CONTACT_NUMBERS, ContactModes, refuse_long, refuse_many
 
 
 def compose(
@@ -141,12 +141,14 @@ class _Joined:
     """Functions of all parts as those of one model."""
 
     def __init__(self, name: str, models: Sequence[Model], connections: Mapping[str, str]) -> None:
+        self.contacts = tuple(sorted(_concatenated(models, "contacts"), key=lambda contact: contact.friction))
+        refuse_many(name, self.contacts)
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
+        if self.contacts:  # chains are written out link by link
+            scalar = True
+            refuse_long(name, max((program.n for model in models for program in model.programs), default=0))
         kind: Any = ca.SX if scalar else ca.MX
         self.name, self.kind = name, kind
-        self.contacts = tuple(sorted(_concatenated(models, "contacts"), key=lambda contact: contact.friction))
-        if self.contacts and not scalar:
-            raise ComponentError(f"{name}: unilateral liaisons beside a chain are not supported")
         inputs = [v.name for v in _concatenated(models, "inputs")]
         self.inner = [variable for variable in inputs if variable in connections]
         self.v = kind.sym("v", len(self.inner))

@@ -19,7 +19,7 @@ from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.legendre import CHOSEN, FULL
 from liaisons.mechanics.model import Model, described, domain_conditions
-from liaisons.mechanics.output_variables import mechanical_outputs
+from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_linkage, of_mechanism
 from liaisons.mechanics.unilateral import ContactModes, contact_numbers, contacts_of
@@ -114,10 +114,8 @@ def _output_expressions(
     forces = equations.operator_forces, m.active.s_dot
     points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.points.items()}
     energies = equations.kinetic_energy, equations.potential_energy
-    gaps = [item.name for item in m.unilaterals]
-    touching = [*gaps, *(suffixed(name, "_dot") for name in gaps), *(item.name for item in m.dry_frictions)]
     outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
-    outputs |= dict(zip(touching, ca.vertsplit(ca.vertcat(numbers["gap"], numbers["v"])), strict=True))
+    outputs |= contact_outputs(m, numbers["gap"], numbers["v"])
     outputs |= {f"{item.name}_residual": residuals[i] for i, item in enumerate(m.all_constraints)}
     return outputs | {f"lambda_{c.name}": equations.multipliers[i] for i, c in enumerate(m.passive_constraints)}
 

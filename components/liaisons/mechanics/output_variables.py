@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
+from liaisons.base.array_names import suffixed
 from liaisons.language.layout import Layout
 from liaisons.language.mechanical import MechanicalComponent
 
@@ -34,3 +35,14 @@ def mechanical_outputs(
     kinetic, potential = energies
     outputs |= {"kinetic_energy": kinetic, "potential_energy": potential, "energy": kinetic + potential}
     return outputs | {item.name: ca.SX(getattr(m, item.name)) for item in (*m.outputs, *m.calculated_parameters)}
+
+
+def contact_outputs(m: MechanicalComponent, gaps: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
+    """Expressions of unilateral liaisons, their rates and relative velocities of dry friction, by name.
+
+    :param rates: of the unilateral liaisons, then the relative velocities.
+    """
+    names = [item.name for item in m.unilaterals]
+    rubbing = [item.name for item in m.dry_frictions]
+    names += [*(suffixed(name, "_dot") for name in names), *rubbing]
+    return dict(zip(names, ca.vertsplit(ca.vertcat(gaps, rates)), strict=True))

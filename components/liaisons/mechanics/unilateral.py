@@ -26,6 +26,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.base.array_names import split
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.declarations import Orientation
@@ -48,6 +49,12 @@ MOST_CONTACTS, _SAMPLES = 64, 5
 LEAVING = 1e-3
 """Part of the rate of a gap that grows in its indicator: an importer's error right after an impact is no event."""
 
+MOST_CONTACTS = 64
+"""Contacts of an FMU at most, as in core.h."""
+
+MOST_LINKS = 1000
+"""Links of a chain that has contacts, or is beside some, at most: its equations have no loops."""
+
 CONTACT_NUMBERS: Mapping[str, tuple[bool, ...]] = {
     **dict.fromkeys(("v", "a", "rate_scale", "acceleration_scale"), (False, True)),
     **dict.fromkeys(("gap", "scale", "restitution"), (False,)),
@@ -57,11 +64,33 @@ CONTACT_NUMBERS: Mapping[str, tuple[bool, ...]] = {
 
 
 def contacts_of(m: Mechanism) -> tuple[Contact, ...]:
-    """The contacts of a mechanism: unilateral liaisons, then dry friction."""
-    return (
+    """The contacts of a mechanism: unilateral liaisons, then dry friction.
+
+    :raises ComponentError: for more than :data:`MOST_CONTACTS`.
+    """
+    contacts = (
         *(Contact(item.name) for item in m.unilaterals),
         *(Contact(item.name, friction=True, normal=item.normal or "") for item in m.dry_frictions),
     )
+    refuse_many(type(m).__name__, contacts)
+    return contacts
+
+
+def refuse_many(name: str, contacts: Sequence[Contact]) -> None:
+    """Raise a ComponentError for more than :data:`MOST_CONTACTS` of a component."""
+    if len(contacts) > MOST_CONTACTS:
+        names = ", ".join(dict.fromkeys(split(contact.name)[0] for contact in contacts))
+        raise ComponentError(
+            f"{name}: {names} are {len(contacts)} contacts; an FMU takes {MOST_CONTACTS} at most: take a smaller size"
+        )
+
+
+def refuse_long(name: str, links: int) -> None:
+    """Raise a ComponentError for more than :data:`MOST_LINKS` of a chain with contacts, or beside them."""
+    if links > MOST_LINKS:
+        raise ComponentError(
+            f"{name}: a chain of n = {links} links with contacts is written out link by link; take n <= {MOST_LINKS}"
+        )
 
 
 def contact_numbers(m: Mechanism) -> dict[str, ca.SX]:

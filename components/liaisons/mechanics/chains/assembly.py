@@ -13,6 +13,7 @@ from liaisons.expressions.row_functions import row_function
 from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
+from liaisons.mechanics.chains.contacts import contacts_of_links, link_contact_numbers
 from liaisons.mechanics.chains.sweeps import (
     Base,
     ChainLink,
@@ -22,12 +23,13 @@ from liaisons.mechanics.chains.sweeps import (
     mass_matrix_diagonal,
     momenta,
 )
-from liaisons.mechanics.energy_accounting import accounting_results, memory_names
+from liaisons.mechanics.energy_accounting import MEMORY, accounting_results, memory_names
 from liaisons.mechanics.functions import SIGNATURES, model_functions
-from liaisons.mechanics.model import Model, described
-from liaisons.mechanics.output_variables import mechanical_outputs
+from liaisons.mechanics.model import Contact, Model, described
+from liaisons.mechanics.output_variables import contact_outputs, mechanical_outputs
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
+from liaisons.mechanics.unilateral import ContactModes
 
 
 @cache
@@ -47,9 +49,11 @@ def chain_model(component: type[Chain], n: int) -> Model:
     y = ca.vertcat(link.q, link.p, work, dissipated)
     u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
 
+    contacts = contacts_of_links(m)
     base, slope = _first_joint(m)
     moving = link_motion(link, base)
-    steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), *moving.steps]
+    more, numbers = link_contact_numbers(m, link, base, slope, moving)
+    steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), more[0], *moving.steps, *more[1:]]
     energy = moving.kinetic_energy + moving.potential_energy
     to_start, initial, energy_at_start = _start_steps(link, base, symbols, steps, energy)
     to_sizes, nominals = _nominal_states(component, link)
@@ -57,8 +61,11 @@ def chain_model(component: type[Chain], n: int) -> Model:
     forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     rates = ca.vertcat(moving.rates, moving.momentum_rates, ca.dot(forces, m.s_dot) + moving.power, moving.dissipation)
     read = _outputs(m, link, moving, forces, rates)
-    memory = memory_names(layout)
-    vectors = {"t": t, "y": y, "u": u, "k": k, "m": ca.SX.sym("m", len(memory))}
+    read |= contact_outputs(m, numbers["gap"].entries, numbers["v"].entries)
+    memory = ca.SX.sym("m", len(memory_names(layout)))
+    vectors = {"t": t, "y": y, "u": u, "k": k, "m": memory}
+    if contacts:
+        vectors["x"] = m.contact_forces
     results = accounting_results(
         vectors,
         layout,
@@ -74,27 +81,68 @@ def chain_model(component: type[Chain], n: int) -> Model:
         "y": (True,) * (2 * link.q.shape[0]) + (False, False),
         "u": _is_per_link(layout.inputs),
         "k": _is_per_link(layout.parameters),
-        "m": (False,) * len(memory),
+        "m": (False,) * len(MEMORY) + _is_per_link(v for v in layout.outputs if v.variability == "discrete"),
         "z": _is_per_link(layout.outputs),
+        "x": tuple(not item.last for item in (*m.unilaterals, *m.dry_frictions)),
     }
     drawable = symbols | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
     rows = {letter: Vector(x, shapes[letter]) for letter, x in vectors.items()}
     drawing, draw = chain_picture(m, drawable, {letter: rows[letter] for letter in "tyuk"})
-    programs = _row_programs(rows, results, [*steps, *to_start, *to_sizes], shapes, n)
-    functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
-    whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
+    steps += [*to_start, *to_sizes]
+    programs = _row_programs(rows, results, steps, shapes, n)
+    if contacts:
+        columns = {name: row_program(name, n, [*rows.values()], steps, [column]) for name, column in numbers.items()}
+        functions: dict[str, Any] = _written_out(m, contacts, rows, programs, columns)
+    else:
+        functions = {**_in_loops(programs), "memory": memory_names(layout)}
     return Model(
         **described(m),
-        memory=memory,
         **functions,
-        programs=tuple(programs.values()),
-        **model_functions(whole, {"conditions": ca.MX(0, 1), "events": ca.MX(0, 1)}),
-        condition_texts=(),
         equations=of_chain(m),
         picture=drawing.document,
         drawn=drawing.variables,
         draw=draw,
     )
+
+
+def _in_loops(programs: Mapping[str, RowProgram]) -> dict[str, Any]:
+    """Functions of a chain without contacts, as loops along its links: arguments of Model."""
+    functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
+    whole = {letter: ca.MX.sym(letter, functions["jump"].numel_in(i)) for i, letter in enumerate("tyukm")}
+    functions |= model_functions(whole, {"conditions": ca.MX(0, 1), "events": ca.MX(0, 1)})
+    return functions | {"programs": tuple(programs.values()), "condition_texts": ()}
+
+
+def _written_out(
+    m: Chain,
+    contacts: tuple[Contact, ...],
+    rows: Mapping[str, Vector],
+    programs: Mapping[str, RowProgram],
+    numbers: Mapping[str, RowProgram],
+) -> dict[str, Any]:
+    """Functions of a chain in the modes of its contacts, link by link: arguments of Model.
+
+    Contacts at all links act on each other, so that there is no loop along the links.
+
+    :param numbers: programs of the columns by which modes are chosen, which take all vectors.
+    """
+    layout, n = m.layout().flat(), m.sizes["n"]
+    vectors = {letter: ca.SX.sym(letter, row.offsets(n)[-1]) for letter, row in rows.items()}
+
+    def values(program: RowProgram, letters: Iterable[str]) -> list[ca.SX]:
+        return row_function(program).call([vectors[letter] for letter in letters])
+
+    results: dict[str, Any] = {"events": ca.SX(0, 1)}
+    for name, program in programs.items():
+        columns = values(program, SIGNATURES[name].arguments + "x")
+        results[name] = tuple(columns) if len(columns) > 1 else columns[0]
+    chosen = {name: values(program, rows)[0] for name, program in numbers.items()}
+    memory = memory_names(layout)
+    modes = ContactModes(contacts, vectors, results, chosen, layout, memory=memory)
+    conditions = modes.painleve_conditions()
+    functions = modes.functions(stack(conditions.values()))
+    texts = tuple(conditions)
+    return {**functions, "memory": memory, "condition_texts": texts, "contacts": tuple(modes.contacts)}
 
 
 def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
@@ -128,7 +176,7 @@ def _row_programs(
         columns = value if isinstance(value, tuple) else (value,)
         signature = SIGNATURES[name]
         returned = [Vector(ca.densify(x), shapes[z]) for x, z in zip(columns, signature.results, strict=True)]
-        taken = [vectors[letter] for letter in signature.arguments]
+        taken = [vectors[letter] for letter in signature.arguments + "x" * ("x" in vectors)]
         programs[name] = row_program(name.removesuffix("_function"), n, taken, steps, returned)
     return programs
 

@@ -11,7 +11,7 @@ next one.  Beyond the tip are momentum π and force r.  With T = ½ (v, ẇ)ᵀ 
     λ  = B_sᵀ r                         at the base w = B(s)                                         M eq. 27
 
 P, s, c and φ are carried inward, w, ẇ and ẅ outward.  Friction is −∂D/∂q̇ (K eq. 66), loads at points act by
-virtual work (K eq. 14).
+virtual work (K eq. 14), forces of contacts by that of their rates.
 
 Source of the method: R. Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7; here it is written for momenta.
 """
@@ -46,6 +46,10 @@ class ChainLink:
     kinetic: ca.SX  # T
     potential: ca.SX  # V
     friction: Dissipation
+    last: ca.SX  # 1 for the last link, else 0
+    contact_rates: ca.SX  # of unilateral liaisons, then of dry friction; 0 where only the last link has one (c,)
+    contact_forces: ca.SX  # (c,)
+    gaps: int  # so many contacts are unilateral liaisons
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a column of functions of the motion, less what accelerations bring."""
@@ -64,6 +68,7 @@ def link_of(m: Chain, given: Mapping[str, ca.SX] | None = None) -> ChainLink:
         loads = stack(given[f"{name}_load"] for name in points)
     kinetic = ca.SX(m.kinetic_energy())
     rubbing = ca.SX(m.dissipation_function()) + bonded * ca.SX(m.bond_dissipation())
+    last, contacts = ca.SX.sym("last"), (*m.unilaterals, *m.dry_frictions)
     return ChainLink(
         q=m.q,
         v=m.q_dot,
@@ -78,6 +83,10 @@ def link_of(m: Chain, given: Mapping[str, ca.SX] | None = None) -> ChainLink:
         kinetic=kinetic,
         potential=ca.SX(m.potential_energy()) + bonded * ca.SX(m.bond_energy()),
         friction=Dissipation(ca.SX(m.friction_coefficient()), kinetic, rubbing),
+        last=last,
+        contact_rates=m.contact_rates() * stack(last if item.last else ca.SX(1) for item in contacts),
+        contact_forces=m.contact_forces,
+        gaps=len(m.unilaterals),
     )
 
 
@@ -100,6 +109,7 @@ class LinkMotion:
     accelerations: ca.SX  # (f, 1)
     kinetic_energy: ca.SX
     potential_energy: ca.SX
+    joint_accelerations: ca.SX  # (d, 1)
     base_force: ca.SX  # r at the base (d, 1)
     power: ca.SX  # of drives and loads
     dissipation: ca.SX  # of friction
@@ -158,7 +168,8 @@ def link_motion(link: ChainLink, base: Base) -> LinkMotion:
     # Inward: forces.  f: those that act on q, h: those that act on the joint, both less what accelerations bring.
     pi = P @ F_dot + s
     virtual_q, virtual_w = (ca.jacobian(link.points, x).T @ link.loads for x in (q, w))
-    Q, Q_w = link.drive - virtual_q, -virtual_w
+    touch_q, touch_w = (ca.jacobian(link.contact_rates, x).T @ link.contact_forces for x in (v, w_dot))
+    Q, Q_w = link.drive - virtual_q + touch_q, touch_w - virtual_w
     rub, rub_w = link.friction.against(v), link.friction.against(w_dot)
     f = Q - rub - gradient(V, q) + gradient(T, q) - link.rate(p_v)
     h = Q_w - rub_w - gradient(V, w) + gradient(T, w) - link.rate(p_w)
@@ -178,7 +189,8 @@ def link_motion(link: ChainLink, base: Base) -> LinkMotion:
     velocity = link.rate(link.points)
     acceleration = link.rate(velocity) + ca.jacobian(link.points, q) @ a + ca.jacobian(link.points, w) @ w_ddot
     power = ca.dot(link.drive, v) - ca.dot(link.loads, velocity)
-    loss = link.friction.power(ca.vertcat(v, w_dot))
+    slips = ca.dot(link.contact_forces[link.gaps :, 0], link.contact_rates[link.gaps :, 0])
+    loss = link.friction.power(ca.vertcat(v, w_dot)) - slips
     terms = ca.vertcat(T, V, power, *([] if loss.is_zero() else [loss]))
     totals = ca.SX.sym("total", terms.shape[0])
     steps.append(Sum(totals, terms))
@@ -190,6 +202,7 @@ def link_motion(link: ChainLink, base: Base) -> LinkMotion:
         accelerations=a,
         kinetic_energy=totals[0],
         potential_energy=totals[1],
+        joint_accelerations=w_ddot,
         base_force=P_0 @ base.w_ddot + force.last,
         power=totals[2],
         dissipation=ca.SX(0) if loss.is_zero() else totals[3],
