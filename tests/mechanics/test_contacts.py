@@ -27,6 +27,8 @@ from liaisons import (
     Result,
     Revolute,
     Size,
+    assemble,
+    build,
     dry_friction,
     equations,
     ground,
@@ -38,7 +40,8 @@ from liaisons import (
     unilateral,
 )
 from liaisons.errors import ComponentError
-from liaisons.models import CartesianPendulum
+from liaisons.mechanics.composition import compose
+from liaisons.models import CartesianPendulum, OscillatorChain, PendulumChain
 
 RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.01, "tolerance": 1e-11}
 ROD: dict[str, Any] = {"mass": 2.0, "inertia": (0.2, 0.2, 0.2), "centre": (0.5, 0, 0)}
@@ -392,6 +395,193 @@ def test_feet_of_a_linkage_as_arrays_with_coefficients_of_their_own(fmu: Callabl
     same_motion(simulate(fmu(Table), **settings), simulate(fmu(ByFeet), **settings), names)
 
 
+# ---- chains ----------------------------------------------------------------------------------------------------------
+
+
+class Train(OscillatorChain):
+    """Masses on a rough track before a buffer."""
+
+    bounce, room = restitution(0.7), Parameter(0.2, "m", "distance of the last mass from the buffer")
+    grip = Parameter(0.15, "N", "static friction", minimum=0)
+    drag = Parameter(0.1, "N", "sliding friction", minimum=0)
+
+    @unilateral("m", "distance of the last mass from the buffer", restitution="bounce", last=True)
+    def gap(self) -> ca.SX:
+        return self.room - self.u
+
+    @dry_friction("m/s", "sliding of the masses", static="grip", sliding="drag")
+    def slip(self) -> ca.SX:
+        return self.dot(self.u)
+
+
+class Row(Mechanism):
+    """The same as an array."""
+
+    n = Size(4, "number of masses")
+    bounce, room = restitution(0.7), Parameter(0.2, "m", "distance of the last mass from the buffer")
+    grip = Parameter(0.15, "N", "static friction", minimum=0)
+    drag = Parameter(0.1, "N", "sliding friction", minimum=0)
+    u = Coordinate("m", "displacements", start=(1.0,), size="n")
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        return ca.sumsqr(self.dot(self.u)) / 2
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return ca.sumsqr(ca.diff(self.u)) / 2
+
+    @unilateral("m", "distance of the last mass from the buffer", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.room - self.u[-1]
+
+    @dry_friction("m/s", "sliding of the masses", static="grip", sliding="drag", size="n")
+    def slip(self) -> ca.SX:
+        return self.dot(self.u)
+
+
+TRAIN = {"u": "u", **{f"slip{end}[{i}]": f"slip{end}[{i}]" for end in ("", "_force", "_sticks") for i in (1, 4)}}
+TRAIN |= {name: name for name in ("gap", "gap_force", "gap_impulse", "gap_impacts", "dissipated")}
+
+
+@pytest.mark.parametrize(
+    ("fmi", "n", "stop"), [("3", 3, 5.0), *(pytest.param("2", n, 20.0, marks=pytest.mark.slow) for n in (4, 7, 63))]
+)
+def test_masses_of_a_chain_rub_and_run_into_a_buffer(tmp_path: Path, fmi: Any, n: int, stop: float) -> None:
+    files = (build(assemble(kind, n), tmp_path, fmi=fmi) for kind in (Train, Row))
+    start = {"u_dot_0": np.r_[np.zeros(n - 1), 0.5], "grip": 0.3, "drag": 0.2}
+    run, by_hand = (simulate(file, **RUN | {"stop_time": stop}, **start) for file in files)
+    same_motion(run, by_hand, TRAIN if n > 3 else {name: TRAIN[name] for name in TRAIN if "[4]" not in name})
+    assert run["gap_impacts"][-1] >= 1
+    assert 0 < np.mean(run["slip_sticks"]) < 1
+
+
+def test_sensitivities_of_contacts_of_a_chain() -> None:
+    settings: dict[str, Any] = {"by": ["bounce", "drag"], "record": "u[2]", "stop_time": 5.0, "step_size": 0.5}
+    ours, by_hand = (sensitivities(assemble(kind, 3), **settings) for kind in (Train, Row))
+    for name in ("bounce", "drag"):
+        derivative = by_hand.derivative("u[2]", name)
+        assert ours.derivative("u[2]", name) == pytest.approx(derivative, abs=1e-8 * abs(derivative).max())
+    assert ours.method == "steps"
+
+
+class Rope(PendulumChain):
+    """Rope that swings against a rough wall."""
+
+    bounce, wall = restitution(0.5), Parameter(0.1, "m", "distance of the wall")
+    mu = Parameter(0.3, "1", "coefficient of friction", minimum=0)
+
+    @unilateral("m", "distances of the bobs from the wall", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.bob["x"] + self.wall
+
+    @dry_friction("m/s", "sliding of the bobs along the wall", static="mu", normal="gap")
+    def slip(self) -> ca.SX:
+        return self.dot(self.bob["z"])
+
+
+class Bobs(Mechanism):
+    """The same as an array."""
+
+    n = Size(2, "number of bobs")
+    bounce, wall, gravity = restitution(0.5), Parameter(0.1, "m", "distance of the wall"), Gravity()
+    mu = Parameter(0.3, "1", "coefficient of friction", minimum=0)
+    theta = Coordinate("rad", "angles", start=0.1, size="n")
+    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
+    pivot_z = ActiveCoordinate("m", "height of the pivot")
+
+    def bobs(self) -> tuple[ca.SX, ca.SX]:
+        x, z = ca.cumsum(ca.sin(self.theta)), ca.cumsum(ca.cos(self.theta))
+        return self.pivot_x + x, self.pivot_z - z
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        return sum(ca.sumsqr(self.dot(column)) for column in self.bobs()) / 2
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return self.gravity * ca.sum1(self.bobs()[1])
+
+    @unilateral("m", "distances of the bobs from the wall", restitution="bounce", size="n", **PLAIN)
+    def gap(self) -> ca.SX:
+        return self.bobs()[0] + self.wall
+
+    @dry_friction("m/s", "sliding of the bobs along the wall", static="mu", normal="gap", size="n", **PLAIN)
+    def slip(self) -> ca.SX:
+        return self.dot(self.bobs()[1])
+
+
+def test_links_of_a_moved_chain_hit_a_rough_wall(tmp_path: Path) -> None:
+    """The operator of the pivot feels the impulses, too."""
+    settings = RUN | {"stop_time": 1.5, "pivot_x": operator("Sinusoid", amplitude=0.2, angular_frequency=3.0)}
+    run, by_hand = (simulate(build(assemble(kind, 2), tmp_path), **settings) for kind in (Rope, Bobs))
+    names = ("theta", "gap", "slip", "gap_impulse", "pivot_x_impulse", "pivot_z_impulse", "pivot_x_force", "work")
+    same_motion(run, by_hand, {name: name for name in (*names, "gap_impacts", "slip_force")})
+    assert run["gap_impacts"][-1, 0] >= 1
+
+
+def test_equations_of_contacts_of_a_link() -> None:
+    shown = equations(Rope)
+    assert "gap = wall + joint" in shown["unilateral"].text()
+    assert shown["dry_friction"].text().splitlines()[1:] == ["    slip = joint˙_z + l θ̇ sin θ", "  S_slip = μ · λ_gap"]
+
+
+class Bumper(Mechanism):
+    """Mass on a spring at the end of a chain, on a rough track before a buffer."""
+
+    bounce, room, grip = restitution(0.7), Parameter(0.2, "m", "room"), Parameter(0.1, "N", "friction", minimum=0)
+    x = Coordinate("m", "place", start_rate=1.0)
+    end = ActiveCoordinate("m", "end of the chain")
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        return self.dot(self.x) ** 2
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return 1.5 * (self.x - self.end) ** 2
+
+    @unilateral("m", "distance from the buffer", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.room - self.x
+
+    @dry_friction("m/s", "sliding of the mass", static="grip")
+    def slip(self) -> ca.SX:
+        return self.dot(self.x)
+
+
+class Whole(Bumper):
+    """The same with the masses of the chain."""
+
+    n = Size(3, "number of masses")
+    u = Coordinate("m", "displacements", start=(1.0,), size="n")
+    end = None
+
+    @plain
+    def kinetic_energy(self) -> ca.SX:
+        return self.dot(self.x) ** 2 + ca.sumsqr(self.dot(self.u)) / 2
+
+    @plain
+    def potential_energy(self) -> ca.SX:
+        return 1.5 * (self.x - self.u[-1]) ** 2 + ca.sumsqr(ca.diff(self.u)) / 2
+
+
+def test_contacts_beside_a_chain(tmp_path: Path) -> None:
+    """Both as one FMU."""
+    connections = {"bumper.end": "chain.u[3]", "bumper.end_dot": "chain.u_dot[3]", "bumper.end_ddot": "chain.u_ddot[3]"}
+    connections |= {"chain.u_load[3]": "bumper.end_force"}
+    models = {"chain": assemble(OscillatorChain, 3), "bumper": assemble(Bumper)}
+    whole = build(compose("Both", models, connections), tmp_path)
+    run, by_hand = simulate(whole, **RUN), simulate(build(Whole, tmp_path), **RUN)
+    names = {f"bumper.{name}": name for name in ("x", "gap_impulse", "slip_force", "slip_sticks")} | {
+        "chain.u[1]": "u[1]"
+    }
+    for name, other in names.items():
+        np.testing.assert_allclose(run[name], by_hand[other], rtol=0, atol=1e-9, err_msg=name)
+    assert run["bumper.gap_impacts"][-1] == 1
+    assert abs(run["bumper.energy_balance"]).max() < 1e-9
+
+
 # ---- misuse ----------------------------------------------------------------------------------------------------------
 
 
@@ -419,3 +609,62 @@ def test_arrays_that_do_not_fit_are_refused(options: dict[str, str], text: str) 
             @dry_friction("m/s", "sliding of the blocks", **{"static": "grip"} | options)
             def slip(self) -> ca.SX:
                 return self.dot(self.x)
+
+
+@pytest.mark.parametrize(
+    ("kind", "n", "text"),
+    [
+        (Train, 64, r"^Train: gap, slip are 65 contacts; an FMU takes 64 at most: take a smaller size$"),
+        (Rope, 1000, r"^Rope: gap, slip are 2000 contacts; an FMU takes 64 at most: take a smaller size$"),
+        (Blocks, 65, r"^Blocks: slip are 65 contacts; an FMU takes 64 at most: take a smaller size$"),
+    ],
+)
+def test_more_contacts_than_an_fmu_takes_are_refused(kind: Any, n: int, text: str) -> None:
+    with pytest.raises(ComponentError, match=text):
+        assemble(kind, n)
+
+
+class Buffered(OscillatorChain):
+    """Chain before a buffer."""
+
+    @unilateral("m", "distance of the last mass from its place", last=True)
+    def gap(self) -> ca.SX:
+        return -self.u
+
+
+LONG = r": a chain of n = 301 links with contacts is written out link by link; take n <= 300$"
+
+
+def test_long_chains_with_contacts_are_refused() -> None:
+    with pytest.raises(ComponentError, match="^Buffered" + LONG):
+        assemble(Buffered, 301)
+
+
+@pytest.mark.slow
+def test_long_chains_beside_contacts_are_refused() -> None:
+    with pytest.raises(ComponentError, match="^Both" + LONG):
+        compose("Both", {"chain": assemble(OscillatorChain, 301), "bumper": assemble(Bumper)}, {})
+
+
+@pytest.mark.parametrize(
+    ("members", "text"),
+    [
+        (
+            {"gap": unilateral("m", "gap")(lambda m: m.u - m.joint["x"])},
+            "Wrong: gap needs the joint, which a free end la",
+        ),
+        (
+            {"slip": dry_friction("m/s", "slip", static="mu", normal="gap")(lambda m: m.dot(m.u))},
+            "Wrong.slip and normal = 'gap' are of different links; let both have last=True, or neither",
+        ),
+        ({"gap": unilateral("m", "gap", size="n")(lambda m: m.u)}, "Wrong.gap: size = 'n': a Chain describes one link"),
+    ],
+)
+def test_contacts_of_chains_that_do_not_fit_are_refused(members: dict[str, Any], text: str) -> None:
+    with pytest.raises(ComponentError, match=text):
+        type("Wrong", (Train,), {"mu": Parameter(0.3, "1", "coefficient", minimum=0), **members})
+
+
+def test_the_last_link_is_of_a_chain() -> None:
+    with pytest.raises(ComponentError, match=r"^Wrong.gap has last=True, which is of a Chain; leave it out$"):
+        type("Wrong", (Bumper,), {"gap": unilateral("m", "gap", last=True)(lambda m: m.x)})

@@ -72,7 +72,7 @@ class Notation:
     def from_model(cls, model: Model) -> Notation:
         """Return the notation of a model's variables."""
         symbols = {v.name: v.symbol for v in model.variables if v.symbol}
-        upheld = {*(active.value for active in model.active), *contact_names(model)}
+        upheld = {name.partition("[")[0] for name in (*(a.value for a in model.active), *contact_names(model))}
         return cls([v.name for v in model.variables], upheld, symbols)
 
     def rank(self, name: str) -> int:

@@ -17,6 +17,7 @@ from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.linkage import Linkage
+from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.operator import Operator
 from liaisons.language.sampled import Sampled
 from liaisons.mechanics.constraints import differentiated_constraints
@@ -108,6 +109,8 @@ def of_chain(chain: Chain) -> tuple[Equation, ...]:
         *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
         *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
         *_row_equations("points", points, stack(points.values())),
+        *(Equation("unilateral", item.name, ca.SX(getattr(chain, item.name))) for item in chain.unilaterals),
+        *_friction_equations(chain),
     )
 
 
@@ -254,9 +257,14 @@ def _contact_equations(equations: Equations) -> Iterator[Equation]:
         yield Equation("impacts", f"v_{name}", numbers["v"][i])
         yield Equation("impacts", f"e_{name}", numbers["restitution"][i])
         yield from _row_equations("impacts", [f"G[{name},{other}]" for other in gaps[i:]], G[i, i:].T)
+    yield from _friction_equations(m)
+
+
+def _friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
+    """Yield relative velocities of dry friction, and their thresholds."""
     for item in m.dry_frictions:
         yield Equation("dry_friction", item.name, ca.SX(getattr(m, item.name)))
-        normal = m.contact_force(item.normal) if item.normal else ca.SX(1)
+        normal = m.symbols[suffixed(item.normal, "_force")] if item.normal else ca.SX(1)
         for letter, threshold in zip("SK", dict.fromkeys((item.static, item.sliding)), strict=False):
             yield Equation("dry_friction", f"{letter}_{item.name}", m.threshold(threshold) * normal)
 

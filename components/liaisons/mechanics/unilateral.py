@@ -52,7 +52,7 @@ LEAVING = 1e-3
 MOST_CONTACTS = 64
 """Contacts of an FMU at most, as in core.h."""
 
-MOST_LINKS = 1000
+MOST_LINKS = 300
 """Links of a chain that has contacts, or is beside some, at most: its equations have no loops."""
 
 CONTACT_NUMBERS: Mapping[str, tuple[bool, ...]] = {
