@@ -21,7 +21,7 @@ from driver import CO_SIMULATION, OK, Instance, Library
 from making import exchange_only
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from subjects import SAMPLE, STEP, STOP, SUBJECTS, Hoist, Row, Signals, Subject, T, shaken_mass
+from subjects import SAMPLE, STEP, STOP, SUBJECTS, Buffered, Hoist, Row, Signals, Subject, T, shaken_mass
 from wasm_driver import WasmLibrary
 
 from liaisons import (
@@ -208,7 +208,7 @@ def try_ssp(workshop: Workshop, kind: str) -> None:
 
 def try_flatten(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
-    own = {c.__name__: c for c in (Row, Hoist)} if SUBJECTS[kind].component in {Row, Hoist} else None
+    own = {c.__name__: c for c in (Row, Hoist, Buffered) if SUBJECTS[kind].component is c} or None
     path = system.flatten(workshop.folder / "flat" / kind, components=own)
     follows(simulate(path, **RUN), SUBJECTS[kind].signals(), SUBJECTS[kind].bound, before)
 
@@ -389,6 +389,7 @@ LINEAR: dict[str, tuple[str, str, float, dict[str, float]]] = {
     "linkage": ("swing_ddot", "swing", FURUTA, {"swing_0": 0.0, "turn_dot_0": 0.0}),
     "arrays": ("x_ddot[2]", "x[2]", -2.0, {}),
     "chain": ("u_ddot[2]", "u[2]", -2.0, {}),
+    "chain_contacts": ("u_ddot[2]", "u[2]", -2.0, {}),
     "friction": ("x_ddot", "p_x", -0.4, {"damping": 0.4}),
     "unilateral": ("gap_force", "table_ddot", 1.0, {"height_0": 0.0}),
     "dry_friction": ("x_ddot", "x", -10.0, {}),
@@ -435,6 +436,7 @@ EQUATIONS = {  # a line of each, by hand
     "linkage": "ṗ_turn = Q_turn − F_turn",
     "arrays": "ẋ₂ = p_x,2/m₂",
     "chain": "V = ½ κ (u − jointₓ)²",
+    "chain_contacts": "gap = room − u",
     "friction": "D = ½ m γ ẋ²",
     "unilateral": "gap = height − table",
     "dry_friction": "slip = ẋ − belt˙",
@@ -506,6 +508,7 @@ PATHS: dict[str, Callable[[Signals], Any]] = {  # of a point, or of an axis, in 
     ),
     "arrays": lambda s: (s["x[1]"], 0, 0),
     "chain": lambda s: (s["u[5]"] + 4.5, 0, 0),
+    "chain_contacts": lambda s: (s["u[3]"] + 2.5, 0, 0),
     "friction": lambda s: (s["x"], 0, 0),
     "unilateral": lambda s: (0, 0, s["height"] + 0.05),
     "dry_friction": lambda s: (s["x"], 0, 0.2),

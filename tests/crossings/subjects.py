@@ -29,6 +29,7 @@ from liaisons import (
     hold,
     operator,
     point,
+    unilateral,
 )
 from liaisons.language.component import Component
 from liaisons.models import (
@@ -92,6 +93,19 @@ class Hoist(Mechanism):
 
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.load["z"]
+
+
+class Buffered(OscillatorChain):
+    """Three masses in a row, of which the last runs into a buffer."""
+
+    n = Size(3, "number of masses")
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    room = Parameter(0.4, "m", "way of the last mass to the buffer")
+    u = Coordinate("m", "displacements from the places at rest", start_rate=0.5)
+
+    @unilateral("m", "distance of the last mass from the buffer", restitution="bounce", last=True)
+    def gap(self) -> ca.SX:
+        return self.room - self.u
 
 
 class Ramp(NamedTuple):
@@ -268,6 +282,16 @@ def chained(t: NDArray, **starts: Any) -> Signals:
     return {"u[1]": exact["u"][:, 0], "u[5]": exact["u"][:, 4]}
 
 
+def buffered(t: NDArray, *, bounce: float, rate: float = 0.5, room: float = 0.4) -> Signals:
+    """All at one rate up to the impact, which sends the last mass back."""
+    hits = room / rate
+    before = np.outer(np.minimum(t, hits), np.full(3, rate))
+    rates = np.array([rate, rate, -bounce * rate])
+    after = OscillatorChain.exact(np.maximum(t - hits, 0.0), n=3, u_0=np.full(3, room), u_dot_0=rates)["u"]
+    u = np.where(t[:, None] < hits, before, after)
+    return {"u[3]": u[:, 2], "u[1]": u[:, 0], "gap": room - u[:, 2]}
+
+
 RAMP, PULL = Ramp(0.0, 0.3, 0.5), Ramp(1.0, 0.1)
 ANGLE, REACH = Ramp(0.2, 0.4), Ramp(1.0, 0.3)
 TOP = {"omega_y_0": 0.3, "omega_z_0": 1.0}
@@ -289,6 +313,7 @@ SUBJECTS: dict[str, Subject] = {
         ("x_0[1]", 0.4),
     ),
     "chain": Subject(OscillatorChain, chained, ("u_0[1]", 0.8)),
+    "chain_contacts": Subject(Buffered, buffered, ("bounce", 0.6)),
     "friction": Subject(Oscillator, Oscillator.exact, ("x_0", 0.7), starts={"damping": 0.4}),
     "unilateral": Subject(BouncingBall, BouncingBall.exact, ("height_0", 1.0)),
     "dry_friction": Subject(DryOscillator, DryOscillator.exact, ("x_0", 0.9)),

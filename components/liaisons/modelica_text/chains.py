@@ -12,6 +12,7 @@ from liaisons.formulas import Notation
 from liaisons.language import Chain, Variable
 from liaisons.mechanics import assemble
 from liaisons.mechanics.chains.sweeps import link_of
+from liaisons.mechanics.model import refuse_contacts
 from liaisons.modelica_text.text import (
     MOTION,
     Section,
@@ -33,6 +34,7 @@ def chain_motion(component: type[Chain]) -> list[str]:
 
     ``pi`` and ``phi`` of the links beyond a joint are ∂L/∂ẇ and ∂L/∂w with the forces from outside.
     """
+    refuse_contacts(component, "Modelica text of a chain", "import its FMU")
     m, axes = component(), component.joint.axes
     link, points, notation = link_of(m), [*m.point_components()], Notation.from_model(assemble(component))
     q, v, w, w_dot, T, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.tip
