@@ -49,9 +49,6 @@ MOST_CONTACTS, _SAMPLES = 64, 5
 LEAVING = 1e-3
 """Part of the rate of a gap that grows in its indicator: an importer's error right after an impact is no event."""
 
-MOST_CONTACTS = 64
-"""Contacts of an FMU at most, as in core.h."""
-
 MOST_LINKS = 300
 """Links of a chain that has contacts, or is beside some, at most: its equations have no loops."""
 
@@ -147,8 +144,6 @@ class ContactModes:
         *,
         memory: Sequence[str],
     ) -> None:
-        if len(contacts) > MOST_CONTACTS:
-            raise ComponentError(f"{len(contacts)} contacts and dry frictions; leave out all but {MOST_CONTACTS}")
         self.contacts, self._vectors, self._forced, self._numbers = contacts, vectors, results, numbers
         self._states, self.memory = [state.name for state in layout.states], memory
         outputs = (v.name for v in layout.outputs)
