@@ -14,10 +14,6 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
 from liaisons import simulate
-from liaisons.errors import ComponentError
-from liaisons.language.layout import Layout
-from liaisons.mechanics.model import Contact
-from liaisons.mechanics.unilateral import ContactModes
 
 GRAVITY, MASS, INERTIA = 9.81, 2.0, 0.5
 WEIGHT = MASS * GRAVITY
@@ -156,9 +152,3 @@ def test_more_than_eight_contacts_at_once(library) -> None:
     expected = [together - 0.6, *[together] * 11]
     assert row.get(*(f"x_dot[{i}]" for i in range(1, 13))) == pytest.approx(expected, rel=1e-12)
     assert row["energy_balance"] == pytest.approx(0, abs=1e-13)
-
-
-def test_more_than_a_model_can_have_are_refused() -> None:
-    contacts = tuple(Contact(f"gap_{i}") for i in range(65))
-    with pytest.raises(ComponentError, match=r"^65 contacts and dry frictions; leave out all but 64$"):
-        ContactModes(contacts, {}, {}, {}, Layout(parameters=(), inputs=(), outputs=(), states=(), ports=()), memory=())
