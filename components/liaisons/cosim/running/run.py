@@ -326,7 +326,7 @@ class Run:
         try:
             if changed:
                 self._bus.perform(changed)
-                self._begin_piece(times[points] - times[points - 1])
+                self._begin_piece()
             if self._deviations or self._breaks.next < math.inf or points + 1 == len(times):
                 self._step_to(points + 1)
             else:
@@ -342,15 +342,15 @@ class Run:
             raise
         self.wait()
 
-    def _begin_piece(self, size: float) -> None:
-        """Begin a smooth piece now, with the inputs that were set, before a step of a size [s]."""
+    def _begin_piece(self) -> None:
+        """Begin a smooth piece now, with the inputs that were set, before a step."""
         bus, loop, time = self._bus, self._loop, self._bus.end.value
         if self._coupled is not None:
             bus.set_step(time, time)
             self._coupled.forget_past()
         bus.perform(self._settle)
         if self._estimate.can_estimate:
-            loop.begin_piece(self._breaks.gap(time, size))
+            loop.begin_piece(self._breaks.gap(time, self._simulation.times[self._points] - time))
         loop.rows[loop.done - 1] = bus.values
         self._breaks.find_next(time)
 

@@ -57,12 +57,16 @@ class FreeInput:
             least, most = RANGES.get(self._variable.base, (0, 1))
             if not (checked == np.clip(np.round(checked), least, most)).all():
                 raise InvalidValueError(f"{self._label} = {shown(value)}: give whole numbers from {least} to {most}")
-        return checked.reshape(-1)
+        return checked.reshape(-1) if self._shape else checked.item()
 
     def assign(self, numbers: Vector | float) -> bool:
         """Set :attr:`values`, but not yet the FMU; returns whether they are others than before."""
-        same = np.array_equal(self.values, numbers) if self._shape else bool(self.values[0] == numbers)
-        self.values[:] = numbers
+        if self._shape:
+            same = np.array_equal(self.values, numbers)
+            self.values[:] = numbers
+        else:  # numbers of Python, since scalars of NumPy take three times as long
+            same = self.values.item() == numbers
+            self.values.fill(numbers)
         return not same
 
 
