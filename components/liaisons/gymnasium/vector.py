@@ -169,13 +169,14 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         for _ in range(2):
             self._states = self._motion[1](size / 2)
             measured.append(self._measured())
-        (_, begin, _), (middle, *_), (_, end, conditions) = measured
+        (_, begin, _), (middle, *_), (after, end, conditions) = measured
         failed = ~(again | (np.isfinite(self._states).all(axis=0) & (conditions > 0).all(axis=0)))
         self._states[:, failed] = before[:, failed]
         self._balance += np.where(failed, 0.0, (end - begin).sum(axis=0))
         self._elapsed += size
         self._restart(again)
-        after, moving = self._measured()[0], ~(again | failed)
+        moving = ~(again | failed)
+        after[:, ~moving] = self._measured(~moving)[0]
         stopped = failed | (moving & (after[-1] > 0))
         truncated = moving & (self._elapsed > self.task.stop_time - size / 4)
         self._ended = stopped | truncated
@@ -190,9 +191,9 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._states[:, again] = self._motion[0](again)
         self._elapsed[again] = self._balance[again] = 0.0
 
-    def _measured(self) -> list[Floats]:
+    def _measured(self, copies: Any = ...) -> list[Floats]:
         """Observations, reward and stop; energy balance; conditions: (rows, copies) each."""
-        return self._program.evaluate([self._values[self._fixed], self._shared, self._states])
+        return self._program.evaluate([self._values[self._fixed][:, copies], self._shared, self._states[:, copies]])
 
     def _information(self) -> dict[str, Any]:
         return {"energy_balance": self._balance.copy()}

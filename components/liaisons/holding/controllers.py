@@ -20,11 +20,11 @@ from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
 from liaisons.errors import LiaisonsError, PlanError, suggestion
-from liaisons.holding.observers import Observer, normal_verdict
+from liaisons.holding.observers import Observer, add_mechanism, normal_verdict
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
-from liaisons.library import Target, component, fmu_file, fmu_path, model
+from liaisons.library import Target, component, fmu_file, model
 from liaisons.models import regulator
 from liaisons.planning.goals import Array, by_name, chain_size, motion_names
 
@@ -183,10 +183,7 @@ class Controller:
             0.0, self._default_stop, self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
         )
         follows: dict[str, Any] = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
-        sizes = chain_size(self.component, self.values)
-        values: dict[str, Any] = {name: value for name, value in self.values.items() if name not in sizes}
-        fmu = fmu_path(self.component, **sizes)
-        mechanism = system.add(self.name, fmu, **values, **follows, **starts)
+        mechanism = add_mechanism(system, self.name, self.component, self.values, **follows, **starts)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
         if self.observer:
@@ -243,7 +240,7 @@ class Controller:
         trajectory = self.trajectory
         if trajectory.after == "repeats":
             rounds = np.arange(int(np.ceil(stop_time / self.duration - _ROUNDING)))
-            points = np.append((rounds[:, None] * self.duration + trajectory.times[:-1]).ravel(), stop_time)
+            points = np.add.outer(rounds * self.duration, trajectory.times[:-1]).ravel()
         else:
             last = trajectory.times[-1]
             count = int(np.ceil((stop_time - last) / self.step_size - 1e-9))
@@ -385,13 +382,12 @@ class Controller:
                 system = unbounded._connected_system({n: x for n, x in values.items() if n not in estimates})  # noqa: SLF001
                 with ignored_warnings():  # of long steps: the matrix contains the sampling
                     runs.append(self._simulate(system.with_start_values(estimates), self.times(self.duration)))
+            one, other = map(self.deviation, runs)
             for points, k, D in (starts, 0, self.prediction.directions), (ends, -1, self.prediction.final_directions):
-                changes = [np.linalg.pinv(D) @ ((self.deviation(runs[0]) - self.deviation(runs[1]))[:, k] / self.sizes)]
+                changes = [np.linalg.pinv(D) @ ((one - other)[:, k] / self.sizes)]
                 if self.observer:
-                    estimated = np.array([[run[n.removesuffix("_0")][k] for n in names] for run in runs])
-                    changes.append(
-                        self.observer.directions.T @ ((estimated[0] - estimated[1]) / self.observer.model.sizes)
-                    )
+                    first, second = (np.array([run[n.removesuffix("_0")][k] for n in names]) for run in runs)
+                    changes.append(self.observer.directions.T @ ((first - second) / self.observer.model.sizes))
                 points.append(np.concatenate(changes) / (2 * _DIFFERENCE))
         return np.linalg.lstsq(np.array(starts), np.array(ends), rcond=None)[0].T
 
@@ -408,9 +404,9 @@ class Controller:
             return [*replace(self, observer=None).verify(), *self._verify_estimates(self.observer)]
         measured = self.measured()
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
-        error = float(np.max(np.abs(measured - self.loop)) / max(_LEAST_SCALE, np.max(np.abs(self.loop))))
-        far = np.abs(self.floquet_multipliers[:, None] - self.prediction.multipliers(measured))
-        apart = float(np.max(far[linear_sum_assignment(far)]))
+        scale = max(_LEAST_SCALE, np.max(np.abs(self.loop)))
+        error = float(np.max(np.abs(measured - self.loop)) / scale)
+        apart = _distance(self.floquet_multipliers, self.prediction.multipliers(measured))
         why = "differences of 1e-5, solver tolerance 1e-11"
         claims = [
             verdict(f"{subject} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
@@ -435,9 +431,9 @@ class Controller:
         if observer.motion is not None:
             return claims
         predicted = np.concatenate([self.floquet_multipliers, observer.multipliers])
-        far = np.abs(np.linalg.eigvals(self.measured())[:, None] - predicted)
+        error = _distance(np.linalg.eigvals(self.measured()), predicted)
         words = "multipliers of the loop are those of feedback and of the observer"
-        error, why = float(np.max(far[linear_sum_assignment(far)])), "a root of the error where they coincide"
+        why = "a root of the error where they coincide"
         claims.append(verdict(words, error=error, tolerance=1e-3, reason=why))
         if self.prediction.cost is not None and not observer.model.uncertainty.unknown_forces:
             expected, costs = self._costs(observer, [run for run, _ in runs])
@@ -455,9 +451,9 @@ class Controller:
         (B, Q, R), D, model = self.prediction.cost, self.prediction.directions, observer.model
         K = self.gains[0] / self.sizes[-len(self.moves) :, None] * self.sizes @ D
         S = solve_discrete_lyapunov(self.loop.T, Q + K.T @ R @ K)
-        inverse, n, sigma = np.linalg.pinv(D), len(model.sampled.names), model.sampled.sigma
+        inverse, n = np.linalg.pinv(D), len(model.sampled.names)
         of_states = inverse[:, :n] @ np.eye(n, len(model.states))
-        added, error = np.array(model.predict(model.start, sigma, sigma)[2]), K @ of_states
+        (_, added, _), error = model.at_start(), K @ of_states
         expected = np.sum(of_states.T @ S @ of_states * added)
         expected += np.sum(error.T @ (R + B.T @ S @ B) @ error * observer.corrected[0])
         costs = []
@@ -467,9 +463,11 @@ class Controller:
             for i, name in enumerate(self.states):
                 if output := observer.outputs.get(name):
                     read[i] += run[f"{observer.part}.{output}"] - run[self.signals[i]]
-            x, estimate = (inverse @ (y / self.sizes[:, None])[:, :-1] for y in (off, read))
-            total = np.sum((x.T @ Q) * x.T, axis=1) + np.sum((estimate.T @ K.T @ R @ K) * estimate.T, axis=1)
-            costs.append((np.sum(total[:-1]) + x[:, -1] @ S @ x[:, -1] - x[:, 0] @ S @ x[:, 0]) / (x.shape[1] - 1))
+            x, estimate = ((inverse @ (y / self.sizes[:, None])[:, :-1]).T for y in (off, read))
+            w = estimate @ K.T
+            of_steps = np.sum((x @ Q) * x, axis=1) + np.sum((w @ R) * w, axis=1)
+            first, *_, last = np.sum((x @ S) * x, axis=1)
+            costs.append((np.sum(of_steps[:-1]) + last - first) / (len(x) - 1))
         return float(expected), np.array(costs)
 
     def __repr__(self) -> str:
@@ -478,3 +476,9 @@ class Controller:
         moves, names = ", ".join(self.moves), ", ".join(self.conserved)
         conserved = f"; conserved: {names}" if names else ""
         return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
+
+
+def _distance(these: Array, those: Array) -> float:
+    """Greatest distance of multipliers, each of which is compared with the nearest one that is left."""
+    far = np.abs(these[:, None] - those)
+    return float(np.max(far[linear_sum_assignment(far)]))

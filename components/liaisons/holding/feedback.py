@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import reduce
-from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_discrete_are, svd
+from scipy.linalg import solve_discrete_are
 
 from liaisons.planning.goals import Array
 
@@ -16,6 +15,8 @@ Step = tuple[Array, Array]
 
 RANK = 1e-8
 """Controllable directions have singular values above this, relative to the largest."""
+_CONVERGED = 1e-11
+"""Gains that change by less in a round, relative to the largest, are constant."""
 _MOST_STEPS = 20000
 """Limit of the steps that the periodic recursion takes until its gains are constant."""
 
@@ -27,19 +28,29 @@ def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
     while new.size and V.shape[1] < n:
         for _ in range(2):  # once more, against rounding
             new = new - V @ (V.T @ new)
-        decomposition: Any = svd(new, full_matrices=False)
-        directions, sizes, _ = decomposition
-        new = np.asarray(directions[:, sizes > RANK * max(1.0, float(np.linalg.norm(A)))], dtype=float)
-        V = np.asarray(np.hstack([V, new]), dtype=float)
+        directions, sizes, _ = np.linalg.svd(new, full_matrices=False)
+        new = directions[:, sizes > RANK * max(1.0, float(np.linalg.norm(A)))]
+        V = np.hstack([V, new])
         new = A @ new
-    whole: Any = svd(V)[0] if V.size else np.eye(n)
+    whole = np.linalg.svd(V)[0] if V.size else np.eye(n)
     return V, whole[:, V.shape[1] :]
+
+
+def image(projection: Array) -> Array:
+    """Orthonormal basis of the image of a projection, whose singular values are 0, or 1 or more."""
+    vectors, sizes, _ = np.linalg.svd(projection)
+    return vectors[:, sizes > 0.5]
+
+
+def spectral_radius(matrices: Array | Sequence[Array]) -> float:
+    """Greatest absolute value of the eigenvalues of all matrices; 0 if there are none."""
+    return float(np.max(np.abs(np.linalg.eigvals(matrices)), initial=0.0))
 
 
 def named_sum(names: Sequence[str], parts: Array, sizes: Array) -> str:
     """Text of Σ parts/sizes · names, its first coefficient 1."""
     vector = parts / sizes
-    terms = [i for i in range(vector.size) if abs(parts[i]) > 1e-3 * np.max(np.abs(parts))]  # the rest is of order H
+    terms = np.flatnonzero(np.abs(parts) > 1e-3 * np.max(np.abs(parts)))  # the rest is of order H
     signed = [(f"{vector[i] / vector[terms[0]]:+.3g}", names[i]) for i in terms]
     text = " ".join(f"{number[0]} {number[1:]} {name}" for number, name in signed)
     return text.removeprefix("+ ").removeprefix("1 ")
@@ -49,8 +60,8 @@ def rest_targets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
     """Coordinates along V at which x rests with C x = 0 for each direction of U, and the norms of the residuals."""
     left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
     right = np.vstack([V.T @ A @ U, -C @ U])
-    solution: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
-    return solution, np.asarray(np.linalg.norm(left @ solution - right, axis=0))
+    solution, *_ = np.linalg.lstsq(left, right, rcond=1e-12)
+    return solution, np.linalg.norm(left @ solution - right, axis=0)
 
 
 def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
@@ -60,7 +71,7 @@ def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
 
 def _gains(A: Array, B: Array, P: Array, R: Array) -> Array:
     """Gains K of one step whose final deviation costs xᵀPx."""
-    return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), dtype=float)
+    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
 
 
 def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) -> tuple[list[Array], Array]:
@@ -87,7 +98,7 @@ def periodic_riccati(steps: Sequence[Step], costs: Sequence[Array], R: Array) ->
     for _ in range(max(2, _MOST_STEPS // len(steps))):
         gains, P = riccati_recursion(steps, costs, R, P)
         flattened = np.concatenate([K.ravel() for K in gains])
-        if last.size and np.max(np.abs(flattened - last)) <= 1e-11 * np.max(np.abs(flattened)):
+        if last.size and np.max(np.abs(flattened - last)) <= _CONVERGED * np.max(np.abs(flattened)):
             return gains, P
         last = flattened
     return None
@@ -104,7 +115,7 @@ def least_defects(matrices: Sequence[Array], end: Array) -> Array:
     to_end = [np.eye(len(end))]
     for A in reversed(matrices[1:]):
         to_end.append(to_end[-1] @ A)
-    weights = np.linalg.lstsq(sum(map(np.matmul, to_end, (P.T for P in to_end))), end, rcond=None)[0]
+    weights, *_ = np.linalg.lstsq(sum(P @ P.T for P in to_end), end, rcond=None)
     columns = [np.zeros_like(end)]
     for A, P in zip(matrices, reversed(to_end), strict=True):
         columns.append(A @ columns[-1] + P.T @ weights)

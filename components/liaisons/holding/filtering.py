@@ -11,14 +11,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil
-from typing import Any, final
+from typing import final
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import solve_discrete_are, svd
+from scipy.linalg import solve_discrete_are
 
 from liaisons.errors import PlanError
-from liaisons.holding.feedback import RANK, named_sum, reachable_subspace
+from liaisons.holding.feedback import RANK, image, named_sum, reachable_subspace, spectral_radius
 from liaisons.holding.sampling import SampledMechanism
 from liaisons.planning.goals import Array, by_name
 
@@ -64,39 +64,68 @@ class EstimationModel:
     def __init__(self, sampled: SampledMechanism, uncertainty: Uncertainty, period: float) -> None:
         self.sampled, self.uncertainty, self.period = sampled, uncertainty, period
         self.measured = tuple(uncertainty.noise)
-        extra = {f"{name}_bias": size for name, size in uncertainty.bias.items()} | dict(uncertainty.unknown_forces)
-        n, more, self.states = len(sampled.names), len(extra), (*sampled.names, *extra)
-        self.sizes = np.array([*sampled.sizes[:n], *extra.values()])
+        biases = {f"{name}_bias": size for name, size in uncertainty.bias.items()}
+        drifting = biases | dict(uncertainty.unknown_forces)
+        n, more = len(sampled.names), len(drifting)
+        self.states = (*sampled.names, *drifting)
+        self.sizes = np.array([*sampled.sizes[:n], *drifting.values()])
         self.noise = np.array([*uncertainty.noise.values()])
         self.drift = np.repeat([0.0, np.sqrt(period / sampled.time / _DRIFT_RADIANS)], [n, more])
         self.start = np.append(sampled.start[sampled.state_indices], np.zeros(more)) / self.sizes
         x, w = ca.SX.sym("x", n + more), ca.SX.sym("w", len(uncertainty.disturbance))
         begin, end = (ca.SX.sym(name, len(sampled.moves), 3) for name in ("begin", "end"))
-        X = by_name(self.states, ca.vertsplit(x * self.sizes))
-        deviations = np.array([*uncertainty.disturbance.values()]) / np.sqrt(period)  # of a mean over a period
-        pushes = by_name(uncertainty.disturbance, ca.vertsplit(w * deviations)) if deviations.size else {}
-        pushes |= {name: X[name] + pushes.get(name, 0) for name in uncertainty.unknown_forces}
-        own = ca.vertcat(*(X[name] for name in sampled.names))
-        rates, projected, readings = sampled.expressions(own, end, pushes, self.measured)
-        readings = (readings + ca.vertcat(*(X.get(f"{m}_bias", 0) for m in self.measured))) / self.noise
-        if ca.depends_on(readings, w):
-            raise PlanError(f"{sampled.name}: a random force is part of what is measured; measure no accelerations")
-        slopes = ca.Function("slopes", [x, end, w], [ca.vertcat(rates, ca.SX(more, 1)) / self.sizes])
+        rates, projected, readings = self._expressions(x, w, end)
         landed = ca.vertcat(projected / self.sizes[:n], x[n:])
-        self.measure = ca.Function("measure", [x, end], [readings, ca.densify(ca.jacobian(readings, x))])
-        self.land = ca.Function("land", [x, end], [landed, ca.densify(ca.jacobian(landed, x))])
-        motion, parts = sampled.reconstructed(begin, end, period), ceil(period / sampled.time * _PARTS_OF_RADIAN)
-        after = self.land(_integrated(lambda y, part: slopes(y, motion(part), w), x, period, parts), end)[0]
-        still = [ca.substitute(y, w, ca.SX.zeros(*w.shape)) for y in (after, *(ca.jacobian(after, y) for y in (x, w)))]
-        covariance = still[2] @ still[2].T + ca.diag(ca.DM(self.drift**2))
-        self.predict = ca.Function("predict", [x, begin, end], [*map(ca.densify, (*still[:2], covariance))])
-        P, y = ca.SX.sym("P", n + more, n + more), ca.SX.sym("y", len(self.noise))
+        self.measure, self.land = (
+            ca.Function(name, [x, end], [results, ca.densify(ca.jacobian(results, x))])
+            for name, results in (("measure", readings), ("land", landed))
+        )
+        part, inputs = ca.SX.sym("part"), ca.vertcat(w, ca.vec(begin), ca.vec(end))
+        motion = sampled.reconstructed(begin, end, period)(part)
+        slopes = ca.vertcat(ca.substitute(rates, end, motion), 1 / period)
+        steps = ceil(period / sampled.time * _PARTS_OF_RADIAN)
+        advance = ca.simpleRK(ca.Function("slopes", [ca.vertcat(x, part), inputs], [slopes]), steps)
+        after, _ = self.land(advance(ca.vertcat(x, 0), inputs, period)[:-1], end)
+        derivatives = after, ca.jacobian(after, x), ca.jacobian(after, w)
+        predicted, F, G = (ca.substitute(y, w, ca.SX.zeros(*w.shape)) for y in derivatives)
+        covariance = G @ G.T + ca.diag(ca.DM(self.drift**2))
+        results = [*map(ca.densify, (predicted, F, covariance))]
+        self.predict = ca.Function("predict", [x, begin, end], results)
+        P = ca.SX.sym("P", n + more, n + more)
         expected, C = self.measure(x, end)
-        root = ca.chol(C @ P @ C.T + ca.SX.eye(len(self.noise))).T
+        y = ca.SX.sym("y", expected.numel())
+        root = ca.chol(C @ P @ C.T + ca.SX.eye(y.numel())).T
         innovations, gain = ca.solve(root, y - expected), ca.solve(root, C @ P)
         corrected, T = self.land(x + gain.T @ innovations, end)
-        results = [corrected, T @ (P - gain.T @ gain) @ T.T, innovations, ca.solve(root.T, gain).T]
+        remaining = T @ (P - gain.T @ gain) @ T.T
+        results = [corrected, remaining, innovations, ca.solve(root.T, gain).T]
         self.correct = ca.Function("correct", [x, P, end, y], results)
+
+    def _expressions(self, x: ca.SX, w: ca.SX, sigma: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Rates of x, projected states of the mechanism, and readings divided by their noise.
+
+        :param w: random forces, of variance 1.
+        :param sigma: σ and its two rates.
+        :raises PlanError: if random forces are part of the readings.
+        """
+        sampled, uncertainty = self.sampled, self.uncertainty
+        values = by_name(self.states, ca.vertsplit(x * self.sizes))
+        deviations = np.array([*uncertainty.disturbance.values()]) / np.sqrt(self.period)  # of a mean over a period
+        forces = by_name(uncertainty.disturbance, ca.vertsplit(w * deviations)) if deviations.size else {}
+        forces |= {name: values[name] + forces.get(name, 0) for name in uncertainty.unknown_forces}
+        own = ca.vertcat(*(values[name] for name in sampled.names))
+        rates, projected, readings = sampled.expressions(own, sigma, forces, self.measured)
+        readings += ca.vertcat(*(values.get(f"{name}_bias", 0) for name in self.measured))
+        if ca.depends_on(readings, w):
+            raise PlanError(f"{sampled.name}: a random force is part of what is measured; measure no accelerations")
+        constant = ca.SX(len(self.drift) - rates.numel(), 1)
+        return ca.vertcat(rates, constant) / self.sizes, projected, readings / self.noise
+
+    def at_start(self) -> tuple[Array, Array, Array]:
+        """F and Q of a prediction at the start, x' = F x + w with the covariance Q of w, and C of a measurement."""
+        x, sigma = self.start, self.sampled.sigma
+        _, F, Q = self.predict(x, sigma, sigma)
+        return np.array(F), np.array(Q), np.array(self.measure(x, sigma)[1])
 
     def step(self, steady: Array | None) -> ca.Function:
         """Function (is_first, x, P, begin, end, y) -> x and P after the measurement y, and its innovations.
@@ -106,7 +135,8 @@ class EstimationModel:
         :param steady: covariance before each measurement, with which P is empty; None: it is predicted, too.
         """
         n, lower = len(self.states), ca.Sparsity.lower(len(self.states))
-        x, is_first, y = ca.SX.sym("x", n), ca.SX.sym("is_first"), ca.SX.sym("y", len(self.noise))
+        x, is_first = ca.SX.sym("x", n), ca.SX.sym("is_first")
+        y = ca.SX.sym("y", len(self.noise))
         begin, end = (ca.SX.sym(name, len(self.sampled.moves), 3) for name in ("begin", "end"))
         triangle = ca.SX.sym("P", lower.nnz() if steady is None else 0)
         predicted, F, Q = self.predict(x, begin, end)
@@ -115,12 +145,12 @@ class EstimationModel:
             P = ca.if_else(is_first, P, F @ P @ F.T + Q)
         x_1, P, innovations, _ = self.correct(ca.if_else(is_first, x, predicted), P, end, y)
         after = ca.project(P, lower).nz[:] if steady is None else triangle
-        return ca.Function("step", [is_first, x, triangle, begin, end, y], [x_1, after, innovations], {"cse": True})
+        arguments = [is_first, x, triangle, begin, end, y]
+        return ca.Function("step", arguments, [x_1, after, innovations], {"cse": True})
 
     def tangents(self, x: Array, sigma: Array) -> Array:
         """Orthonormal columns, the directions in which x may deviate."""
-        decomposition: Any = svd(np.array(self.land(x, sigma)[1]))
-        return decomposition[0][:, decomposition[1] > 0.5]  # a projection's are 1 or more, or 0
+        return image(np.array(self.land(x, sigma)[1]))
 
     def start_covariance(self) -> Array:
         """Covariance at the start of a plan."""
@@ -137,14 +167,13 @@ class EstimationModel:
 
         :raises PlanError: if a state is not observable, or its estimate would not be corrected in the long run.
         """
-        x, sigma = self.start, self.sampled.sigma
-        D, (_, F, Q), C = self.tangents(x, sigma), self.predict(x, sigma, sigma), self.measure(x, sigma)[1]
-        A, Q, C = D.T @ np.array(F) @ D, D.T @ np.array(Q) @ D, np.array(C) @ D
+        (F, Q, C), D = self.at_start(), self.tangents(self.start, self.sampled.sigma)
+        A, Q, C = D.T @ F @ D, D.T @ Q @ D, C @ D
         generator = (A - np.eye(len(A))) * (self.sampled.time / self.period)
         seen, hidden = reachable_subspace(generator.T, C.T / (np.linalg.norm(C) or 1.0))
-        if hidden.size and np.max(np.abs(np.linalg.eigvals(hidden.T @ A @ hidden))) > 1 - _CIRCLE:
+        if hidden.size and spectral_radius(hidden.T @ A @ hidden) > 1 - _CIRCLE:
             self.refuse_unobservable(seen.T @ D.T, D)
-        directions, variances, _ = svd(Q)
+        directions, variances, _ = np.linalg.svd(Q)
         _, still = reachable_subspace(generator, directions * np.sqrt(variances / (variances[0] or 1.0)))
         modes = np.linalg.eigvals(still.T @ A @ still)
         if np.any(np.abs(np.abs(modes) - 1) < _CIRCLE):
@@ -157,23 +186,12 @@ class EstimationModel:
 
     def refuse_unobservable(self, matrix: Array, directions: Array) -> None:
         """Raise an error that names the directions that a matrix maps to 0."""
-        _, values, rows = svd(matrix @ directions)
+        _, values, rows = np.linalg.svd(matrix @ directions)
         hidden = rows[np.count_nonzero(values > RANK * np.max(values, initial=0.0)) :]
         if hidden.size:
             texts = "; ".join(named_sum(self.states, directions @ row, 1 / self.sizes) for row in hidden)
             names = ", ".join(self.measured)
             raise PlanError(f"{self.sampled.name} cannot be observed: {names} shows no change along {texts}")
-
-
-def _integrated(rates: Any, x: ca.SX, period: float, count: int) -> ca.SX:
-    """x after a period, in as many steps of the classical Runge-Kutta method, of rates of (x, part of the period)."""
-    h = period / count
-    for k in range(count):
-        first = rates(x, k / count)
-        second = rates(x + h / 2 * first, (k + 0.5) / count)
-        third = rates(x + h / 2 * second, (k + 0.5) / count)
-        x = x + h / 6 * (first + 2 * (second + third) + rates(x + h * third, (k + 1) / count))
-    return x
 
 
 def identifier(name: str) -> str:

@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.linalg import svd
 
 from liaisons.base.arguments import finite, merged, named, positive, shown
 from liaisons.cosim.structure.sources import rounding
@@ -33,11 +32,12 @@ from liaisons.holding.feedback import (
     rest_targets,
     riccati,
     riccati_recursion,
+    spectral_radius,
     transition_matrix,
 )
 from liaisons.holding.observing import observe
 from liaisons.holding.sampling import SampledMechanism, in_directions
-from liaisons.holding.subjects import SETTINGS, sampled_subject
+from liaisons.holding.subjects import SETTINGS, planned_motion, sampled_subject
 from liaisons.language import Orientation
 from liaisons.library import Target
 from liaisons.planning.goals import by_name, motion_names
@@ -46,6 +46,8 @@ from liaisons.planning.plans import JUMP_LEAD, Plan
 _BOUND_NAMES = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Names that a Regulator has for the bounds of a correction, of its rate and of its acceleration."""
 _UNBOUNDED = 1e30
+_LEAST_GROWTH = 1 + 1e-6
+"""Multipliers above it grow."""
 
 
 def hold(
@@ -130,11 +132,11 @@ def hold(
     return replace(controller, observer=observer)
 
 
-def _spectral_radius(matrix: Array) -> float:
+def _perturbed_radius(matrix: Array) -> float:
     """Spectral radius, maximised over perturbations as large as the integration error."""
     random, size = np.random.default_rng(0), SETTINGS.integration_error * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
-    return float(np.max(np.abs(np.linalg.eigvals(near)), initial=0.0))
+    return spectral_radius(near)
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,8 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
     :raises PlanError: if a held coordinate is not controllable.
     """
     sigma = sampled.sigma
-    planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
+    planned = np.dstack([sigma, sigma])
+    planned[:, :2, 1] += H * sigma[:, 1:]
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
     trajectory = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
     D = sampled.directions(reference[:, 0], sigma)
@@ -176,25 +179,27 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
     (Q,) = criterion.costs(sampled, [D])
     constant = _constant_directions([(A, B)])
     V, U = reachable_subspace((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
-    K = np.zeros((B.shape[1], len(A)))
+    R = criterion.effort * np.eye(B.shape[1])
+    K = np.zeros((len(R), len(A)))
     with suppress(np.linalg.LinAlgError):
-        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, criterion.effort * np.eye(B.shape[1])) @ V.T
-    if not _spectral_radius(V.T @ (A - B @ K) @ V) < 1:
+        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
+    if not _perturbed_radius(V.T @ (A - B @ K) @ V) < 1:
         raise PlanError(
             f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {H:g} s hardly reach all that "
             "falls; Riccati's equation has no solution in 16 digits"
         )
     if U.size:
         fixed = np.eye(len(A))[:, constant]
-        U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(constant)]])
-        is_bounded = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
+        changing, _, _ = np.linalg.svd(U - fixed @ (fixed.T @ U))
+        U = np.hstack([fixed, changing[:, : U.shape[1] - len(constant)]])
+        is_bounded = spectral_radius(U.T @ A @ U) < _LEAST_GROWTH
         target, missed = rest_targets(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
         for j in range(U.shape[1]):
             if not is_bounded or (j >= len(constant) and missed[j] > RANK):
                 raise _uncontrollable_error(sampled, D, U[:, j])
         K -= K @ V @ target @ U.T
     _refuse_bounds(sampled, criterion.bounds, sigma)
-    cost = None if U.size else (B, Q, criterion.effort * np.eye(B.shape[1]))
+    cost = None if U.size else (B, Q, R)
     prediction = LinearPrediction(A - B @ K, D, D, V, _states_along(sampled, D, constant), returns=True, cost=cost)
     gains = [K @ np.linalg.pinv(D)]
     return _controller(sampled, H, trajectory, gains=gains, bounds=criterion.bounds, prediction=prediction)
@@ -215,7 +220,8 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     transition, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
         y, planned = trajectory.states[: len(sampled.names), -1], trajectory.motion[:, :, [-1, -1]]
-        at_rest = in_directions(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
+        _, at_rest = sampled.steps(np.array([0.0, H]), planned, H, y)
+        at_rest = in_directions(at_rest, [D[-1], D[-1]])
         ((A, B),) = at_rest
         V, U = reachable_subspace(A - np.eye(len(A)), np.hstack([B, inputs]))
         _refuse_uncontrolled_growth(sampled, D[-1], U, A)
@@ -234,9 +240,9 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     gains, constant = [*solution[0], after], _constant_directions(steps)
     loop = transition_matrix(steps, gains)
     fixed = np.eye(len(transition))[:, constant]
-    left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
+    changing, sizes, _ = np.linalg.svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _states_along(sampled, D[0], constant)
-    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)
+    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in changing[:, sizes > RANK].T)
     _refuse_bounds(sampled, criterion.bounds)
     bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _quantities(sampled)} | dict(criterion.bounds)
     gains = [K @ np.linalg.pinv(basis) for K, basis in zip(gains, D, strict=True)]
@@ -256,11 +262,12 @@ def _reference_trajectory(
     if most < T / H:
         raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {most} steps; give a longer one")
     instant = max(JUMP_LEAD * T, 3 * rounding(T))  # so far apart a run distinguishes two instants
-    edges = [0.0, *motion.switches, T]
-    parts = [np.linspace(a, b, max(1, int(np.ceil((b - a) / H - 1e-9))), endpoint=False) for a, b in pairwise(edges)]
+    parts = []
+    for begin, end in pairwise([0.0, *motion.switches, T]):
+        count = max(1, int(np.ceil((end - begin) / H - 1e-9)))
+        parts.append(np.linspace(begin, end, count, endpoint=False))
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
-    sigma = motion.sigma(times)
-    planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
+    planned = planned_motion(motion, times)
     reference, steps = _steps_to_end(motion, sampled, times, planned, H)
     gap, closure = np.abs(reference[:, -1] - reference[:, 0]), SETTINGS.closure
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
@@ -330,7 +337,7 @@ def _controller(
     :param gains: of states divided by sizes.
     """
     symbols = sampled.symbols
-    starts = {parameter: float(symbols.parameters[parameter]) for parameter in symbols.start_parameters.values()}
+    starts = sampled.start_values
     for i, m in enumerate(sampled.moves):
         starts |= by_name(motion_names(m), map(float, trajectory.motion[i, :, 0]))
     return Controller(
@@ -380,7 +387,8 @@ def _correction_limits(
     :raises PlanError: if a force is bounded where the effective mass vanishes.
     """
     n, last = len(sampled.names), trajectory.times.size - 1
-    forces, masses = np.split(np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points]), [1], axis=2)
+    along = np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points])
+    forces, masses = along[:, :, 0], along[:, :, 1:]
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs} | dict(bounds)
     ends = np.array([[_finite_ends(allowed[name]) for name in motion_names(m)] for m in sampled.moves])
     low = np.minimum(0.0, ends[:, :, :1] - trajectory.motion)  # (moves, 3, knots)
@@ -395,11 +403,17 @@ def _correction_limits(
                 f"acceleration tells the force; bound {m}_ddot"
             )
         least, most = _finite_ends(bounds[f"{m}_force"])
-        margins = np.array([np.minimum(0, least - forces[:, j, 0]), np.maximum(0, most - forces[:, j, 0])])
+        margins = np.array(
+            [
+                np.minimum(0, least - forces[:, j]),
+                np.maximum(0, most - forces[:, j]),
+            ]
+        )
         acts = sizes > negligible * sizes.max()
         shares = acts.sum(axis=1)
         for i in np.flatnonzero(acts.any(axis=0)):
-            least, most = np.sort(margins / np.where(acts[:, i], masses[:, j, i] * shares, negligible), axis=0)
+            mass = np.where(acts[:, i], masses[:, j, i] * shares, negligible)
+            least, most = np.sort(margins / mass, axis=0)
             low[i, 2] = np.maximum(low[i, 2], least)
             high[i, 2] = np.minimum(high[i, 2], most)
     ahead = np.arange(last + 1)[:, None] + np.arange(SETTINGS.knots_ahead + 1)
@@ -444,10 +458,12 @@ def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: 
 
 def _constant_directions(steps: Sequence[Step]) -> list[int]:
     """Indices of the directions that no step and no input changes."""
-    n = len(steps[0][0])
-    return [
-        i for i in range(n) if all(np.allclose(A[i], np.eye(n)[i]) and not np.any(np.abs(B[i]) > 0) for A, B in steps)
-    ]
+    rows = np.eye(len(steps[0][0]))
+
+    def is_constant(i: int) -> bool:
+        return all(np.allclose(A[i], rows[i]) and not B[i].any() for A, B in steps)
+
+    return [*filter(is_constant, range(len(rows)))]
 
 
 def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence[int]) -> tuple[str, ...]:
@@ -462,7 +478,7 @@ def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> st
 
 def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
     """Raise an error for a deviation that grows and is not controllable."""
-    if U.size and np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) > 1 + 1e-6:
+    if U.size and spectral_radius(U.T @ A @ U) > _LEAST_GROWTH:
         values, vectors = np.linalg.eig((U.T @ A @ U).T)
         worst = np.real(vectors[:, int(np.argmax(np.abs(values)))])
         raise _uncontrollable_error(sampled, directions, U @ worst)

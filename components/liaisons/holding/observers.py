@@ -24,7 +24,7 @@ from liaisons.errors import PlanError
 from liaisons.holding.filtering import EstimationModel, identifier
 from liaisons.interface import System, operator
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
-from liaisons.library import build, fmu_path
+from liaisons.library import Target, build, fmu_path
 from liaisons.planning.goals import Array, by_name, chain_size, motion_names
 from liaisons.planning.plans import Plan
 
@@ -64,9 +64,9 @@ class Observer:
     @cached_property
     def corrected(self) -> tuple[Array, Array]:
         """Covariance after the first measurement, of a steady filter after each, and its gain; divided by sizes."""
-        point = self.model.start, self.model.sampled.sigma
-        results = self.model.correct(point[0], self.covariance, point[1], self.model.measure(*point)[0])
-        return np.array(results[1]), np.array(results[3])
+        model, x, sigma = self.model, self.model.start, self.model.sampled.sigma
+        _, after, _, gain = model.correct(x, self.covariance, sigma, model.measure(x, sigma)[0])
+        return np.array(after), np.array(gain)
 
     @property
     def gain(self) -> Array:
@@ -87,8 +87,7 @@ class Observer:
     @property
     def multipliers(self) -> Any:
         """Eigenvalues of the error of a steady filter over one period."""
-        model, sigma = self.model, self.model.sampled.sigma
-        F, C = np.array(model.predict(model.start, sigma, sigma)[1]), np.array(model.measure(model.start, sigma)[1])
+        F, _, C = self.model.at_start()
         return np.linalg.eigvals(self.directions.T @ (F - self.corrected[1] @ C @ F) @ self.directions)
 
     @cached_property
@@ -102,7 +101,8 @@ class Observer:
         step, period = model.step(self.covariance if steady else None), model.period
         variables = model.sampled.symbols.model
         units = {v.name: v.unit for v in (*variables.inputs, *variables.outputs)}
-        measured, motion = [*map(identifier, model.measured)], [x for m in model.sampled.moves for x in motion_names(m)]
+        measured = [*map(identifier, model.measured)]
+        motion = [name for m in model.sampled.moves for name in motion_names(m)]
         triangle = [] if steady else [f"covariance_{i + 1}_{j + 1}" for j in range(n) for i in range(j, n)]
         body: dict[str, Any] = {"period": Parameter(period, "s", "sampling period", minimum=period, maximum=period)}
 
@@ -131,7 +131,8 @@ class Observer:
                 return ca.vertcat(*(filter_.symbols[name] for name in names))
 
             begin, end = (ca.reshape(column(names), 3, -1).T for names in (before, motion))
-            x, y = column(self.outputs.values()) / model.sizes, (column(readings) + column(noises)) / model.noise
+            x = column(self.outputs.values()) / model.sizes
+            y = (column(readings) + column(noises)) / model.noise
             x, P, e = step(filter_.samples < 0.5, x, column(triangle), begin, end, y)
             after = ca.vertcat(x * model.sizes, P, e, column(motion), 1)
             return by_name((*self.outputs.values(), *triangle, *innovations, *before, "samples"), ca.vertsplit(after))
@@ -158,13 +159,11 @@ class Observer:
         """
         starts, sampled = merged(self.name, start_values, keywords, PlanError), self.model.sampled
         if self.motion is None:
-            system, symbols = System(f"observed_{self.name}"), sampled.symbols
-            sizes = chain_size(symbols.goal.component, symbols.goal.values)
-            values: dict[str, Any] = {name: x for name, x in symbols.goal.values.items() if name not in sizes}
-            values |= {name: symbols.parameters[name] for name in symbols.start_parameters.values()} | starts
+            system, goal = System(f"observed_{self.name}"), sampled.symbols.goal
+            settings: dict[str, Any] = sampled.start_values | starts
             for m, (x, rate, _) in zip(sampled.moves, sampled.sigma.tolist(), strict=True):
-                values[m] = operator("Ramp", offset=x, rate=rate)
-            system.add(self.name, fmu_path(symbols.goal.component, **sizes), **values)
+                settings[m] = operator("Ramp", offset=x, rate=rate)
+            add_mechanism(system, self.name, goal.component, goal.values, **settings)
         else:
             system = self.motion.system().with_start_values({f"{self.name}.{name}": x for name, x in starts.items()})
         self.connect_to(system)
@@ -223,9 +222,11 @@ class Observer:
         model, nees, rank = self.model, 0.0, 0
         innovations = [f"{self.part}.{identifier(m)}_innovation" for m in model.measured]
         e = np.array([[run[name][:-1] for name in innovations] for run, _ in runs])
-        lagged = [np.einsum("rik,rjk->ij", e[:, :, k:], e[:, :, :-k]) for k in range(1, _LAGS + 1)]
-        pairs = len(runs) * (e.shape[2] - np.arange(1, _LAGS + 1))
-        power, freedom = np.sum(np.square(lagged) / pairs[:, None, None]), _LAGS * e.shape[1] ** 2
+        power, freedom = 0.0, _LAGS * e.shape[1] ** 2
+        for k in range(1, _LAGS + 1):
+            late, early = e[:, :, k:], e[:, :, :-k]
+            pairs = len(runs) * late.shape[2]
+            power += np.sum(np.einsum("rik,rjk->ij", late, early) ** 2) / pairs
         ones = range(1, len(model.states) + 1)
 
         def last(run: Result, name: str) -> float:
@@ -238,7 +239,8 @@ class Observer:
             if self.motion:
                 P = np.array([[last(run, f"covariance_{max(i, j)}_{min(i, j)}") for i in ones] for j in ones])
             off = D.T @ (truth[:, -1] / model.sizes - estimate)
-            nees, rank = nees + float(off @ np.linalg.solve(D.T @ P @ D, off)), rank + D.shape[1]
+            nees += float(off @ np.linalg.solve(D.T @ P @ D, off))
+            rank += len(off)
         statistics = {
             "innovations have the size that their covariance says, χ² of all": (np.sum(e**2), e.size),
             f"they are white, χ² of {_LAGS} autocorrelations": (power, freedom),
@@ -249,6 +251,16 @@ class Observer:
     def __repr__(self) -> str:
         text = ", ".join(f"{name} ± {value:.3g}" for name, value in self.standard_deviations.items())
         return f"<{self.name} observed by {', '.join(self.model.measured)} every {self.model.period:g} s: {text}>"
+
+
+def add_mechanism(system: System, name: str, target: Target, values: Mapping[str, float], **settings: Any) -> Any:
+    """Add a mechanism to a system; returns its component.
+
+    :param values: of parameters, the number of links included; ``settings`` are further ones, which prevail.
+    """
+    sizes = chain_size(target, values)
+    own = {parameter: value for parameter, value in values.items() if parameter not in sizes}
+    return system.add(name, fmu_path(target, **sizes), **own | settings)
 
 
 def normal_verdict(claim: str, value: float) -> Verdict:

@@ -12,9 +12,9 @@ from liaisons.base.arguments import listed, merged, named, positive
 from liaisons.errors import PlanError
 from liaisons.holding.filtering import EstimationModel, Uncertainty
 from liaisons.holding.observers import Observer
-from liaisons.holding.subjects import sampled_subject
+from liaisons.holding.subjects import planned_motion, sampled_subject
 from liaisons.library import Target
-from liaisons.planning.goals import motion_names, values_by_element
+from liaisons.planning.goals import values_by_element
 from liaisons.planning.plans import Plan
 
 
@@ -93,8 +93,7 @@ def observe(
     if motion.problem.control_order < 2 and motion.switches.size:
         words = "an observer reads σ at samples, between which it must not jump"
         raise PlanError(f"{sampled.name}: the plan jumps at {motion.switches[0]:g} s; {words}")
-    planned = motion.sigma(np.arange(round(motion.duration / H) + 1) * H)
-    path = np.array([[planned[name] for name in motion_names(m)] for m in sampled.moves]).transpose(2, 0, 1)
+    path = planned_motion(motion, np.arange(round(motion.duration / H) + 1) * H).transpose(2, 0, 1)
     x, D, rows = model.start, model.tangents(model.start, path[0]), []
     passed = np.eye(len(x))
     for begin, end in pairwise(path):

@@ -15,20 +15,18 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import svd
 
 from liaisons.base.hermite import coefficients
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import closure, stack
-from liaisons.holding.feedback import Step
+from liaisons.holding.feedback import Step, image, spectral_radius
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
 from liaisons.planning.goals import Array, Goal, by_name, motion_names, unit_quaternion
-from liaisons.planning.symbols import goal_symbols
+from liaisons.planning.symbols import GoalSymbols, goal_symbols
 from liaisons.planning.transcription import runge_kutta
 
-_POWERS = np.arange(6)
-_DERIVATIVE = ca.DM(np.diag(_POWERS[1:], 1))
+_DERIVATIVE = ca.DM(np.diag(np.arange(1, 6), 1))
 """Derivative of a polynomial: a row of powers times this matrix."""
 _HERMITE = coefficients(3)
 """Quintic Hermite interpolation: value, rate and acceleration at 0 and 1 -> coefficients."""
@@ -56,14 +54,9 @@ class SampledMechanism:
         longest: float,
         extents: Mapping[str, float] | None = None,
     ) -> None:
-        symbols = goal_symbols(goal)
-        starts, parameters, start = symbols.start_parameters, dict(symbols.parameters), symbols.start
-        for name, axes in symbols.quaternions.items():
-            if name in start:
-                unit = unit_quaternion(f"{symbols.name}: {name}", start[name])
-                parameters |= {starts[axis]: float(x) for axis, x in zip(axes, unit, strict=True)}
-        self.symbols = symbols = replace(symbols, parameters=parameters)
+        self.symbols = symbols = _with_unit_quaternions(goal_symbols(goal))
         self.interpolate, self.name, self.moves = interpolate, symbols.name, goal.moves
+        starts, start = symbols.start_parameters, symbols.start
         self.is_constrained = any(v.name.endswith("_residual") for v in symbols.model.outputs)
         self.sigma = np.zeros((len(self.moves), 3))
         self.sigma[:, 0] = symbols.initial_sigma
@@ -81,8 +74,8 @@ class SampledMechanism:
         self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
         internal = {state.name for state in getattr(symbols.component, "internal_states", ())}
         self.internal = [name for name in self.names if name in internal]
-        free = (n for n in self.names if n in starts and not n.endswith(Orientation.momenta) and n not in internal)
-        self.free = (*free, *self.held_moves)
+        coordinates = (name for name in self.names if name in starts and not name.endswith(Orientation.momenta))
+        self.free = (*(name for name in coordinates if name not in internal), *self.held_moves)
         _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
         self.states = (*self.names, *self.held_moves, *chain.from_iterable(derivatives))
         if len(self.states) > READINGS:
@@ -97,7 +90,7 @@ class SampledMechanism:
         A = np.array(self._slopes(self.start[self.state_indices], *self.sigma.T))[:, 1 : 1 + n]
         if self.is_constrained:  # along the constraints
             A = np.array(self._projection(self.start, *self.sigma.T))[:, 1 : 1 + n] @ A
-        return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))
+        return spectral_radius(A)
 
     @cached_property
     def moves_freely(self) -> bool:
@@ -169,13 +162,16 @@ class SampledMechanism:
             return 2 * float(z[energy]), np.array(y).ravel()[: len(states)]
 
         moved = {rate: at_unit_rate(rate) for rate in rates}
-        inertia = {u: np.array([moved[rate][0] for rate, q in rates.items() if units[q] == u]) for u in units.values()}
-        mean = {u: float(np.exp(np.mean(np.log(m[m > 0])))) for u, m in inertia.items() if m.max() > 0}
         values = by_name(states, self.start) | sigma | dict(self._extents)
-        far = {u: max(abs(values.get(q, 0.0)) for q in units if units[q] == u) or 1.0 for u in inertia} | {"rad": 1.0}
+        mean, extents = dict[str, float](), {"rad": 1.0}
+        for unit in dict.fromkeys(units.values()):
+            extents.setdefault(unit, max(abs(values.get(q, 0.0)) for q in units if units[q] == unit) or 1.0)
+            inertia = np.array([moved[rate][0] for rate, q in rates.items() if units[q] == unit])
+            if inertia.max() > 0:
+                mean[unit] = float(np.exp(np.mean(np.log(inertia[inertia > 0]))))
         first = "rad" if "rad" in mean else next(iter(mean), "rad")
-        inertia_size = mean.get(first, 1.0) * far[first] ** 2
-        by_unit = {u: np.sqrt(inertia_size / mean[u]) if u in mean else x for u, x in far.items()}
+        inertia_size = mean.get(first, 1.0) * extents[first] ** 2
+        by_unit = extents | {unit: np.sqrt(inertia_size / inertia) for unit, inertia in mean.items()}
         coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
         coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal}
         changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()])
@@ -218,15 +214,14 @@ class SampledMechanism:
         if not self.is_constrained:
             return slopes
         n, c = len(self.names), len(self.moves)
-        y, *sigma = arguments = [ca.MX.sym("y", n), *(ca.MX.sym(name, c) for name in ("s", "v", "a"))]
+        y, sigma = ca.MX.sym("y", n), [ca.MX.sym(name, c) for name in ("s", "v", "a")]
         full_state = ca.MX(ca.DM(self.start))
         full_state[self.state_indices] = y
         projection = self._projection(full_state, *sigma)
-        rates, of_y, of_motion, of_acceleration = ca.horzsplit(
-            slopes(projection[:, 0], *sigma), [0, 1, 1 + n, 1 + n + 2 * c, 1 + n + 3 * c]
-        )
+        ends = np.cumsum([0, 1, n, 2 * c, c]).tolist()
+        rates, of_y, of_motion, of_acceleration = ca.horzsplit(slopes(projection[:, 0], *sigma), ends)
         of_projected = of_y @ projection[:, 1:] + ca.horzcat(ca.MX(n, n), of_motion)
-        return ca.Function("slopes", arguments, [ca.horzcat(rates, of_projected, of_acceleration)])
+        return ca.Function("slopes", [y, *sigma], [ca.horzcat(rates, of_projected, of_acceleration)])
 
     def rates(self, y: Array, sigma: Array) -> Array:
         """Rates of the mechanism's states.
@@ -264,9 +259,8 @@ class SampledMechanism:
         """
         n, c = len(self.names), len(self.moves)
         z, p = ca.MX.sym("z", n + 1, 1 + n + 6 * c), ca.MX.sym("p", 6, c + 7)
-        H, powers = p[0, -1], ca.horzcat(*(z[n, 0] ** k for k in range(6)))
-        rates = powers @ _DERIVATIVE / H
-        bases = ca.vertcat(powers, rates, rates @ _DERIVATIVE / H)  # (orders, powers)
+        H = p[0, -1]
+        bases = _powers(z[n, 0], H)
         slopes = self._slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :c]))
         forced = slopes[:, 1 + n :] @ ca.kron(bases @ p[:, c:-1], ca.DM.eye(c))
         change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
@@ -292,22 +286,17 @@ class SampledMechanism:
         scale = np.array([1.0, H, H**2])
         if self.interpolate:
             return _HERMITE * np.tile(scale, 2)
-        return np.hstack([np.diag([1.0, 1.0, 0.5, 0, 0, 0])[:, :3] * scale, np.zeros((6, 3))])
+        extrapolation = np.zeros((6, 6))
+        extrapolation[:3, :3] = np.diag(scale / [1, 1, 2])
+        return extrapolation
 
-    def reconstructed(self, begin: ca.SX, end: ca.SX, H: float) -> Callable[[float], ca.SX]:
+    def reconstructed(self, begin: ca.SX, end: ca.SX, H: float) -> Callable[[ca.SX], ca.SX]:
         """Function of the elapsed part of a step -> σ and its two rates there, (moves, 3).
 
         :param begin: the same at the start of the step, ``end`` at its end.
         """
-        powers = ca.DM(self._reconstruction(H)) @ ca.vertcat(begin.T, end.T)
-
-        def motion(part: float) -> ca.SX:
-            bases = [ca.DM(part**_POWERS).T]
-            for _ in range(2):
-                bases.append(bases[-1] @ _DERIVATIVE / H)
-            return (ca.vertcat(*bases) @ powers).T
-
-        return motion
+        coefficients = ca.DM(self._reconstruction(H)) @ ca.vertcat(begin.T, end.T)
+        return lambda part: (_powers(part, H) @ coefficients).T
 
     def expressions(
         self, y: ca.SX, motion: ca.SX, forces: Mapping[str, ca.SX], signals: Sequence[str]
@@ -325,20 +314,19 @@ class SampledMechanism:
         symbols, rows = replace(self.symbols, inputs=inputs), self.state_indices
         state = ca.SX(ca.DM(self.start))
         state[rows] = y
-        readings, project = ca.vertcat(*(symbols.signals[name] for name in signals)), symbols.model.project
+        readings = ca.vertcat(*(symbols.signals[name] for name in signals))
         for x in (x for i, x in enumerate(ca.vertsplit(symbols.state)) if i not in rows):
             if ca.depends_on(readings, x):
                 moves = ", ".join(self.moves)
                 raise PlanError(f"{self.name}: {', '.join(signals)} depends on {x.name()}, which {moves} cannot move")
-        u, k, columns = (
-            stack((inputs | symbols.moved).values()),
-            stack(symbols.parameters.values()),
-            ca.horzsplit(motion),
-        )
-        whole = symbols.state if project is None else project(0, ca.vertcat(symbols.state, 0, 0), u, k)
-        results = [symbols.rates[rows], whole[rows], readings]
-        rates, projected, readings = ca.substitute(results, [symbols.state, *symbols.motion], [state, *columns])
+        results = [symbols.rates[rows], _projected(symbols)[rows], readings]
+        rates, projected, readings = ca.substitute(results, symbols.arguments, [state, *ca.horzsplit(motion)])
         return rates, projected, readings
+
+    @property
+    def start_values(self) -> dict[str, float]:
+        """Start values of the mechanism by parameters."""
+        return {name: float(self.symbols.parameters[name]) for name in self.symbols.start_parameters.values()}
 
     @property
     def ports(self) -> list[str]:
@@ -356,8 +344,13 @@ class SampledMechanism:
         D = np.eye(len(self.states))
         for axes in self.quaternions.values():
             i, *_ = indices = [self.states.index(axis) for axis in axes]
-            w, x, y, z = reference[indices]
-            D[np.ix_(indices, indices[1:])] = np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
+            w, x, y, z = reference[indices] / 2
+            D[np.ix_(indices, indices[1:])] = [
+                [-x, -y, -z],
+                [w, -z, y],
+                [z, w, -x],
+                [-y, x, w],
+            ]
             D = np.delete(D, i, axis=1)
         return D
 
@@ -368,19 +361,22 @@ class SampledMechanism:
         of_moves = np.array([self._start_sizes[0][m] for m in self.moves])
         sizes = np.concatenate([self.sizes[:n], of_moves, of_moves / self.time])
         slopes *= sizes / sizes[:n, None]
-        along: Any = svd(slopes[:, :n])
-        D = np.zeros((n + 3 * c, n + 3 * c))
-        D[:n], D[n:, n:] = np.hstack([along[0], slopes[:, n:], np.zeros((n, c))]), np.eye(3 * c)
-        left = [i for i, size in enumerate(along[1]) if size > 0.5]  # a projection's are 1 or more, or 0
-        return D[np.ix_(self.rows, [*left, *(row for row in self.rows if row >= n)])]
+        of_states = image(slopes[:, :n])
+        rank = of_states.shape[1]
+        D = np.block(
+            [
+                [of_states, slopes[:, n:], np.zeros((n, c))],
+                [np.zeros((3 * c, rank)), np.eye(3 * c)],
+            ]
+        )
+        columns = [*range(rank), *(row - n + rank for row in self.rows if row >= n)]
+        return D[np.ix_(self.rows, columns)]
 
     @cached_property
     def _projection(self) -> ca.Function:
         """Function (y, σ, σ̇, σ̈) -> y projected onto the constraints, and derivatives by y, σ and σ̇, side by side."""
-        symbols, project = self.symbols, self.symbols.model.project
-        assert project is not None  # there are constraints
-        columns = stack((symbols.inputs | symbols.moved).values()), stack(symbols.parameters.values())
-        projected = project(0, ca.vertcat(symbols.state, 0, 0), *columns)[self.state_indices]
+        symbols = self.symbols
+        projected = _projected(symbols)[self.state_indices]
         slopes = [ca.jacobian(projected, x) for x in (symbols.state[self.state_indices], *symbols.motion[:2])]
         return ca.Function("projection", symbols.arguments, [ca.densify(ca.horzcat(projected, *slopes))])
 
@@ -407,14 +403,53 @@ class SampledMechanism:
         return ca.Function("forces", symbols.arguments, [ca.densify(ca.horzcat(symbols.forces, symbols.mass))])
 
 
+def _with_unit_quaternions(symbols: GoalSymbols) -> GoalSymbols:
+    """The same symbols, with unit quaternions as start values of orientations."""
+    parameters, start = dict(symbols.parameters), symbols.start
+    for name, axes in symbols.quaternions.items():
+        if name in start:
+            unit = unit_quaternion(f"{symbols.name}: {name}", start[name])
+            parameters |= by_name((symbols.start_parameters[axis] for axis in axes), map(float, unit))
+    return replace(symbols, parameters=parameters)
+
+
+def _projected(symbols: GoalSymbols) -> ca.SX:
+    """All states of a mechanism, projected onto the constraints."""
+    project = symbols.model.project
+    if project is None:
+        return symbols.state
+    inputs, parameters = stack((symbols.inputs | symbols.moved).values()), stack(symbols.parameters.values())
+    return project(0, ca.vertcat(symbols.state, 0, 0), inputs, parameters)
+
+
+def _powers(part: ca.SX | ca.MX, H: ca.MX | float) -> Any:
+    """Powers of the elapsed part of a step of size H and their two derivatives by time, (3, powers)."""
+    values = ca.horzcat(*(part**k for k in range(6)))
+    rates = values @ _DERIVATIVE / H
+    return ca.vertcat(values, rates, rates @ _DERIVATIVE / H)
+
+
 def _correction_step(H: float, period: float, count: int) -> Step:
     """M and N of (x, x', x'') -> M (x, x', x'') + N w, a step of corrections with d x''/dt = (w - x'') / period."""
-    e = np.exp(-H / period)
-    gone = period * (1 - e)
+    left = np.exp(-H / period)
+    gone = period * (1 - left)
     delay = period * (H - gone)
-    M, N = np.array([[1, H, delay], [0, 1, gone], [0, 0, e]]), np.array([[H**2 / 2 - delay], [H - gone], [1 - e]])
+    M = np.array(
+        [
+            [1, H, delay],
+            [0, 1, gone],
+            [0, 0, left],
+        ]
+    )
+    N = np.array(
+        [
+            [H**2 / 2 - delay],
+            [H - gone],
+            [1 - left],
+        ]
+    )
     one = np.eye(count)
-    return np.asarray(np.kron(M, one), dtype=float), np.asarray(np.kron(N, one), dtype=float)
+    return np.kron(M, one), np.kron(N, one)
 
 
 def in_directions(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:

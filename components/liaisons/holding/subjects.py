@@ -12,7 +12,7 @@ from liaisons.base.arguments import named, numbers, positive, shown
 from liaisons.errors import PlanError
 from liaisons.holding.sampling import SampledMechanism
 from liaisons.library import Target, component
-from liaisons.planning.goals import Goal, by_name, duration_range, is_expression, motion_names, move_names
+from liaisons.planning.goals import Array, Goal, by_name, duration_range, is_expression, motion_names, move_names
 from liaisons.planning.plans import Plan
 from liaisons.planning.symbols import ROUNDING, goal_symbols
 
@@ -130,3 +130,9 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
         longest=T / SETTINGS.least_radians,
         extents=extents,
     )
+
+
+def planned_motion(motion: Plan, times: Array) -> Array:
+    """σ and its two rates at times [s], (moves, 3, times)."""
+    sigma = motion.sigma(times)
+    return np.array([[sigma[name] for name in motion_names(m)] for m in motion.goal.moves])
