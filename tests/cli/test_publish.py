@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from importlib import import_module, invalidate_caches
 from pathlib import Path
 
@@ -14,7 +15,10 @@ from liaisons import System, equations, modelica, operator, simulate
 from liaisons.base.published import published
 from liaisons.base.version import __version__
 from liaisons.errors import ProjectError
+from liaisons.fmu.origin import provenance
 from liaisons.library import component_names, components, variables
+from liaisons.mechanics import assemble
+from liaisons.models import Oscillator
 
 from . import documents
 from .conftest import Cli, Runs, is_misuse
@@ -229,6 +233,29 @@ def test_what_cannot_be_loaded_is_named_and_left_out(
     assert reply.status == 0
     assert "warning: left out: " + label in reply.err
     assert reply.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("about", "expected"),
+    [
+        ("Author: A. & B.\nLicense-Expression: MIT\nLicense: no more\n", {"author": "A. & B.", "license": "MIT"}),
+        ("Author-email: A <a@b.org>\nLicense: free\n", {"author": "A <a@b.org>", "license": "free"}),
+        ("", {}),
+    ],
+)
+def test_an_fmu_has_author_version_and_licence_of_its_package(
+    install: Install, tmp_path: Path, about: str, expected: dict[str, str]
+) -> None:
+    """Of a package that publishes another class of the same module, too."""
+    install("lines", {"Bead": "lines.lines:Bead"})
+    install("others", {"Ring": "others:Ring"})
+    with (tmp_path / "site-packages" / "lines-1.0.dist-info" / "METADATA").open("a") as file:
+        file.write(about)
+    bead = assemble(Oscillator)
+    for module in ("lines.lines", "lines", "lines.more"):
+        assert provenance(replace(bead, module=module)) == {"version": "1.0"} | expected
+    assert provenance(replace(bead, module="linesmen")) == {}
+    assert provenance(bead)["author"] == "the liaisons authors"
 
 
 # ---- as a user does it ---------------------------------------------------------------------------------------------

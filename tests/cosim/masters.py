@@ -35,6 +35,7 @@ from fmpy.simulation import apply_start_values, instantiate_fmu
 from liaisons import System
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.instances import Instance, make
+from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
 
 _LIBCOSIM = """
@@ -187,28 +188,14 @@ def in_order(system: System, folder: Path, times: Vector, ahead: Mapping[str, st
     :param ahead: parts that step before all others, with the part that takes their outputs at the end of its own step
         (Gauss-Seidel); without it all step at once (Jacobi).
     """
-    slaves: dict[str, Any] = {}
-    numbers: dict[str, dict[str, int]] = {}
-    for name, part in system.parts.items():
-        description = fmpy.read_model_description(part.fmu.path, validate=False)
-        slave = instantiate_fmu(fmpy.extract(part.fmu.path, folder / name), description, fmi_type="CoSimulation")
-        slaves[name], numbers[name] = slave, {v.name: v.valueReference for v in description.modelVariables}
-        starts = {
-            element: value
-            for variable, values in part.starts.items()
-            for element, value in zip(part.fmu.elements(variable), np.ravel(values).tolist(), strict=True)
-        }
-        slave.setupExperiment(tolerance=1e-11, startTime=0.0)
-        apply_start_values(slave, description, starts, settable=lambda _: True)
-        slave.enterInitializationMode()
+    slaves = {name: _slave(part, folder / name) for name, part in system.parts.items()}
 
     def read(owner: str, variable: str) -> float:
-        return float(slaves[owner].getReal([numbers[owner][variable]])[0])
+        return float(slaves[owner].getReal([system.parts[owner].fmu.variables[variable].reference])[0])
 
     def hand_on(links: Iterable[Connection]) -> None:
         for link in links:
-            owner, variable = link.target.place
-            slaves[owner].setReal([numbers[owner][variable]], [read(*link.source.place)])
+            slaves[link.target.part.name].setReal([link.target.variable.reference], [read(*link.source.place)])
 
     def enters(before: Connection, link: Connection) -> bool:
         (owner, output), (reader, variable) = link.source.place, before.target.place
@@ -232,6 +219,19 @@ def in_order(system: System, folder: Path, times: Vector, ahead: Mapping[str, st
         slave.terminate()
         slave.freeInstance()
     return values
+
+
+def _slave(part: SystemComponent, folder: Path) -> Any:
+    """A component in FMPy, in initialization, with its start values."""
+    description = fmpy.read_model_description(part.fmu.path, validate=False)
+    slave: Any = instantiate_fmu(fmpy.extract(part.fmu.path, folder), description, fmi_type="CoSimulation")
+    starts: dict[str, Any] = {}
+    for variable, values in part.starts.items():
+        starts |= zip(part.fmu.elements(variable), np.ravel(values).tolist(), strict=True)
+    slave.setupExperiment(tolerance=1e-11, startTime=0.0)
+    apply_start_values(slave, description, starts, settable=lambda _: True)
+    slave.enterInitializationMode()
+    return slave
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Closed loops of ``hold`` in other masters: mechanism, regulators and observer as FMUs, at steps that divide the period.
+"""Closed loops of ``hold`` in other masters: mechanism, regulators and observer, at steps that divide the period.
 
 Between samples σ moves, and the mechanism reconstructs it from what is handed on at communication points: at rest it
 extrapolates σ, σ̇ and σ̈; along a plan quintics interpolate them, where a master lets regulators step first.  So numbers
@@ -79,7 +79,7 @@ def test_a_loop_in_fmpy_is_our_own(motion: str, parts: int, tmp_path: Path) -> N
 
     Where an observer announces samples, our runs have a communication point close before each of them, too.
     """
-    times = np.arange(SAMPLES * parts + 1) * (T / parts)
+    times: Any = np.arange(SAMPLES * parts + 1) * (T / parts)
     if motion == "rest_measured":
         times = np.sort(np.append(times, times[parts::parts] - BEFORE))
     values = in_order(pushed(motion), tmp_path, times, None if motion.startswith("rest") else AHEAD)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -48,11 +48,23 @@ def load_published(name: str) -> tuple[str, object]:
         raise ProjectError(f"{label} cannot be loaded: {reason}") from error
 
 
+def publisher(module: str) -> Distribution | None:
+    """Return the installed package that publishes components in the top-level module of a module, if one does."""
+    top = module.partition(".")[0]
+    entries = (entry for package in published().values() for entry in package.values())
+    return next((entry.dist for entry in entries if _top_module(entry) == top), None)
+
+
+def _top_module(entry: EntryPoint) -> str:
+    """Return ``my_mechanics`` of ``my_mechanics.incline_block:InclineBlock``."""
+    return entry.value.partition(":")[0].partition(".")[0].strip()
+
+
 def published_scenarios() -> dict[str, dict[str, Path]]:
     """Return, by package, paths of scenarios by name: of the folder ``scenarios`` in its module; none is imported."""
     packages: dict[str, dict[str, Path]] = {}
     for package, entries in published().items():
-        modules = {entry.value.partition(":")[0].partition(".")[0].strip() for entry in entries.values()} - {""}
+        modules = {*map(_top_module, entries.values())} - {""}
         folders = [Path(f) for s in map(find_spec, modules) if s for f in s.submodule_search_locations or ()]
         packages[package] = {path.stem: path for folder in folders for path in folder.glob("scenarios/[!_]*.py")}
     return packages

@@ -1,7 +1,7 @@
 """Author, version, licence and date of an FMU.
 
-Only a component of this package has its author and licence.  The date is never that of a clock, so that equal FMUs are
-equal files.
+A component has the author and the licence of the package that publishes it.  The date is never that of a clock, so that
+equal FMUs are equal files.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from xml.sax.saxutils import quoteattr
 
+from liaisons.base.published import publisher
 from liaisons.base.version import __date__, __version__
 from liaisons.errors import BuildError
 from liaisons.mechanics.model import Model
@@ -22,16 +23,21 @@ _BEFORE = b' generationTool="'
 def provenance(model: Model) -> dict[str, str]:
     """Return author, version, licence and date as attributes of the model description of FMI 2.0 and 3.0.
 
-    The date is that of the environment variable SOURCE_DATE_EPOCH, else, of a component of this package, that of the
-    package's version.
+    They are those of the package that publishes the component.  The date is that of the environment variable
+    SOURCE_DATE_EPOCH, else, of a component of liaisons, that of its version.
 
     :raises BuildError: if SOURCE_DATE_EPOCH is no number of seconds.
     """
     ours = f"{model.module}.".startswith("liaisons.models.")
-    about = metadata.metadata("liaisons")
-    date = _source_date() or (f"{__date__}T00:00:00Z" if ours else "")
-    attributes = {"author": about["Author"], "version": __version__, "license": about["License-Expression"]}
-    return (attributes if ours else {}) | ({"generationDateAndTime": date} if date else {})
+    package = metadata.distribution("liaisons") if ours else publisher(model.module)
+    about = {} if package is None else package.metadata.json
+    attributes = {
+        "author": about.get("author") or about.get("author_email"),
+        "version": __version__ if ours else about.get("version"),
+        "license": about.get("license_expression") or about.get("license"),
+        "generationDateAndTime": _source_date() or (f"{__date__}T00:00:00Z" if ours else ""),
+    }
+    return {name: str(value) for name, value in attributes.items() if value}
 
 
 def with_provenance(description: bytes, model: Model) -> bytes:

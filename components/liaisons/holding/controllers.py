@@ -478,7 +478,7 @@ class Controller:
         return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
 
 
-def _distance(these: Array, those: Array) -> float:
+def _distance(these: NDArray[Any], those: NDArray[Any]) -> float:
     """Greatest distance of multipliers, each of which is compared with the nearest one that is left."""
     far = np.abs(these[:, None] - those)
     return float(np.max(far[linear_sum_assignment(far)]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -50,7 +51,7 @@ def spectral_radius(matrices: Array | Sequence[Array]) -> float:
 def named_sum(names: Sequence[str], parts: Array, sizes: Array) -> str:
     """Text of Σ parts/sizes · names, its first coefficient 1."""
     vector = parts / sizes
-    terms = np.flatnonzero(np.abs(parts) > 1e-3 * np.max(np.abs(parts)))  # the rest is of order H
+    terms = np.flatnonzero(np.abs(parts) > 1e-3 * np.max(np.abs(parts))).tolist()  # the rest is of order H
     signed = [(f"{vector[i] / vector[terms[0]]:+.3g}", names[i]) for i in terms]
     text = " ".join(f"{number[0]} {number[1:]} {name}" for number, name in signed)
     return text.removeprefix("+ ").removeprefix("1 ")
@@ -60,7 +61,7 @@ def rest_targets(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
     """Coordinates along V at which x rests with C x = 0 for each direction of U, and the norms of the residuals."""
     left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
     right = np.vstack([V.T @ A @ U, -C @ U])
-    solution, *_ = np.linalg.lstsq(left, right, rcond=1e-12)
+    solution: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
     return solution, np.linalg.norm(left @ solution - right, axis=0)
 
 
@@ -71,7 +72,7 @@ def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
 
 def _gains(A: Array, B: Array, P: Array, R: Array) -> Array:
     """Gains K of one step whose final deviation costs xᵀPx."""
-    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), dtype=float)
 
 
 def riccati_recursion(steps: Sequence[Step], costs: Sequence[Array], R: Array, P: Array) -> tuple[list[Array], Array]:

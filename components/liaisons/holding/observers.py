@@ -259,7 +259,7 @@ def add_mechanism(system: System, name: str, target: Target, values: Mapping[str
     :param values: of parameters, the number of links included; ``settings`` are further ones, which prevail.
     """
     sizes = chain_size(target, values)
-    own = {parameter: value for parameter, value in values.items() if parameter not in sizes}
+    own: dict[str, Any] = {parameter: value for parameter, value in values.items() if parameter not in sizes}
     return system.add(name, fmu_path(target, **sizes), **own | settings)
 
 

@@ -422,7 +422,7 @@ def _projected(symbols: GoalSymbols) -> ca.SX:
     return project(0, ca.vertcat(symbols.state, 0, 0), inputs, parameters)
 
 
-def _powers(part: ca.SX | ca.MX, H: ca.MX | float) -> Any:
+def _powers(part: Any, H: ca.MX | float) -> Any:
     """Powers of the elapsed part of a step of size H and their two derivatives by time, (3, powers)."""
     values = ca.horzcat(*(part**k for k in range(6)))
     rates = values @ _DERIVATIVE / H
@@ -448,7 +448,7 @@ def _correction_step(H: float, period: float, count: int) -> Step:
             [1 - left],
         ]
     )
-    one = np.eye(count)
+    one: Any = np.eye(count)
     return np.kron(M, one), np.kron(N, one)
 
 

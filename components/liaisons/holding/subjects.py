@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import named, numbers, positive, shown
 from liaisons.errors import PlanError
@@ -132,7 +133,7 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
     )
 
 
-def planned_motion(motion: Plan, times: Array) -> Array:
+def planned_motion(motion: Plan, times: ArrayLike) -> Array:
     """σ and its two rates at times [s], (moves, 3, times)."""
     sigma = motion.sigma(times)
     return np.array([[sigma[name] for name in motion_names(m)] for m in motion.goal.moves])
