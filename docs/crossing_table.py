@@ -19,7 +19,8 @@ _INTRODUCTION = """# Crossings
 
 What can be done (rows) with each kind of subject (columns).  ✓ works, ≈ works by another method, – is refused by the
 sentence that the number leads to.  Every cell is tried by a test: what works is held against something that shares no
-code with it, and is named below its table; what is refused raises that sentence.
+code with it, and is named below its table; what is refused raises that sentence.  A component is of a kind by what it
+declares: one that a [package publishes](../howto/publish.md) works as one of the catalogue does.
 """
 
 

@@ -1,7 +1,7 @@
 """Sampled FMUs and their plants in other masters: the same numbers at any communication step that divides the period.
 
 The loop of the PID, which computes for one period, is closed.  Regulators and observers are beside plants that they do
-not move: in a closed loop, motions that plants extrapolate and outputs that masters hand on late depend on the step.
+not move; their closed loops, in which motions that plants extrapolate depend on the step, are in test_held_elsewhere.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 import liaisons
 from liaisons import LiaisonsError, System, simulate, start
 from liaisons.cosim import Result, Run
-from liaisons.errors import IncompleteError, SimulationError
+from liaisons.errors import IncompleteError, InvalidValueError, SimulationError
 from liaisons.models import Pendulum
 
 Made = tuple[System, Mapping[str, Any]]
@@ -220,6 +220,19 @@ def test_a_step_as_a_function_of_an_array(component: FmuPaths) -> None:
         _assert_same_bits(run.result, other.result)
         with pytest.raises(SimulationError, match=r"^Pendulum: mass is not recorded; name it in record"):
             run.stepper([], ["mass"])
+
+
+def test_an_array_of_inputs_is_its_elements(component: FmuPaths) -> None:
+    path = component("PendulumChain")
+    with start(path, step_size=0.1, record=["energy"]) as run, start(path, step_size=0.1, record=["energy"]) as other:
+        forces = np.sin(np.arange(float(len(run["theta"]))))
+        for force in (forces, forces, -forces):
+            run.step(theta_force=force)
+            other.step({f"theta_force[{k}]": x for k, x in enumerate(force.tolist(), start=1)})
+            assert run["theta_force"].tolist() == force.tolist()
+        _assert_same_bits(run.result, other.result)
+        with pytest.raises(InvalidValueError, match=rf"give numbers of shape \({len(forces)},\)"):
+            run.step(theta_force=forces[1:])
 
 
 REFUSED: dict[str, tuple[Callable[[Run], object], str]] = {

@@ -227,6 +227,9 @@ def test_what_cannot_be_stepped_ends_the_episode(many: bool) -> None:
     assert np.ravel(seen) == pytest.approx([1 - 1.4**2 / 2])
     assert np.all(reward == 0)
     assert many or "length" in information["failure"]
+    if not many:
+        with pytest.raises(SimulationError, match="no episode is under way"):
+            environment.step(act)
     environment.reset()
     assert not np.any(environment.step(act)[2])
     environment.close()

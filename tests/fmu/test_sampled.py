@@ -125,6 +125,14 @@ def test_a_start_between_samples(library) -> None:
     assert instance["output"] == 4.5
 
 
+@pytest.mark.parametrize("period", [1e-5, 1e5])
+def test_the_first_sample_is_taken_whatever_the_period(library, period: float) -> None:
+    instance = library(Integrator).start(reading=1.0, period=period)
+    instance.step(0.0, period)
+    instance.set(reading=1.0)
+    assert (instance["total"], instance["next_event_time"]) == (3.0, pytest.approx(2 * period, rel=1e-12))
+
+
 def test_a_delay_longer_than_the_period_is_refused(library) -> None:
     instance = library(Integrator).initializing(delay=1.5 * T)
     words = "delay must stay <= period; at t = 0 it does not (-0.01); set another value and initialize again"

@@ -57,7 +57,7 @@ class FreeInput:
             least, most = RANGES.get(self._variable.base, (0, 1))
             if not (checked == np.clip(np.round(checked), least, most)).all():
                 raise InvalidValueError(f"{self._label} = {shown(value)}: give whole numbers from {least} to {most}")
-        return checked.reshape(-1) if self._shape else checked.item()
+        return checked.ravel() if self._shape else checked.item()
 
     def assign(self, numbers: Vector | float) -> bool:
         """Set :attr:`values`, but not yet the FMU; returns whether they are others than before."""
