@@ -70,9 +70,12 @@ class EstimationModel:
         self.states = (*sampled.names, *drifting)
         self.sizes = np.array([*sampled.sizes[:n], *drifting.values()])
         self.noise = np.array([*uncertainty.noise.values()])
-        self.drift = np.repeat([0.0, np.sqrt(period / sampled.time / _DRIFT_RADIANS)], [n, more])
-        self.start = np.append(sampled.start[sampled.state_indices], np.zeros(more)) / self.sizes
-        x, w = ca.SX.sym("x", n + more), ca.SX.sym("w", len(uncertainty.disturbance))
+        drift = np.sqrt(period / sampled.time / _DRIFT_RADIANS)
+        self.drift = np.repeat([0.0, drift], [n, more])
+        start = sampled.start[sampled.state_indices]
+        self.start = np.append(start, np.zeros(more)) / self.sizes
+        x = ca.SX.sym("x", n + more)
+        w = ca.SX.sym("w", len(uncertainty.disturbance))
         begin, end = (ca.SX.sym(name, len(sampled.moves), 3) for name in ("begin", "end"))
         rates, projected, readings = self._expressions(x, w, end)
         landed = ca.vertcat(projected / self.sizes[:n], x[n:])
@@ -81,10 +84,10 @@ class EstimationModel:
             for name, results in (("measure", readings), ("land", landed))
         )
         part, inputs = ca.SX.sym("part"), ca.vertcat(w, ca.vec(begin), ca.vec(end))
-        motion = sampled.reconstructed(begin, end, period)(part)
+        motion = sampled.reconstructed(begin, end, period, part)
         slopes = ca.vertcat(ca.substitute(rates, end, motion), 1 / period)
-        steps = ceil(period / sampled.time * _PARTS_OF_RADIAN)
-        advance = ca.simpleRK(ca.Function("slopes", [ca.vertcat(x, part), inputs], [slopes]), steps)
+        flow = ca.Function("slopes", [ca.vertcat(x, part), inputs], [slopes])
+        advance = ca.simpleRK(flow, ceil(period / sampled.time * _PARTS_OF_RADIAN))
         after, _ = self.land(advance(ca.vertcat(x, 0), inputs, period)[:-1], end)
         derivatives = after, ca.jacobian(after, x), ca.jacobian(after, w)
         predicted, F, G = (ca.substitute(y, w, ca.SX.zeros(*w.shape)) for y in derivatives)
@@ -154,13 +157,15 @@ class EstimationModel:
 
     def start_covariance(self) -> Array:
         """Covariance at the start of a plan."""
-        usual = dict.fromkeys(self.states, _START_PART) | dict.fromkeys(self.states[len(self.sampled.names) :], 1.0)
+        sampled = self.sampled
+        deviations = dict.fromkeys(self.states, 1.0) | dict.fromkeys(sampled.names, _START_PART)
         for name, deviation in self.uncertainty.states.items():
-            if name not in self.sampled.names:
-                raise PlanError(f"{self.sampled.name}: deviations of {name!r}: the states are {', '.join(self.states)}")
-            usual[name] = deviation / self.sizes[self.states.index(name)]
-        T = np.array(self.land(self.start, self.sampled.sigma)[1]) * [*usual.values()]
-        return T @ T.T
+            if name not in sampled.names:
+                raise PlanError(f"{sampled.name}: deviations of {name!r}: the states are {', '.join(self.states)}")
+            deviations[name] = deviation / self.sizes[self.states.index(name)]
+        projection = np.array(self.land(self.start, sampled.sigma)[1])
+        root = projection * [*deviations.values()]
+        return root @ root.T
 
     def steady_covariance(self) -> Array:
         """Covariance before a measurement to which that of the filter tends at an equilibrium.
@@ -174,9 +179,10 @@ class EstimationModel:
         if hidden.size and spectral_radius(hidden.T @ A @ hidden) > 1 - _CIRCLE:
             self.refuse_unobservable(seen.T @ D.T, D)
         directions, variances, _ = np.linalg.svd(Q)
-        _, still = reachable_subspace(generator, directions * np.sqrt(variances / (variances[0] or 1.0)))
-        modes = np.linalg.eigvals(still.T @ A @ still)
-        if np.any(np.abs(np.abs(modes) - 1) < _CIRCLE):
+        root = directions * np.sqrt(variances / (variances[0] or 1.0))
+        _, still = reachable_subspace(generator, root)
+        multipliers = np.abs(np.linalg.eigvals(still.T @ A @ still))
+        if np.any(np.abs(multipliers - 1) < _CIRCLE):
             texts = ", ".join(named_sum(self.states, D @ u, self.sizes) for u in still.T)
             raise PlanError(
                 f"{self.sampled.name}: no disturbance changes {texts}, whose estimate would not be corrected in the "

@@ -110,15 +110,17 @@ class Observer:
             kind: Any, names: Iterable[str], of_unit: Iterable[str], starts: Iterable[float] = repeat(0.0)
         ) -> None:
             for name, variable, start in zip(names, of_unit, starts, strict=False):
-                unit, text = units.get(variable.removesuffix("_bias"), "1"), name.replace("_", " ")
-                body[name] = kind(unit, text, start=start, unchecked="the filter has units in its numbers")
+                unit = units.get(variable.removesuffix("_bias"), "1")
+                words = name.replace("_", " ")
+                body[name] = kind(unit, words, start=start, unchecked="the filter has units in its numbers")
 
-        readings, noises, innovations = (
-            [f"{m}_{kind}" for m in measured] for kind in ("measured", "noise", "innovation")
-        )
+        readings = [f"{name}_measured" for name in measured]
+        noises = [f"{name}_noise" for name in measured]
+        innovations = [f"{name}_innovation" for name in measured]
         before = [f"{name}_before" for name in motion]
-        for names, variables in (readings, model.measured), (noises, model.measured), (motion, motion):
-            declare(Input, names, variables)
+        declare(Input, readings, model.measured)
+        declare(Input, noises, model.measured)
+        declare(Input, motion, motion)
         declare(DiscreteOutput, self.outputs.values(), model.states, map(float, model.start * model.sizes))
         declare(DiscreteOutput, innovations, repeat("1"))
         columns, rows = np.triu_indices(n)
@@ -130,12 +132,14 @@ class Observer:
             def column(names: Iterable[str]) -> ca.SX:
                 return ca.vertcat(*(filter_.symbols[name] for name in names))
 
-            begin, end = (ca.reshape(column(names), 3, -1).T for names in (before, motion))
+            begin = ca.reshape(column(before), 3, -1).T
+            end = ca.reshape(column(motion), 3, -1).T
             x = column(self.outputs.values()) / model.sizes
             y = (column(readings) + column(noises)) / model.noise
             x, P, e = step(filter_.samples < 0.5, x, column(triangle), begin, end, y)
+            names = *self.outputs.values(), *triangle, *innovations, *before, "samples"
             after = ca.vertcat(x * model.sizes, P, e, column(motion), 1)
-            return by_name((*self.outputs.values(), *triangle, *innovations, *before, "samples"), ca.vertsplit(after))
+            return by_name(names, ca.vertsplit(after))
 
         body |= {"__doc__": f"Kalman filter of {self.name}.", "__module__": __name__, "update": update}
         return new_class(f"{self.name}Observer", (Sampled,), exec_body=lambda space: space.update(body))
@@ -174,7 +178,8 @@ class Observer:
     def duration(self) -> float:
         """Duration of the plan, or of a few radians of the free motion [s], in whole periods."""
         period = self.model.period
-        return period * round((self.motion.duration if self.motion else _RADIANS * self.model.sampled.time) / period)
+        duration = self.motion.duration if self.motion else _RADIANS * self.model.sampled.time
+        return period * round(duration / period)
 
     def verify(self) -> list[Verdict]:
         """Verdicts from 200 runs with random noise, forces and errors at the start: the filter knows its errors.
@@ -189,13 +194,17 @@ class Observer:
 
         The last instant is left out of the states: its noise is none.
         """
-        model, random, H = self.model, np.random.default_rng(1), self.model.period
-        count, n, uncertainty = round(self.duration / H), len(self.model.sampled.names), self.model.uncertainty
-        deviations, forces = uncertainty.disturbance, list({**uncertainty.disturbance, **uncertainty.unknown_forces})
-        inputs = [f"{self.part}.{identifier(m)}_noise" for m in model.measured] + [f"{self.name}.{f}" for f in forces]
-        sources = [f"{m}_bias" for m in model.measured] + forces
+        random, model, uncertainty = np.random.default_rng(1), self.model, self.model.uncertainty
+        H, n = model.period, len(model.sampled.names)
+        count = round(self.duration / H)
+        deviations = uncertainty.disturbance
+        forces = list({**deviations, **uncertainty.unknown_forces})
+        inputs = [f"{self.part}.{identifier(name)}_noise" for name in model.measured]
+        inputs += [f"{self.name}.{force}" for force in forces]
+        sources = [f"{name}_bias" for name in model.measured] + forces
         slow = [(sources.index(name), i) for i, name in enumerate(model.states[n:])]
-        sizes = np.append(model.noise, [deviations.get(name, 0.0) / np.sqrt(H) for name in forces])
+        of_forces = [deviations.get(name, 0.0) / np.sqrt(H) for name in forces]
+        sizes = np.append(model.noise, of_forces)
         means = np.append(0 * model.noise, [model.sampled.symbols.inputs[name] for name in forces])
         vectors, variances, _ = np.linalg.svd(self.covariance)
         coupling = "gauss-seidel" if self.motion else "jacobi"
@@ -203,8 +212,9 @@ class Observer:
         with ignored_warnings(), system.start(step_size=H, tolerance=1e-9, coupling=coupling) as run:
             step = run.stepper(inputs, [])
             for _ in range(_RUNS):
-                x = model.start - vectors @ (np.sqrt(variances) * random.standard_normal(len(variances)))
-                run.reset(by_name((f"{self.part}.{y}_0" for y in self.outputs.values()), x * model.sizes))
+                error = vectors @ (np.sqrt(variances) * random.standard_normal(len(variances)))
+                estimates = (model.start - error) * model.sizes
+                run.reset(by_name((f"{self.part}.{name}_0" for name in self.outputs.values()), estimates))
                 drifts = np.cumsum(random.standard_normal((count, len(slow))) * model.drift[n:], axis=0)
                 drifts = (drifts - drifts[0]) * model.sizes[n:]
                 values = random.standard_normal((count, len(inputs))) * sizes + means
@@ -235,7 +245,8 @@ class Observer:
         for run, truth in runs:
             estimate = np.array([last(run, name) for name in self.outputs.values()]) / model.sizes
             sigma = np.array([[last(run, name) for name in motion_names(m)] for m in model.sampled.moves])
-            P, D = self.corrected[0], model.tangents(estimate, sigma)
+            D = model.tangents(estimate, sigma)
+            P, _ = self.corrected
             if self.motion:
                 P = np.array([[last(run, f"covariance_{max(i, j)}_{min(i, j)}") for i in ones] for j in ones])
             off = D.T @ (truth[:, -1] / model.sizes - estimate)
@@ -246,7 +257,7 @@ class Observer:
             f"they are white, χ² of {_LAGS} autocorrelations": (power, freedom),
             f"errors have the size that their covariance says, NEES over {_RUNS} runs": (nees, rank),
         }
-        return [normal_verdict(text, (x - mean) / np.sqrt(2 * mean)) for text, (x, mean) in statistics.items()]
+        return [normal_verdict(words, (x - mean) / np.sqrt(2 * mean)) for words, (x, mean) in statistics.items()]
 
     def __repr__(self) -> str:
         text = ", ".join(f"{name} ± {value:.3g}" for name, value in self.standard_deviations.items())

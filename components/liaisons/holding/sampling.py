@@ -7,10 +7,10 @@ are exact up to the error of their integration.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import chain
+from itertools import chain, pairwise
 from typing import Any
 
 import casadi as ca
@@ -55,20 +55,23 @@ class SampledMechanism:
         extents: Mapping[str, float] | None = None,
     ) -> None:
         self.symbols = symbols = _with_unit_quaternions(goal_symbols(goal))
-        self.interpolate, self.name, self.moves = interpolate, symbols.name, goal.moves
+        self.interpolate = interpolate
+        self.name, self.moves = symbols.name, goal.moves
         starts, start = symbols.start_parameters, symbols.start
         self.is_constrained = any(v.name.endswith("_residual") for v in symbols.model.outputs)
         self.sigma = np.zeros((len(self.moves), 3))
         self.sigma[:, 0] = symbols.initial_sigma
         self.sigma[:, 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
-        self._default_time, self._longest_radian, self._extents = time, longest, {} if extents is None else extents
+        self._default_time, self._longest_radian = time, longest
+        self._extents = extents or {}
         first = ca.Function("start", symbols.arguments, [symbols.initial_state])
         self.start = np.array(first(symbols.declared_state, *self.sigma.T)).ravel()
         self.state_indices = self._coupled_states()
         self.names = [symbols.state_names[i] for i in self.state_indices]
         self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
         rates, sigma = symbols.relative_rates, symbols.motion[0]
-        held = [i for i, m in enumerate(self.moves) if m in required or symbols.depends(rates, sigma[i])]
+        is_held = [m in required or symbols.depends(rates, sigma[i]) for i, m in enumerate(self.moves)]
+        held = np.flatnonzero(is_held).tolist()
         self.held_moves = [self.moves[i] for i in held]
         n, c = len(self.names), len(self.moves)
         self.rows = [*range(n), *(n + i for i in held), *range(n + c, n + 3 * c)]
@@ -86,10 +89,10 @@ class SampledMechanism:
     @cached_property
     def frequency(self) -> float:
         """Largest absolute eigenvalue [1/s] of the free motion about the start; 0 if there is none."""
-        n = len(self.names)
-        A = np.array(self._slopes(self.start[self.state_indices], *self.sigma.T))[:, 1 : 1 + n]
+        of_states = slice(1, 1 + len(self.names))
+        A = np.array(self._slopes(self.start[self.state_indices], *self.sigma.T))[:, of_states]
         if self.is_constrained:  # along the constraints
-            A = np.array(self._projection(self.start, *self.sigma.T))[:, 1 : 1 + n] @ A
+            A = np.array(self._projection(self.start, *self.sigma.T))[:, of_states] @ A
         return spectral_radius(A)
 
     @cached_property
@@ -150,8 +153,9 @@ class SampledMechanism:
         units = {q: "rad" if unit in ("", "1", "deg") else unit for q, unit in units.items()}
         energy = [v.name for v in model.outputs].index("kinetic_energy")
         sigma = by_name(self.moves, self.sigma[:, 0])
-        resting = {**symbols.inputs, **sigma} | {name: 0.0 for m in self.moves for name in motion_names(m)[1:]}
-        still = {**symbols.parameters, **{starts[name]: 0.0 for name in rates if name in starts}}
+        derivatives = (name for m in self.moves for name in motion_names(m)[1:])
+        resting = symbols.inputs | sigma | dict.fromkeys(derivatives, 0.0)
+        still = symbols.parameters | {starts[name]: 0.0 for name in rates if name in starts}
 
         def at_unit_rate(rate: str) -> tuple[float, Array]:
             """Twice the kinetic energy, and the states, where one rate is 1 and the others are 0."""
@@ -174,10 +178,10 @@ class SampledMechanism:
         by_unit = extents | {unit: np.sqrt(inertia_size / inertia) for unit, inertia in mean.items()}
         coordinates = {q: float(by_unit[unit]) for q, unit in units.items()}
         coordinates |= {name: abs(values[name]) or symbols.sizes.get(name, 1.0) for name in self.internal}
-        changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()])
+        changes = [np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()]
         momenta = {
             name: float(size) if size > 0 else inertia_size / self.time
-            for name, size in zip(states, changes.max(axis=0), strict=True)
+            for name, size in zip(states, np.max(changes, axis=0), strict=True)
             if name not in coordinates and not name.endswith(Orientation.quaternion)
         }
         return coordinates, momenta, float(inertia_size / self.time**2)
@@ -185,9 +189,9 @@ class SampledMechanism:
     @property
     def cyclic(self) -> list[str]:
         """Coordinates on which no rate depends."""
-        symbols = self.symbols
-        enters = symbols.dependencies(symbols.relative_rates[self.state_indices], symbols.state[self.state_indices])
-        return [name for i, name in enumerate(self.names) if not enters[:, i].any() and name in self.free]
+        symbols, rows = self.symbols, self.state_indices
+        uses = symbols.dependencies(symbols.relative_rates[rows], symbols.state[rows])
+        return [name for i, name in enumerate(self.names) if name in self.free and not uses[:, i].any()]
 
     def _coupled_states(self) -> list[int]:
         """Indices of the states that σ acts on, and of those on which they depend."""
@@ -264,22 +268,29 @@ class SampledMechanism:
         slopes = self._slopes(z[:n, 0], *ca.vertsplit(bases @ p[:, :c]))
         forced = slopes[:, 1 + n :] @ ca.kron(bases @ p[:, c:-1], ca.DM.eye(c))
         change = slopes[:, 1 : 1 + n] @ z[:n, 1:] + ca.horzcat(ca.MX(n, n), forced)
-        rate = ca.vertcat(H * ca.horzcat(slopes[:, 0], change), ca.horzcat(1, ca.MX(1, n + 6 * c)))
-        return runge_kutta(z, p, rate)
+        clock = ca.horzcat(1, ca.MX(1, n + 6 * c))
+        return runge_kutta(z, p, ca.vertcat(H * ca.horzcat(slopes[:, 0], change), clock))
 
     def _linearized_step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
         """The mechanism's states after a step, and its matrices A and B."""
-        n, c, ends = len(self.names), len(self.moves), self._reconstruction(H)
+        n, c = len(self.names), len(self.moves)
+        ends = self._reconstruction(H)
         motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
         begin = np.zeros((n + 1, 1 + n + 6 * c))
-        begin[:n, : n + 1] = np.column_stack([y, np.eye(n)])
-        last = self._step_integrator(begin, np.hstack([motion, ends, np.full((6, 1), H)]), 1.0)
-        y, off = np.hsplit(np.array(last)[:n], [1])
+        begin[:n, 0], begin[:n, 1 : n + 1] = y, np.eye(n)
+        parameters = np.hstack([motion, ends, np.full((6, 1), H)])
+        last = np.array(self._step_integrator(begin, parameters, 1.0))[:n]
+        y, of_states, before, after = np.split(last, np.cumsum([1, n, 3 * c]), axis=1)
         M, N = _correction_step(H, period, c)
-        before, after = off[:, n : n + 3 * c], off[:, n + 3 * c :]
-        A = np.block([[off[:, :n], before + after @ M], [np.zeros((3 * c, n)), M]])
-        A, B = A[np.ix_(self.rows, self.rows)], np.vstack([after @ N, N])[self.rows]
-        return y.ravel(), (A * self.sizes / self.sizes[:, None], B * self.input_sizes / self.sizes[:, None])
+        A = np.block(
+            [
+                [of_states, before + after @ M],
+                [np.zeros((3 * c, n)), M],
+            ]
+        )
+        B = np.vstack([after @ N, N])
+        sizes, rows = self.sizes[:, None], self.rows
+        return y.ravel(), (A[np.ix_(rows, rows)] * self.sizes / sizes, B[rows] * self.input_sizes / sizes)
 
     def _reconstruction(self, H: float) -> Array:
         """Coefficients of the polynomial of a step, of which 1 is the end, by σ and its rates at both ends, (6, 6)."""
@@ -290,13 +301,13 @@ class SampledMechanism:
         extrapolation[:3, :3] = np.diag(scale / [1, 1, 2])
         return extrapolation
 
-    def reconstructed(self, begin: ca.SX, end: ca.SX, H: float) -> Callable[[ca.SX], ca.SX]:
-        """Function of the elapsed part of a step -> σ and its two rates there, (moves, 3).
+    def reconstructed(self, begin: ca.SX, end: ca.SX, H: float, part: ca.SX) -> ca.SX:
+        """σ and its two rates, (moves, 3), after a part of a step of size H.
 
         :param begin: the same at the start of the step, ``end`` at its end.
         """
         coefficients = ca.DM(self._reconstruction(H)) @ ca.vertcat(begin.T, end.T)
-        return lambda part: (_powers(part, H) @ coefficients).T
+        return (_powers(part, H) @ coefficients).T
 
     def expressions(
         self, y: ca.SX, motion: ca.SX, forces: Mapping[str, ca.SX], signals: Sequence[str]
@@ -315,8 +326,8 @@ class SampledMechanism:
         state = ca.SX(ca.DM(self.start))
         state[rows] = y
         readings = ca.vertcat(*(symbols.signals[name] for name in signals))
-        for x in (x for i, x in enumerate(ca.vertsplit(symbols.state)) if i not in rows):
-            if ca.depends_on(readings, x):
+        for i, x in enumerate(ca.vertsplit(symbols.state)):
+            if i not in rows and ca.depends_on(readings, x):
                 moves = ", ".join(self.moves)
                 raise PlanError(f"{self.name}: {', '.join(signals)} depends on {x.name()}, which {moves} cannot move")
         results = [symbols.rates[rows], _projected(symbols)[rows], readings]
@@ -388,9 +399,8 @@ class SampledMechanism:
 
     def rate_derivatives(self, reference: Array, sigma: Array, directions: Array) -> Array:
         """Derivatives of the rates of the mechanism's states along directions, (names, directions)."""
-        n, c = len(self.names), len(self.moves)
-        slopes = np.array(self._slopes(reference[:n], *sigma.T))[:, 1:]
-        return slopes[:, [row for row in self.rows if row < n + 3 * c]] @ (self.sizes[:, None] * directions)
+        slopes = np.array(self._slopes(reference[: len(self.names)], *sigma.T))[:, 1:]
+        return slopes[:, self.rows] @ (self.sizes[:, None] * directions)
 
     def forces(self, y: Array, sigma: Array) -> Array:
         """Operator forces λ and, beside them, the effective mass Θ: (moves, 1 + moves)."""
@@ -454,5 +464,8 @@ def _correction_step(H: float, period: float, count: int) -> Step:
 
 def in_directions(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
     """A and B of steps, in coordinates of the directions at both ends of each."""
-    inverses = [np.linalg.pinv(D) for D in directions[1:]]
-    return [(b @ A @ D, b @ B) for (A, B), D, b in zip(steps, directions[:-1], inverses, strict=True)]
+    transformed: list[Step] = []
+    for (A, B), (before, after) in zip(steps, pairwise(directions), strict=True):
+        inverse = np.linalg.pinv(after)
+        transformed.append((inverse @ A @ before, inverse @ B))
+    return transformed
