@@ -219,9 +219,10 @@ class Controller:
         fmu, missing = fmu_file("Regulator"), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
             return fmu, {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
-        arrays = (p for p in regulator.Regulator.parameters if isinstance(p, ParameterArray))
-        whole = [columns.get(p.name, np.full(trajectory.times.size, sum(p.leading[:1]))) for p in arrays]
-        return with_table(fmu, np.array(whole)), {}
+        arrays = (array for array in regulator.Regulator.parameters if isinstance(array, ParameterArray))
+        constant = np.ones(trajectory.times.size)
+        rows = [columns.get(array.name, constant * sum(array.leading[:1])) for array in arrays]
+        return with_table(fmu, np.array(rows)), {}
 
     @property
     def _round_change(self) -> Array:

@@ -150,7 +150,8 @@ class _Criterion:
     def costs(self, sampled: SampledMechanism, directions: Sequence[Array]) -> list[Array]:
         """Cost matrices at the knots, in coordinates of the directions of deviation."""
         cost = {name: float(name in sampled.free) for name in sampled.states}
-        cost |= {f"{m}_dot": SETTINGS.drift_weight for m in sampled.moves if m not in sampled.held_moves}
+        drifting = (move for move in sampled.moves if move not in sampled.held_moves)
+        cost |= {f"{move}_dot": SETTINGS.drift_weight for move in drifting}
         for name, weight in self.weights.items():
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
@@ -178,7 +179,8 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
     ((A, B),) = in_directions(steps, [D, D])
     (Q,) = criterion.costs(sampled, [D])
     constant = _constant_directions([(A, B)])
-    V, U = reachable_subspace((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
+    steps_per_time = sampled.time / H
+    V, U = reachable_subspace((A - np.eye(len(A))) * steps_per_time, B * steps_per_time)
     R = criterion.effort * np.eye(B.shape[1])
     K = np.zeros((len(R), len(A)))
     with suppress(np.linalg.LinAlgError):
@@ -193,14 +195,16 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
         changing, _, _ = np.linalg.svd(U - fixed @ (fixed.T @ U))
         U = np.hstack([fixed, changing[:, : U.shape[1] - len(constant)]])
         is_bounded = spectral_radius(U.T @ A @ U) < _LEAST_GROWTH
-        target, missed = rest_targets(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
+        free = [sampled.states.index(name) for name in sampled.free]
+        target, missed = rest_targets(A, D[free], V, U)
         for j in range(U.shape[1]):
             if not is_bounded or (j >= len(constant) and missed[j] > RANK):
                 raise _uncontrollable_error(sampled, D, U[:, j])
         K -= K @ V @ target @ U.T
     _refuse_bounds(sampled, criterion.bounds, sigma)
     cost = None if U.size else (B, Q, R)
-    prediction = LinearPrediction(A - B @ K, D, D, V, _states_along(sampled, D, constant), returns=True, cost=cost)
+    conserved = _states_along(sampled, D, constant)
+    prediction = LinearPrediction(A - B @ K, D, D, V, conserved, returns=True, cost=cost)
     gains = [K @ np.linalg.pinv(D)]
     return _controller(sampled, H, trajectory, gains=gains, bounds=criterion.bounds, prediction=prediction)
 
@@ -217,9 +221,11 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     D = [sampled.directions(*point) for point in trajectory.points]
     steps, costs = in_directions(steps, D), criterion.costs(sampled, D)
     R = criterion.effort * np.eye(len(motion.goal.moves))
-    transition, inputs, after = transition_matrix(steps), input_matrix(steps), np.zeros((len(R), D[-1].shape[1]))
+    transition, inputs = transition_matrix(steps), input_matrix(steps)
+    after = np.zeros((len(R), D[-1].shape[1]))
     if trajectory.after == "rests":
-        y, planned = trajectory.states[: len(sampled.names), -1], trajectory.motion[:, :, [-1, -1]]
+        y = trajectory.states[: len(sampled.names), -1]
+        planned = trajectory.motion[:, :, [-1, -1]]
         _, at_rest = sampled.steps(np.array([0.0, H]), planned, H, y)
         at_rest = in_directions(at_rest, [D[-1], D[-1]])
         ((A, B),) = at_rest
@@ -244,7 +250,9 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     conserved = _states_along(sampled, D[0], constant)
     conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in changing[:, sizes > RANK].T)
     _refuse_bounds(sampled, criterion.bounds)
-    bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _quantities(sampled)} | dict(criterion.bounds)
+    quantities = _quantities(sampled)
+    planned_bounds = {name: pair for name, pair in motion.goal.bounds.items() if name in quantities}
+    bounds = planned_bounds | dict(criterion.bounds)
     gains = [K @ np.linalg.pinv(basis) for K, basis in zip(gains, D, strict=True)]
     prediction = LinearPrediction(loop, D[0], D[-1], V, conserved, returns)
     return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
@@ -269,18 +277,20 @@ def _reference_trajectory(
     times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
     planned = planned_motion(motion, times)
     reference, steps = _steps_to_end(motion, sampled, times, planned, H)
-    gap, closure = np.abs(reference[:, -1] - reference[:, 0]), SETTINGS.closure
+    closure = SETTINGS.closure
+    gap = np.abs(reference[:, -1] - reference[:, 0])
+    extents = np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     may_jump = {name for m in moves for name in motion_names(m)[order:]}
-    is_open = gap > closure * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
-    open_states = {name for name, is_off in zip(sampled.states, is_open, strict=True) if is_off}
+    open_states = {sampled.states[i] for i in np.flatnonzero(gap > closure * extents).tolist()}
     open_states -= {*sampled.cyclic, *may_jump}
     at_rest = planned[:, :, -1].copy()
     stops = [order < 2 or m in sampled.held_moves for m in moves]
     size = sampled.input_sizes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
     is_moving = np.abs(at_rest[:, 1]) > closure * size[:, 1]
-    at_rest[stops, 1], at_rest[:, 2] = 0.0, 0.0
+    at_rest[stops, 1] = at_rest[:, 2] = 0.0
     after: After = "ends"
-    last, end = planned[:, :, -1], reference[: len(sampled.names), -1]
+    last = planned[:, :, -1]
+    end = reference[: len(sampled.names), -1]
     if not open_states:
         after, last = "repeats", planned[:, :, 0]
     elif order < 2 or not np.any(is_moving & stops):
@@ -291,11 +301,8 @@ def _reference_trajectory(
         times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
         reference, steps = _steps_to_end(motion, sampled, times, planned, H)
-    return (
-        ReferenceTrajectory(times, planned, reference, after),
-        steps,
-        all(x.endswith(Orientation.quaternion) for x in open_states),
-    )
+    returns = all(name.endswith(Orientation.quaternion) for name in open_states)
+    return ReferenceTrajectory(times, planned, reference, after), steps, returns
 
 
 def _steps_to_end(
@@ -307,7 +314,8 @@ def _steps_to_end(
     """
     reference, steps = sampled.steps(times, planned, H)
     n = len(sampled.names)
-    planned_end, reached = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1]), reference[:n, -1]
+    reached = reference[:n, -1]
+    planned_end = by_name(motion.problem.states, motion.solution.trajectory.knots[:, -1])
     missed = np.array([planned_end.get(name, x) - x for name, x in zip(sampled.names, reached, strict=True)])
     missed /= sampled.sizes[:n]
     if not np.max(np.abs(missed), initial=0.0) <= SETTINGS.largest_miss:
@@ -372,7 +380,9 @@ def _perturbations(
         keys = [parameters.get(name, name) for name in names]
         return tuple({k: x for k, x in zip(keys, column, strict=True) if k in starts} for column in columns)
     axes = {name for name in sampled.states if name.endswith(Orientation.quaternion)}
-    columns = [{sampled.states[i]: float(x[i]) for i in np.flatnonzero(x)} for x in (sizes * directions).T]
+    columns = [
+        {sampled.states[i]: float(column[i]) for i in np.flatnonzero(column)} for column in (sizes * directions).T
+    ]
     rotations = ({parameters[name]: x for name, x in column.items()} for column in columns if axes & column.keys())
     names = {parameter: name for name, parameter in parameters.items()}
     singles = [names.get(start, start) for start in starts]
@@ -389,7 +399,8 @@ def _correction_limits(
     n, last = len(sampled.names), trajectory.times.size - 1
     along = np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points])
     forces, masses = along[:, :, 0], along[:, :, 1:]
-    allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs} | dict(bounds)
+    allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs}
+    allowed |= bounds
     ends = np.array([[_finite_ends(allowed[name]) for name in motion_names(m)] for m in sampled.moves])
     low = np.minimum(0.0, ends[:, :, :1] - trajectory.motion)  # (moves, 3, knots)
     high = np.maximum(0.0, ends[:, :, 1:] - trajectory.motion)
@@ -416,14 +427,13 @@ def _correction_limits(
             least, most = np.sort(margins / mass, axis=0)
             low[i, 2] = np.maximum(low[i, 2], least)
             high[i, 2] = np.minimum(high[i, 2], most)
-    ahead = np.arange(last + 1)[:, None] + np.arange(SETTINGS.knots_ahead + 1)
+    ahead = np.add.outer(np.arange(last + 1), np.arange(SETTINGS.knots_ahead + 1))
     ahead = ahead % max(1, last) if trajectory.after == "repeats" else np.minimum(ahead, last)
-    limits = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
-    return {
-        name: values[:, order]
-        for order, names in enumerate(_BOUND_NAMES)
-        for name, values in zip(names, limits, strict=True)
-    }
+    low, high = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
+    limits: dict[str, Array] = {}
+    for order, (lowest, highest) in enumerate(_BOUND_NAMES):
+        limits |= {lowest: low[:, order], highest: high[:, order]}
+    return limits
 
 
 def _finite_ends(pair: Sequence[float | None]) -> tuple[float, float]:
@@ -450,7 +460,8 @@ def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: 
             raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(quantities)}")
         i, n = quantities[name]
         held = () if point is None or n == 3 else (point[i, n],)
-        low, high = _finite_ends(pair) if isinstance(pair, (tuple, list)) and len(pair) == 2 else (0.0, 0.0)
+        is_pair = isinstance(pair, (tuple, list)) and len(pair) == 2
+        low, high = _finite_ends(pair) if is_pair else (0.0, 0.0)
         if not all(a < b for a, b in pairwise((low, *held, high))):
             chain = " < ".join(["low", *(f"{x:g}" for x in held), "high"])
             raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with {chain}")
@@ -468,7 +479,8 @@ def _constant_directions(steps: Sequence[Step]) -> list[int]:
 
 def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence[int]) -> tuple[str, ...]:
     """Names of the states that change along some of the directions."""
-    return tuple(n for n, row in zip(sampled.states, directions, strict=True) if set(np.flatnonzero(row)) & set(chosen))
+    changed = np.flatnonzero(directions[:, list(chosen)].any(axis=1))
+    return tuple(sampled.states[i] for i in changed.tolist())
 
 
 def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> str:
@@ -478,8 +490,9 @@ def _sum_of_states(sampled: SampledMechanism, directions: Array, u: Array) -> st
 
 def _refuse_uncontrolled_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
     """Raise an error for a deviation that grows and is not controllable."""
-    if U.size and spectral_radius(U.T @ A @ U) > _LEAST_GROWTH:
-        values, vectors = np.linalg.eig((U.T @ A @ U).T)
+    left = U.T @ A @ U
+    if spectral_radius(left) > _LEAST_GROWTH:
+        values, vectors = np.linalg.eig(left.T)
         worst = np.real(vectors[:, int(np.argmax(np.abs(values)))])
         raise _uncontrollable_error(sampled, directions, U @ worst)
 

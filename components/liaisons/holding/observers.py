@@ -25,7 +25,7 @@ from liaisons.holding.filtering import EstimationModel, identifier
 from liaisons.interface import System, operator
 from liaisons.language import DiscreteOutput, DiscreteState, Input, Parameter, Sampled
 from liaisons.library import Target, build, fmu_path
-from liaisons.planning.goals import Array, by_name, chain_size, motion_names
+from liaisons.planning.goals import Array, by_name, chain_size
 from liaisons.planning.plans import Plan
 
 _RUNS = 200
@@ -102,7 +102,7 @@ class Observer:
         variables = model.sampled.symbols.model
         units = {v.name: v.unit for v in (*variables.inputs, *variables.outputs)}
         measured = [*map(identifier, model.measured)]
-        motion = [name for m in model.sampled.moves for name in motion_names(m)]
+        motion = model.sampled.motion_names
         triangle = [] if steady else [f"covariance_{i + 1}_{j + 1}" for j in range(n) for i in range(j, n)]
         body: dict[str, Any] = {"period": Parameter(period, "s", "sampling period", minimum=period, maximum=period)}
 
@@ -244,7 +244,7 @@ class Observer:
 
         for run, truth in runs:
             estimate = np.array([last(run, name) for name in self.outputs.values()]) / model.sizes
-            sigma = np.array([[last(run, name) for name in motion_names(m)] for m in model.sampled.moves])
+            sigma = np.reshape([last(run, name) for name in model.sampled.motion_names], (-1, 3))
             D = model.tangents(estimate, sigma)
             P, _ = self.corrected
             if self.motion:

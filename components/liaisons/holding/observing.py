@@ -93,9 +93,10 @@ def observe(
     if motion.problem.control_order < 2 and motion.switches.size:
         words = "an observer reads σ at samples, between which it must not jump"
         raise PlanError(f"{sampled.name}: the plan jumps at {motion.switches[0]:g} s; {words}")
-    path = planned_motion(motion, np.arange(round(motion.duration / H) + 1) * H).transpose(2, 0, 1)
-    x, D, rows = model.start, model.tangents(model.start, path[0]), []
-    passed = np.eye(len(x))
+    samples = np.arange(round(motion.duration / H) + 1) * H
+    path = planned_motion(motion, samples).transpose(2, 0, 1)
+    x, rows = model.start, []
+    D, passed = model.tangents(x, path[0]), np.eye(len(x))
     for begin, end in pairwise(path):
         rows.append(np.array(model.measure(x, begin)[1]) @ passed)
         x, F, _ = (np.array(result) for result in model.predict(x, begin, end))

@@ -153,8 +153,7 @@ class SampledMechanism:
         units = {q: "rad" if unit in ("", "1", "deg") else unit for q, unit in units.items()}
         energy = [v.name for v in model.outputs].index("kinetic_energy")
         sigma = by_name(self.moves, self.sigma[:, 0])
-        derivatives = (name for m in self.moves for name in motion_names(m)[1:])
-        resting = symbols.inputs | sigma | dict.fromkeys(derivatives, 0.0)
+        resting = symbols.inputs | dict.fromkeys(self.motion_names, 0.0) | sigma
         still = symbols.parameters | {starts[name]: 0.0 for name in rates if name in starts}
 
         def at_unit_rate(rate: str) -> tuple[float, Array]:
@@ -213,8 +212,8 @@ class SampledMechanism:
         rates = self.symbols.rates[self.state_indices]
         rates = ca.substitute(rates, state[constant], ca.DM(self.start[constant]))
         arguments = [state[self.state_indices], *sigma]
-        columns = [rates, *(ca.jacobian(rates, symbol) for symbol in arguments)]
-        slopes = ca.Function("slopes", arguments, [ca.densify(ca.horzcat(*columns))], {"cse": True})
+        columns = ca.horzcat(rates, *(ca.jacobian(rates, symbol) for symbol in arguments))
+        slopes = ca.Function("slopes", arguments, [ca.densify(columns)], {"cse": True})
         if not self.is_constrained:
             return slopes
         n, c = len(self.names), len(self.moves)
@@ -245,12 +244,14 @@ class SampledMechanism:
         :param start: the mechanism's states at the first point; those of the goal unless given.
         :returns: the states (states, N + 1), and A and B of the N steps, for states and inputs w divided by sizes.
         """
-        y, states, steps = self.start[self.state_indices] if start is None else start, [], []
+        y = self.start[self.state_indices] if start is None else start
+        states, steps = [], []
         for k, H in enumerate(np.diff(times)):
             states.append(y)
             y, step = self._linearized_step(y, planned[:, :, k : k + 2], float(H), period)
             steps.append(step)
-        reference = np.vstack([np.transpose([*states, y]), *(planned[:, i] for i in range(3))])
+        states.append(y)
+        reference = np.vstack([np.transpose(states), *planned.transpose(1, 0, 2)])
         return reference[self.rows], steps
 
     @cached_property
@@ -318,10 +319,11 @@ class SampledMechanism:
             of the goal.
         :raises PlanError: for an unknown name, or a state that is not among those that σ acts on.
         """
-        for name in forces:
+        inputs = dict(self.symbols.inputs)
+        for name, force in forces.items():
             if name not in self.ports:
                 raise PlanError(f"{self.name}: no input {name!r} is free{suggestion(name, self.ports)}")
-        inputs = self.symbols.inputs | {name: self.symbols.inputs[name] + force for name, force in forces.items()}
+            inputs[name] += force
         symbols, rows = replace(self.symbols, inputs=inputs), self.state_indices
         state = ca.SX(ca.DM(self.start))
         state[rows] = y
@@ -338,6 +340,11 @@ class SampledMechanism:
     def start_values(self) -> dict[str, float]:
         """Start values of the mechanism by parameters."""
         return {name: float(self.symbols.parameters[name]) for name in self.symbols.start_parameters.values()}
+
+    @property
+    def motion_names(self) -> list[str]:
+        """Names of σ, σ̇ and σ̈ of each moved coordinate."""
+        return [name for move in self.moves for name in motion_names(move)]
 
     @property
     def ports(self) -> list[str]:
@@ -386,10 +393,11 @@ class SampledMechanism:
     @cached_property
     def _projection(self) -> ca.Function:
         """Function (y, σ, σ̇, σ̈) -> y projected onto the constraints, and derivatives by y, σ and σ̇, side by side."""
-        symbols = self.symbols
-        projected = _projected(symbols)[self.state_indices]
-        slopes = [ca.jacobian(projected, x) for x in (symbols.state[self.state_indices], *symbols.motion[:2])]
-        return ca.Function("projection", symbols.arguments, [ca.densify(ca.horzcat(projected, *slopes))])
+        symbols, rows = self.symbols, self.state_indices
+        projected = _projected(symbols)[rows]
+        causes = symbols.state[rows], *symbols.motion[:2]
+        columns = ca.horzcat(projected, *(ca.jacobian(projected, x) for x in causes))
+        return ca.Function("projection", symbols.arguments, [ca.densify(columns)])
 
     def full_state(self, y: Array) -> Array:
         """All states of the mechanism, those that y omits as at the start."""
@@ -409,8 +417,8 @@ class SampledMechanism:
     @cached_property
     def _forces_and_mass(self) -> ca.Function:
         """Function of state, σ, σ̇ and σ̈ for :meth:`forces`."""
-        symbols = self.symbols
-        return ca.Function("forces", symbols.arguments, [ca.densify(ca.horzcat(symbols.forces, symbols.mass))])
+        columns = ca.horzcat(self.symbols.forces, self.symbols.mass)
+        return ca.Function("forces", self.symbols.arguments, [ca.densify(columns)])
 
 
 def _with_unit_quaternions(symbols: GoalSymbols) -> GoalSymbols:
@@ -428,7 +436,8 @@ def _projected(symbols: GoalSymbols) -> ca.SX:
     project = symbols.model.project
     if project is None:
         return symbols.state
-    inputs, parameters = stack((symbols.inputs | symbols.moved).values()), stack(symbols.parameters.values())
+    inputs = stack((symbols.inputs | symbols.moved).values())
+    parameters = stack(symbols.parameters.values())
     return project(0, ca.vertcat(symbols.state, 0, 0), inputs, parameters)
 
 

@@ -112,7 +112,8 @@ def _round_down(value: float) -> float:
 def sampled_mechanism(motion: Plan) -> SampledMechanism:
     """The mechanism of a plan, with the start and the sizes that the plan has."""
     goal, T = motion.goal, motion.duration
-    bare, symbols = Goal(goal.component, goal.moves, (T, T), goal.values, {}), goal_symbols(goal)
+    bare = Goal(goal.component, goal.moves, (T, T), goal.values, {})
+    symbols = goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
     start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
     start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
