@@ -11,7 +11,9 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.array_names import split
+from liaisons.derivatives.contact_motion import Branch, ContactMotion
 from liaisons.derivatives.subjects import Motion, motion_of
+from liaisons.errors import SimulationError
 from liaisons.identification.determinacy import Floats, NullSpace
 from liaisons.identification.measurements import Measurements
 from liaisons.library import Target
@@ -28,7 +30,7 @@ _PARABOLA_POINTS = 7
 class MeasuredMotion:
     """Measurements of one experiment and the simulated motion that they are compared with.
 
-    :param motion: evaluated at the times of the measurements; their signals come first.
+    :param motion: evaluated at the times of the measurements, and one after the last instant; their signals come first.
     :param columns: for each value of the motion, its index among the unknowns.
     :param offset: index of the time offset among the unknowns; None: 0 s.
     :param deviations: standard deviation of each signal, shape (signals,).
@@ -40,17 +42,36 @@ class MeasuredMotion:
     offset: int | None
     deviations: Floats
 
-    def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
-        values, motion = unknowns[list(self.columns)], self.motion
+    def branch(self, unknowns: Floats) -> Branch:
+        """Fitted signals and all impacts, by the clock of the measurements, and their derivatives by all unknowns.
+
+        Where events for neighbouring values differ, derivatives are those of the branch that is taken.
+        """
+        values, motion, data, own = unknowns[list(self.columns)], self.motion, self.measurements, list(self.columns)
+        delay = 0.0 if self.offset is None else float(unknowns[self.offset])
         if self.offset is not None:
-            motion = motion.at(self.measurements.times + unknowns[self.offset])
-        signals, own = motion.forward(values)
-        derivatives = np.zeros((*signals.shape, len(unknowns)))
-        derivatives[..., list(self.columns)] = own
+            motion = motion.at(_simulated_times(data, motion.start_time) + delay)
+        branch = motion.branch(values) if isinstance(motion, ContactMotion) else Branch(*motion.forward(values))
+        derivatives = np.zeros((*branch.derivatives.shape[:2], len(unknowns)))
+        derivatives[..., own] = branch.derivatives
+        unit = np.eye(len(unknowns))
+        impacts = {name: (times - delay, slopes @ unit[own]) for name, (times, slopes) in branch.impacts.items()}
         if self.offset is not None:
             derivatives[..., self.offset] = motion.rates(values)
-        return signals, derivatives
+            for _, slopes in impacts.values():
+                slopes[:, self.offset] = -1.0
+        count = len(data.times)
+        return replace(branch, signals=branch.signals[:, :count], derivatives=derivatives[:, :count], impacts=impacts)
+
+    def instants(self, branch: Branch) -> dict[str, tuple[Floats, Floats]]:
+        """As many instants of impacts as were measured, continued at their last distance, and derivatives."""
+        measured = {name: len(times) for name, (times, _) in self.measurements.instants.items()}
+        return {name: _continued(*branch.impacts[name], count, self.motion) for name, count in measured.items()}
+
+    def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
+        branch = self.branch(unknowns)
+        return branch.signals, branch.derivatives
 
 
 @final
@@ -109,11 +130,16 @@ class Objective:
         """Residuals and their derivatives, which are calculated anew."""
         unit, parts, motions = np.eye(len(unknowns)), [], []
         for experiment in self.experiments:
-            signals, rates = experiment.forward(unknowns)
+            branch = experiment.branch(unknowns)
+            signals, rates = branch.signals, branch.derivatives
             motions.append((signals, rates))
             values, level = experiment.measurements.values, experiment.deviations[:, None]
             seen, rows = np.isfinite(values), slice(len(level))
             parts.append((((signals[rows] - values) / level)[seen], (rates[rows] / level[..., None])[seen]))
+            for name, (instants, slopes) in experiment.instants(branch).items():
+                times, deviation = experiment.measurements.instants[name]
+                seen = np.isfinite(times)
+                parts.append((((instants - times) / deviation)[seen], slopes[seen] / deviation))
         for link in self.links:
             signals, rates = motions[link.experiment]
             rows, columns, level = list(link.signals), list(link.columns), link.deviations
@@ -138,6 +164,7 @@ class Objective:
     def size(self) -> float:
         """Norm of all measured values, each divided by its standard deviation."""
         parts = [np.nan_to_num(e.measurements.values / e.deviations[:, None]).ravel() for e in self.experiments]
+        parts += [np.nan_to_num(t / level) for e in self.experiments for t, level in e.measurements.instants.values()]
         return float(np.linalg.norm(np.concatenate(parts)))
 
 
@@ -178,7 +205,7 @@ class FittingProblem:
     @property
     def count(self) -> int:
         """Number of measured values."""
-        return sum(int(np.isfinite(data.values).sum()) for data in self.measurements)
+        return sum(data.count for data in self.measurements)
 
     def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
         """Residuals of motions, whose step sizes are chosen for these unknowns."""
@@ -204,12 +231,12 @@ class FittingProblem:
         :param record: signals, those of the measurements first; None: those of the measurements.
         """
         own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
-        offset = columns.get(TIME_OFFSET)
+        offset, start = columns.get(TIME_OFFSET), self.start_time if start_time is None else start_time
         motion = motion_of(
             self.subject,
             list(own),
-            data.times if offset is None else data.times + unknowns[offset],
-            start_time=self.start_time if start_time is None else start_time,
+            _simulated_times(data, start) + (0.0 if offset is None else unknowns[offset]),
+            start_time=start,
             record=list(record or data.signals),
             inputs=data.inputs,
             start_values={**self.start_values, **{name: float(unknowns[column]) for name, column in own.items()}},
@@ -222,7 +249,7 @@ class FittingProblem:
         """Objective of multiple shooting, segments with start values of their own and links, and its first unknowns.
 
         :returns: objective, and its unknowns: start values of all segments but the first are appended.  A time offset
-            is constant.
+            is constant; instants of impacts are left out.
         """
         experiments: list[MeasuredMotion] = []
         links: list[Link] = []
@@ -233,9 +260,13 @@ class FittingProblem:
             own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
             record = list(dict.fromkeys([*data.signals, *self.starts.values()]))
             rows = tuple(record.index(output) for output in self.starts.values())
-            whole = self._measured_motion(data, own, unknowns, level, record=record).forward(unknowns)[0]
+            whole = self._measured_motion(data, own, unknowns, level, record=record)
+            signals = whole.forward(unknowns)[0][list(rows)]
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
-            states = np.array([smoothed_values(data, record[row], edges, whole[row, edges]) for row in rows])
+            states = self._smoothed_states(data, edges, signals)
+            most = edges[1] // 2
+            for i, edge in list(enumerate(edges))[1:-1] if isinstance(whole.motion, ContactMotion) else ():
+                edges[i], states[:, i] = self._possible_start(whole, unknowns, edge, most, signals)
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):
                 if start in own and data.times[0] == self.start_time:
@@ -249,7 +280,7 @@ class FittingProblem:
                 segment_values = data.values[:, first : last + 1].copy()
                 if last < edges[-1]:
                     segment_values[:, -1] = np.nan  # the next segment begins with it
-                segment = replace(data, times=data.times[first : last + 1], values=segment_values)
+                segment = replace(data, times=data.times[first : last + 1], values=segment_values, instants={})
                 begin = float(segment.times[0]) if i else None
                 experiments.append(self._measured_motion(segment, own, values, level, start_time=begin, record=record))
         free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
@@ -259,6 +290,51 @@ class FittingProblem:
             tuple(experiments), self.priors, limits, self.loss, values, tuple(links), deadline=self.deadline
         )
         return objective, values
+
+    def _smoothed_states(self, data: Measurements, edges: Sequence[int], otherwise: Floats) -> Floats:
+        """Start values of motions from some of the times on, shape (start values, edges)."""
+        rows = zip(self.starts.values(), otherwise, strict=True)
+        return np.array([smoothed_values(data, output, edges, row[list(edges)]) for output, row in rows])
+
+    def _possible_start(
+        self, whole: MeasuredMotion, unknowns: Floats, edge: int, most: int, otherwise: Floats
+    ) -> tuple[int, Floats]:
+        """The nearest time at which no bodies overlap, and smoothed start values there.
+
+        :param edge: index of the time; ``most``: how many times a start may be later or earlier.
+        :param otherwise: start values at each time, of a motion; they are taken where there is no such time.
+        """
+        data, columns = whole.measurements, dict(zip(whole.motion.names, whole.columns, strict=True))
+        columns |= {name: len(unknowns) + k for k, name in enumerate(self.starts)}
+        for i in sorted(range(edge - most, edge + most), key=lambda i: abs(i - edge)):
+            state = self._smoothed_states(data, [i], otherwise)[:, 0]
+            instant, options = replace(data, times=data.times[[i]], instants={}), {"start_time": float(data.times[i])}
+            motion = self._measured_motion(
+                instant, columns, np.append(unknowns, state), whole.deviations, record=whole.motion.signals, **options
+            ).motion
+            try:
+                motion(motion.values)
+            except SimulationError:
+                continue
+            return i, state
+        return edge, otherwise[:, edge]
+
+
+def _simulated_times(data: Measurements, start_time: float) -> Floats:
+    """Times of the measurements and, where instants were measured, one after the last of these by a mean distance."""
+    lasts = [(np.nanmax(times), len(times)) for times, _ in data.instants.values()]
+    end = max((last + (last - start_time) / count for last, count in lasts), default=-math.inf)
+    return np.append(data.times, [end] if end > data.times[-1] else [])
+
+
+def _continued(instants: Floats, slopes: Floats, count: int, motion: Motion) -> tuple[Floats, Floats]:
+    """The first instants of impacts, continued at their last distance where a motion has fewer, and derivatives."""
+    rows, constant = np.column_stack([instants, slopes]), np.zeros(slopes.shape[1])
+    start, end = (np.append(time, constant) for time in (motion.start_time, motion.times[-1]))
+    before, last = np.vstack([start, rows if len(rows) else end])[-2:]
+    missing = np.arange(1, 1 + count - len(rows))[:, None]
+    rows = np.vstack([rows, last + missing * (last - before)])[:count]
+    return rows[:, 0], rows[:, 1:]
 
 
 def smoothed_values(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
