@@ -45,6 +45,8 @@ def test_a_system_draws_its_fmus_and_what_is_connected(fmu: FmuPaths) -> None:
     blocks = ["mass", "1", "Mass", "q", "spring", "1", "Spring", "length", "cubic", "2", "Cubic", "y"]
     legend = "numbers: the order in which the FMUs are stepped; those with the same number feed each other"
     assert _texts(picture) == ["wired", *blocks, legend]
+    faint = {text.text for text in picture.iter(f"{SVG}text") if text.get("fill-opacity")}
+    assert faint == {"1", "2", "Mass", "Spring", "Cubic", "y", legend}  # y feeds nothing
     places = _blocks(picture)
     assert places["mass"][0] == places["cubic"][0] < places["spring"][0]
     (arrow,) = _arrows(picture)

@@ -127,7 +127,14 @@ def test_derivatives(instance: CoSimulation3, row: Path) -> None:
     assert list(slopes) == [8, 0]
 
 
-@pytest.mark.parametrize("given", [{"gain": [4, 5, 6]}, {"gain": 4.0, "gain[2]": 5.0, "gain[3]": 6.0}])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"gain": [4, 5, 6]},
+        {"gain": 4.0, "gain[2]": 5.0, "gain[3]": 6.0},
+        {"gain[1]": 4.0, "gain[2]": 5.0, "gain[3]": 6.0},
+    ],
+)
 def test_start_values_of_arrays(row: Path, given: dict[str, object]) -> None:
     result = simulate(row, **given, u=1.0)  # type: ignore[arg-type]
     assert result["s"].shape == (5, 3)
@@ -139,6 +146,7 @@ def test_structural_parameters_are_set(row: Path) -> None:
     result = simulate(row, v=[1.0, 2.0, 3.0], m=3)  # in whatever order
     assert_array_equal(result["w"], np.outer(result.time, [1, 2, 3]))
     assert simulate(row, v=1.0)["w"].shape == (5, 2)
+    assert simulate(row, start_values={"m": 3, "v[2]": 5.0})["w"][-1].tolist() == [1, 5, 1]  # v starts from 1
     assert simulate(row, m=1, deep=False)["w"].tolist() == [[-1.0]] * 5
     with pytest.raises(SimulationError, match=r"Row\.v = \[1\.0, 2\.0, 3\.0\]: 3 values, but the array has 4"):
         simulate(row, m=4, v=[1.0, 2.0, 3.0])

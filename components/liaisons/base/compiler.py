@@ -13,11 +13,13 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
+from typing import Literal, final, get_args
 
+from liaisons.base.arguments import as_path, chosen
+from liaisons.base.project import fmus_directory
 from liaisons.errors import BuildError
 
 Backend = Literal["auto", "native", "python"]
@@ -38,6 +40,28 @@ WASM_FLAGS = (
 TIME_OUT = 900.0  # [s] for one file
 INSTALLATION = "pip install 'liaisons[cross]'"
 """Of zig."""
+
+
+@final
+@dataclass(frozen=True)
+class BuildSettings:
+    """Folder and form of an FMU that is built; :func:`liaisons.build` says what each is."""
+
+    output: Path | str | None = None
+    _: KW_ONLY
+    backend: Backend = "auto"
+    platforms: Platforms = "host"
+    fmi: Fmi = "2"
+    arrays: bool = True
+
+    def __post_init__(self) -> None:
+        for name, choices in (("backend", Backend), ("platforms", Platforms), ("fmi", Fmi)):
+            chosen(name, getattr(self, name), get_args(choices), BuildError)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the FMUs, in which ``fmi3/`` and ``python/`` lie."""
+        return fmus_directory() if self.output is None else as_path("output", self.output, BuildError)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,15 +27,20 @@ def fmus_directory() -> Path:
     return Path(os.environ.get("LIAISONS_FMUS") or "fmus")
 
 
+def _packages_and_paths() -> dict[str, tuple[str, Path]]:
+    """Package and path of each scenario by its name; the package is ``own`` for those that no package publishes."""
+    files = {path.stem: ("own", path) for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")}
+    for package, scenarios in published_scenarios().items():
+        files |= {f"{package}:{n}" if n in files else n: (package, path) for n, path in scenarios.items()}
+    return dict(sorted(files.items()))
+
+
 def scenario_files() -> dict[str, Path]:
     """Paths of the scenarios by name: of ``scenarios/`` in the working directory, of this package, and published ones.
 
     A published one whose name is taken is called ``PACKAGE:NAME``.
     """
-    files = {path.stem: path for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")}
-    for package, scenarios in published_scenarios().items():
-        files |= {f"{package}:{name}" if name in files else name: path for name, path in scenarios.items()}
-    return dict(sorted(files.items()))
+    return {name: path for name, (_, path) in _packages_and_paths().items()}
 
 
 def scenario_order() -> dict[str, dict[str, Any]]:
@@ -45,14 +50,14 @@ def scenario_order() -> dict[str, dict[str, Any]]:
 
 def scenario_themes() -> dict[str, tuple[str, list[str]]]:
     """Title and scenarios of each theme by its short name, then of each package; ``own`` has all other scenarios."""
-    left = scenario_files()
+    left = {name: package for name, (package, _) in _packages_and_paths().items()}
     themes: dict[str, tuple[str, list[str]]] = {}
     for name, theme in scenario_order()["themes"].items():
         themes[name] = theme["title"], [scenario for scenario in theme["scenarios"] if left.pop(scenario, None)]
-    for package, scenarios in published_scenarios().items():
-        chosen = [name for name, path in left.items() if path in scenarios.values()]
-        themes |= {package: (f"Of the package {package}", [n for n in chosen if left.pop(n)])} if chosen else {}
-    return themes | ({"own": ("Of this directory", list(left))} if left else {})
+    for package in sorted({*left.values()}, key=lambda name: (name == "own", name)):
+        title = "Of this directory" if package == "own" else f"Of the package {package}"
+        themes[package] = title, [name for name in left if left[name] == package]
+    return themes
 
 
 def scenario_claim(path: Path) -> str:

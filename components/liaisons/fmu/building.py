@@ -7,17 +7,15 @@ import logging
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
-from typing import get_args
 from uuid import UUID
 
-from liaisons.base.arguments import as_path, chosen
+from liaisons.base.arguments import with_settings
 from liaisons.base.compiler import (
     FLAGS,
     INSTALLATION,
     TARGETS,
-    Backend,
+    BuildSettings,
     Fmi,
-    Platforms,
     compile_library,
     host,
     no_compiler,
@@ -41,27 +39,17 @@ _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 _log = logging.getLogger(__name__)
 
 
-def build(
-    model: Model,
-    output: Path | str = "fmus",
-    *,
-    backend: Backend = "auto",
-    platforms: Platforms = "host",
-    fmi: Fmi = "2",
-    arrays: bool = True,
-) -> Path:
+@with_settings(BuildSettings)
+def build(model: Model, settings: BuildSettings) -> Path:
     """Build the FMU of a model, unless the file is up to date.
 
     :param model: e.g. ``assemble(Pendulum)``.
-    :param output: folder; this and the further ones as in :func:`liaisons.build`.
+    :param settings: those of :func:`liaisons.build`.
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     :raises BackEndError: if the back end cannot do what the model needs.
     """
-    chosen("backend", backend, get_args(Backend), BuildError)
-    chosen("platforms", platforms, get_args(Platforms), BuildError)
-    chosen("fmi", fmi, get_args(Fmi), BuildError)
-    output = as_path("output", output, BuildError)
+    backend, platforms, fmi, output = settings.backend, settings.platforms, settings.fmi, settings.folder
     if fmi == "3" and backend == "python":
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
     if model.sample and backend == "python":
@@ -74,8 +62,8 @@ def build(
     if backend == "python":
         return _build_python(model, output)
     if fmi == "3":
-        output = output / "fmi3" if arrays else output / "fmi3" / "scalars"
-    return _build_native(model, output, platforms, fmi, arrays=arrays)
+        output = output / "fmi3" if settings.arrays else output / "fmi3" / "scalars"
+    return _build_native(model, output, platforms, fmi, arrays=settings.arrays)
 
 
 def _compiler_command() -> list[str] | None:

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
-from liaisons.base.arguments import as_path, shown, whole
-from liaisons.base.compiler import Backend, Fmi, Platforms
+from liaisons.base.arguments import shown, whole, with_settings
+from liaisons.base.compiler import Backend, BuildSettings
 from liaisons.base.project import ProjectError, fmus_directory, load_module
 from liaisons.base.published import load_published, published, publishers
-from liaisons.errors import BuildError, LiaisonsError, suggestion
+from liaisons.errors import LiaisonsError, suggestion
 
 if TYPE_CHECKING:
     from liaisons.language import Component
@@ -201,15 +201,8 @@ def derive(target: Target) -> Equations:
     return mechanics.derive(class_)
 
 
-def build(
-    target: Target | Model,
-    output: Path | str | None = None,
-    *,
-    backend: Backend = "auto",
-    platforms: Platforms = "host",
-    fmi: Fmi = "2",
-    arrays: bool = True,
-) -> Path:
+@with_settings(BuildSettings)
+def build(target: Target | Model, settings: BuildSettings) -> Path:
     """Build the FMU of a component, unless the file is up to date.
 
     :param target: name, file or class of a component, or a model (``assemble(PendulumChain, 20)``).
@@ -230,7 +223,7 @@ def build(
     from liaisons import fmu
     from liaisons.mechanics import Model
 
-    folder = fmus_directory() if output is None else as_path("output", output, BuildError)
+    folder = settings.folder
     if isinstance(target, Model):
         derived, shipped = target, catalogue().get(target.name)
         if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
@@ -239,7 +232,7 @@ def build(
         chosen = component(target)
         claim(chosen, folder)
         derived = model(chosen)
-    return fmu.build(derived, folder, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays)
+    return fmu.build(derived, **vars(settings))
 
 
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:

@@ -67,7 +67,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
     step = speed / (2 * _FRAMES)
     for part in parts.values():
-        if part.fmu.is_sampled or part.fmu.model_name == "Regulator":  # its samples are communication points
+        if part.fmu.next_event_time and "period" in part.fmu.variables:  # its samples are communication points
             period = float(str(part.starts.get("period", part.fmu.variables["period"].start)))
             step = period / math.ceil(period / step)
     picture = combined_pictures({prefix: picture_of(part) for prefix, part in parts.items()})
