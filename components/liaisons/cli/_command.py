@@ -173,7 +173,7 @@ def assignment(text: str) -> tuple[str, float | bool | str]:
 
 
 def with_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) -> list[str]:
-    """Words of the command line, those of robots' files with --prescribe and --limits; print what these leave out."""
+    """Append --prescribe and --limits to the words that are robots' files; print what is left out of the files."""
     if (prescribe or limits) and not any(map(is_robot, words)):
         declared = "--prescribe is", "prescribed=True"
         if not prescribe:

@@ -37,7 +37,7 @@ def in_ascii(text: str) -> str:
 
 
 def _replace_unencodable(error: UnicodeError) -> tuple[str, int]:
-    """Replacement for the characters that a stream cannot write, and where to go on."""
+    """Return the replacement of characters that a stream cannot encode, and the position behind them."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     return in_ascii(error.object[error.start : error.end]), error.end

@@ -77,7 +77,7 @@ def _rate(value: ca.SX) -> ca.SX:
 
 
 def _magnitude(value: ca.SX) -> ca.SX:
-    """Absolute value whose sign at a zero is the one right after it, so that its rate is the one-sided one."""
+    """Return the absolute value; its rate at a zero is the one to the right."""
     rate = _rate(value)
     sign = ca.sign(rate) + (rate == 0) * ca.sign(_rate(rate))
     return (ca.sign(value) + (value == 0) * sign) * value

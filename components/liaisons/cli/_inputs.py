@@ -129,7 +129,7 @@ def _prescribe_table(
     ports: Mapping[str, Port],
     join: Join,
 ) -> set[str]:
-    """Add an operator for each coordinate, which takes the columns of its rates, and a function for other inputs.
+    """Add an operator for each coordinate, with its rates if they have columns, and a function for each other input.
 
     :returns: the names of these inputs.
     """

@@ -107,7 +107,7 @@ def _run_verdicts(fmu: Fmu) -> Iterator[Verdict]:
 
 
 def _reference_verdicts(fmu: Fmu) -> Iterator[Verdict | str]:
-    """Yield verdicts on results that the FMU carries, of runs with the parameters and inputs of the same labels."""
+    """Yield a verdict on each table of reference results in the FMU, which a run has to reproduce."""
     with Archive(fmu.path) as archive, passing_folder() as folder:
         try:
             files = related_files(archive)
@@ -122,7 +122,10 @@ def _reference_verdicts(fmu: Fmu) -> Iterator[Verdict | str]:
 
 
 def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> Verdict:
-    """Return the verdict on a table of results; ``beside`` are files by their roles."""
+    """Return the verdict on a table of results.
+
+    :param beside: files of the same labels, with parameters and inputs of the run, by their roles.
+    """
     head, _, rows = csv_cells(results, SimulationError)
     times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows.values()])
     names = [name for column in head[1:] for name in fmu.elements(column)]
@@ -141,7 +144,7 @@ def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> V
 
 
 def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
-    """Largest difference at common times, relative to the largest signal of its unit; and where, in words.
+    """Return the largest difference relative to the largest signal of the same unit, and signal and time in words.
 
     A balance is small, not imprecise.  Where all signals of a unit are small beside the motion's size in other units,
     rounding of these is what differs.  Strings differ by 1 or not at all.
@@ -162,7 +165,7 @@ def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
 
 
 def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
-    """Largest difference between two steps and their repetition; None if the FMU cannot restore its state."""
+    """Return the largest difference between two steps and their repetition; None if no state can be restored."""
     outputs = [fmu.variables[name] for name in fmu.reals("output")]
     if not (fmu.can_get_and_set_state and outputs):
         return None

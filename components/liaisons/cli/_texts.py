@@ -9,7 +9,7 @@ from liaisons.library import catalogue_names
 
 
 def scenarios_of(name: str) -> list[str]:
-    """The scenarios that verify a number; the name itself where it is no number.
+    """Return the scenarios that verify a number of the texts; of any other name the name itself.
 
     :raises BadParameter: if no scenario verifies it.
     """
@@ -24,7 +24,7 @@ def scenarios_of(name: str) -> list[str]:
 
 
 def component_of(name: str) -> tuple[str, str | None]:
-    """The component that has a number, and the part of its equations; the name itself where it is no number.
+    """Return the component and the part of its equations that have a number; of any other name itself and None.
 
     :raises BadParameter: if no component has it.
     """
@@ -37,7 +37,7 @@ def component_of(name: str) -> tuple[str, str | None]:
 
 
 def components(entry: Entry) -> list[str]:
-    """Components of the catalogue among what has a number."""
+    """Return the components of the catalogue that have a number of the texts."""
     names = set(catalogue_names())
     return [name for name in dict.fromkeys(item.partition(".")[0] for item in entry.lives) if name in names]
 

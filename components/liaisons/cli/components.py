@@ -197,7 +197,7 @@ def _build_one(
 
 
 def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
-    """Yield the result of a function for each task in order, computed on all cores; errors are raised in its place."""
+    """Compute a function of each task on all cores; yield results, and raise errors, in the order of the tasks."""
     count = min(os.cpu_count() or 1, len(tasks) // 2)  # a process takes as long to begin as an FMU to be built
     if count < 2:
         yield from map(function, tasks)

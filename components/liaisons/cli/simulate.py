@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 class _Command(TyperCommand):
-    """``--plot`` may stand without a file and ``--isolated`` without a number, which Typer does not know."""
+    """Command whose options ``--plot`` and ``--isolated`` may lack their value, which Typer does not support."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of a command, after giving options that stand alone their default values."""
@@ -136,7 +136,7 @@ def simulate(
 
 
 def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Result, list[str]]:
-    """The result without mismatches, unless they are requested, and a line for each that is not 0."""
+    """Return the result without mismatches that were not requested, and a line for each of these that is not 0."""
     from liaisons.cli._subject import MISMATCH
 
     rows, lines = [], []

@@ -62,7 +62,7 @@ def text(
 
 
 def _lines(entry: Entry, *, latex: bool) -> Iterator[str]:
-    """Everything that the table says of a number."""
+    """Return lines with all that the table of the texts has on a number."""
     section = [s for s in sections() if s.contains(entry)][-1:]
     head = "; ".join([TITLES[entry.text], *(f"section {s.number}, {s.french}" for s in section)])
     yield from textwrap.wrap(f"{entry.citation}   {head}", _columns(), subsequent_indent=" " * _MARGIN)

@@ -147,7 +147,7 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
 
 
 def _booking(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list[str]]:
-    """Return C statements of functions that take the number that they book from the outputs, by their members.
+    """Return, by member, C statements of the functions that copy a booked number from the outputs.
 
     Where the outputs are large their code would be repeated, and with it that of both derivatives.
     """
@@ -183,7 +183,7 @@ def _booking(model: Model, members: Mapping[str, ca.Function]) -> dict[str, list
 
 
 def _with_one_result(function: ca.Function) -> ca.Function:
-    """Return the function with its results one below the other in one."""
+    """Return the function with its results stacked in one column."""
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
 
@@ -199,7 +199,7 @@ def _output_function(model: Model) -> ca.Function:
 def _row_functions(
     model: Model, members: Mapping[str, ca.Function], rates: Iterable[tuple[ca.Function, ca.Function]]
 ) -> dict[str, ca.Function]:
-    """Return functions of rows of a table, by the names of those that look the rows up and call them."""
+    """Return the functions that take rows of a table, by the names of their callers, which look the rows up."""
     if model.table is None:
         return {}
     functions = {name: function for name, function in members.items() if name.startswith("calculate")}
@@ -214,7 +214,7 @@ def _row_functions(
 
 
 def _lookup_calls(model: Model, row_functions: Mapping[str, ca.Function]) -> list[str]:
-    """Return C definitions of functions that look rows up and call those of rows."""
+    """Return C definitions of the callers, which look rows of a table up and call the functions of rows."""
     statements = {}
     for name, function in row_functions.items():
         suffix = name.removeprefix("calculate") if name.startswith("calculate") else ""
@@ -284,7 +284,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 
 def _effects_of_inputs(model: Model) -> dict[str, int]:
-    """Return by name what an input acts on where it is not 0, as bits of _LOADS and _MOVES."""
+    """Return, by input, the bits _LOADS and _MOVES of what a value other than 0 acts on."""
     effects = {variable.name: _LOADS for variable in model.inputs}
     for coordinate in model.active:
         effects |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}

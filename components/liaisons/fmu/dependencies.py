@@ -123,7 +123,7 @@ def states_that_jump(model: Model) -> set[str]:
 
 
 def decided_at_events(model: Model) -> tuple[set[str], set[str]]:
-    """Return names of the outputs that change at events alone, and of those that depend on them.
+    """Return names of the outputs that change at events only, and of these with all that depend on them.
 
     Contacts decide them from everything, at an event and at the start.
     """

@@ -189,7 +189,7 @@ class Algebra:
         return self.simplified(values[0] if values else {})
 
     def number(self, value: float) -> Polynomial:
-        """Return a constant: a fraction, a fraction of π or the root of a fraction, where it is one to the last bit."""
+        """Return a constant as a fraction, a fraction of π or the root of one, if that equals it to the last bit."""
         number = _simple_fraction(value)
         if isinstance(number, float) and math.isfinite(value):
             of_pi, square = _simple_fraction(value / math.pi), Fraction(value * value).limit_denominator(100)
@@ -212,7 +212,7 @@ class Algebra:
 
 
 def is_supported(function: ca.Function) -> bool:
-    """Return whether formulas have all operations of a function; calls of other functions are none of them."""
+    """Return whether all operations of a function can be written as formulas; calls of other functions cannot."""
     plain = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_POW, ca.OP_CONSTPOW, *_ARITHMETIC, *_FUNCTIONS}
     return operation_codes(function) <= plain
 
@@ -272,7 +272,7 @@ def _monomial_power(monomial: Monomial, exponent: Exponent) -> Monomial:
 
 
 def _simple_fraction(value: float) -> Coefficient:
-    """Return the fraction with a small denominator that a number is to the last bit, else the number."""
+    """Return the fraction with a small denominator that equals a number to the last bit, else the number."""
     if not math.isfinite(value):
         return value
     simple = Fraction(value).limit_denominator(1000)

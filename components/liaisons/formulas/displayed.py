@@ -63,7 +63,7 @@ class DisplayedEquations:
         return replace(self, equations=chosen, notes={k: v for k, v in self.notes.items() if k == part})
 
     def fix(self, *names: str) -> DisplayedEquations:
-        """The same with prescribed coordinates at rest: rates leave the formulas, and what starts at 0 does.
+        """Return the equations with prescribed coordinates at rest, without their rates and without coordinates at 0.
 
         :param names: of prescribed coordinates; their forces, powers and effective masses are left out.
         :raises ProjectError: for another name.
@@ -176,13 +176,13 @@ class DisplayedEquations:
 
 
 def _belongs(left: str, name: str) -> bool:
-    """Whether an equation is of a prescribed coordinate: its force, its power, a row or column of Θ."""
+    """Return whether an equation is one of a prescribed coordinate: its force, its power, an element of Θ."""
     owner, _, index = left.partition("[")
     return left in {f"{name}_force", f"{name}_power"} or (owner == "Theta" and name in index.rstrip("]").split(","))
 
 
 def _vanishing(expression: ca.SX, names: Collection[str]) -> ca.SX:
-    """Expression with 0 for some of its symbols."""
+    """Return an expression with 0 substituted for some of its symbols."""
     symbols = [symbol for symbol in ca.symvar(expression) if symbol.name() in names]
     return ca.substitute([expression], symbols, [ca.SX(0)] * len(symbols))[0]
 

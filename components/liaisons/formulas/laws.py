@@ -16,7 +16,7 @@ _PART = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """A heading, what to say below it, and the law: ``q˙_k = ∂L/∂q_k``, blanks around fractions."""
+    """A law in general form, ``q˙_k = ∂L/∂q_k`` with blanks around fractions, its heading and a remark."""
 
     title: str
     text: str

@@ -103,7 +103,7 @@ class _Writer:
         )
 
     def _use_counts(self, p: Polynomial) -> Counter[int]:
-        """Return how often each function and bracket is written, if its definition is written once."""
+        """Return how often each function and bracket occurs in a formula that defines each of them once."""
         uses: Counter[int] = Counter()
         waiting = [p]
         while waiting:
@@ -135,7 +135,7 @@ class _Writer:
         return added([term for monomial, coefficient in ordered for term in self._terms(monomial, coefficient)])
 
     def _terms(self, monomial: Monomial, coefficient: Coefficient) -> tuple[Term, ...]:
-        """Return a monomial as a term; a bracket that multiplies nothing as its terms."""
+        """Return the terms of a monomial: one product, or the terms of a bracket that has no other factor."""
         if self._is_bare_group({monomial: coefficient}):  # a bracket that multiplies nothing
             return summands(self._factor(monomial[0][0]))
         term = self._product(monomial, abs(coefficient))

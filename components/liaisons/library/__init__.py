@@ -44,7 +44,7 @@ def catalogue() -> dict[str, type[Component]]:
 
 
 def catalogue_names() -> list[str]:
-    """Return the names of these components, read from the files: completion loads no component."""
+    """Return the names of the catalogue's components, read from their files: completion loads no component."""
     files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
@@ -73,7 +73,7 @@ def is_robot(word: str) -> bool:
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
-    """Return name, causality and start of the variables of a component that has a name or of an FMU file; else none."""
+    """Return name, causality and start of each variable of a named component or an FMU file; none of anything else."""
     from liaisons.cosim.description.fmu import read_description
 
     try:
@@ -280,7 +280,7 @@ def claim(component: type[Component], folder: Path | str) -> None:
 
 
 def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
-    """Raise an error if a folder is that of the catalogue."""
+    """Raise a ProjectError if a component of one's own with a catalogue's name is built into the catalogue's folder."""
     if folder.is_relative_to(fmus_directory().resolve()):
         raise ProjectError(_name_taken(name, origin, folder, "the catalogue's component of this name"))
 
@@ -291,7 +291,7 @@ def _name_taken(name: str, origin: str, folder: Path, owner: str) -> str:
 
 
 def _file_status(path: Path) -> tuple[int, ...]:
-    """Return what changes with a file's content; empty without a file."""
+    """Return time, size and inode of a file, which tell a new content; empty without a file."""
     if not path.is_file():
         return ()
     status = path.stat()
@@ -323,7 +323,7 @@ def _is_source(name: str) -> bool:
 
 
 def _no_component_message(target: object, text: str) -> str:
-    """Return a message about what is no component."""
+    """Return the message for an object that is no component."""
     from liaisons.cosim import System
 
     if isinstance(target, System):

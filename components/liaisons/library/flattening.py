@@ -98,7 +98,7 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
 
 
 def _model_of_part(part: SystemComponent, components: Mapping[str, type[Component]]) -> Model:
-    """Return the model that the FMU of a part was built from: of one of these components, or of one that has a name."""
+    """Return the model that the FMU of a part was built from, by its name among these and all named components."""
     fmu = part.fmu
     if has_table(fmu.path):
         raise SimulationError(

@@ -26,7 +26,7 @@ class Camera:
     pitch: float
 
     def project(self, points: NDArray) -> NDArray:
-        """Return right, up and depth (larger towards the eye) of points (..., 3); any unit."""
+        """Return coordinates of points (..., 3) to the right, up and towards the eye, in their unit."""
         return points @ self.axes.T
 
     @property

@@ -17,7 +17,7 @@ from liaisons.pictures.stage import COILS, LIGHT, SIZES, TEETH
 
 
 def inlined_page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
-    """Return a page, with the constants that all pictures have in common as ``DRAWING``.
+    """Return one HTML file with style, script and data; ``DRAWING`` in the script has the constants of all pictures.
 
     :param template: name of the file of its body.
     :param modules: names of the ES modules, each after those that it imports.
@@ -49,7 +49,7 @@ def inlined_page(template: str, modules: Sequence[str], title: str, description:
 
 
 def _as_script(module: str) -> str:
-    """Return a module as part of one script, after those that it imports: a file:// page loads no modules.
+    """Return a JavaScript module without imports and exports: a file:// page loads no modules.
 
     Without indentation, and without comments that have lines of their own, which mean nothing in JavaScript.
     """

@@ -255,7 +255,7 @@ def _extrema(values: Floats) -> tuple[float, float]:
 
 
 def _default_rank(name: str, unit: str, names: Container[str]) -> int:
-    """Rank by which a signal is drawn by default, from 0, by its name."""
+    """Rank of a signal among those that are drawn by default, 0 first, from its name."""
     owner, dot, last = split(name)[0].rpartition(".")
 
     def has(name: str) -> bool:

@@ -35,7 +35,7 @@ Outcome: TypeAlias = Completed | Failure
 
 
 def failure_of(error: Exception) -> Failure:
-    """Return the failure for an error; refused after Discard or Error of an FMU, or without convergence.
+    """Return the failure of a case that ended with this error: refused after Discard, Error or no convergence.
 
     Fatal is no refusal: the FMU may have run out of memory.
     """

@@ -137,7 +137,7 @@ class Fmu:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether its outputs are constant but for events that it announces, so that it reads inputs there alone."""
+        """Whether outputs change at announced events only, so that inputs are read at these only."""
         if self.next_event_time is None:
             return False
         return not any(self.variables[name].continuous for name in self._scalars(RECORDED, ("output",), math.inf))
@@ -203,7 +203,7 @@ def read_description(path: Path) -> Description:
 
 
 def _read_from(archive: Archive, read: Callable[[IO[bytes]], _T]) -> _T:
-    """What a function reads from the model description in an archive."""
+    """Return the result of a function that reads the model description in an archive."""
     if DESCRIPTION not in archive.names:
         raise SimulationError(f"{archive.path}: has no {DESCRIPTION} inside, so it is no FMU")
     with archive.open(DESCRIPTION) as file:

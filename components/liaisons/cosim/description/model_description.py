@@ -97,7 +97,7 @@ class _Elements:
 
 @final
 class Description:
-    """The content of the file; start tags suffice, since the order of the sections is fixed.
+    """Content of a model description, collected from start tags: the order of the sections is fixed.
 
     :ivar kinds: attributes by interface type.
     :ivar states: number of continuous states (FMI 2.0).
@@ -303,7 +303,7 @@ class Description:
     # ---- structure
 
     def _end_variables(self, _: Attributes) -> None:
-        """Make the variables of their parts; the tags that follow are those of the model structure."""
+        """Make the variables from the tags read so far, and take the next tags for the model structure."""
         if "Unknown" in self._handlers or not self.root:
             return
         pending = [entry for entry in self._entries.values() if isinstance(entry, tuple)]

@@ -51,11 +51,11 @@ class SampledFunction:
         return {variable(name): name for name in self.writes}
 
     def last_sample(self, t: float) -> float:
-        """The last sample at or before an instant [s], which clocks may miss."""
+        """The last sample [s] at or before an instant [s], up to the error of clocks."""
         return self.period * math.floor(t / self.period + CLOCK_ERROR)
 
     def is_sample(self, t: float) -> bool:
-        """Whether an instant [s] is one of a sample."""
+        """Whether an instant [s] is that of a sample, up to the error of clocks."""
         return t - self.last_sample(t) <= CLOCK_ERROR * self.period
 
     def next_event(self, t: float) -> float:
@@ -63,11 +63,11 @@ class SampledFunction:
         return min(self.last_sample(t - lag) + self.period + lag for lag in (0.0, self.delay))
 
     def is_due(self, t: float, instant: float) -> bool:
-        """Whether an instant [s] is not before another one, which clocks may miss."""
+        """Whether a time [s] has reached an instant [s], up to the error of clocks."""
         return t >= instant - CLOCK_ERROR * self.period
 
     def description(self) -> Fmu:
-        """Its description as an FMU, which lies in a file that holds nothing."""
+        """Its description as an FMU, whose file is empty."""
         kinds = [*((name, "input", True) for name in self.inputs), *((name, "output", False) for name in self.outputs)]
         scalars = [
             Scalar(name, i, "Real", "Real", causality, causality == "input", "0", "", i, continuous=continuous)

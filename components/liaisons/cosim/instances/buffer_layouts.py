@@ -57,7 +57,7 @@ class BufferLayout:
 
     @property
     def direct(self) -> bool:
-        """Whether the scalars are just what the buffer holds, doubles in this order."""
+        """Whether the scalars are all that the buffer holds, as doubles in the same order."""
         return self.base in {"Real", "Float64"} and np.array_equal(self.positions, range(self.size))
 
     def read_into(self, read: Transfer, values: Vector) -> int:

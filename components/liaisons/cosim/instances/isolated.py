@@ -269,7 +269,7 @@ class _Server:
         return getattr(self._instance, method)(*arguments)
 
     def _call(self, number: int, sent: bytes) -> tuple[int, bytes]:
-        """Make a prepared call; returns its status, and what it has written to the buffers behind those sent."""
+        """Make a prepared call; returns its status, and the bytes of the buffers that it has filled."""
         call, store = self._calls[number]
         store[: len(sent)] = sent
         self._last = call, (status := call() or OK)

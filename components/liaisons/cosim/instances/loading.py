@@ -42,7 +42,7 @@ class _Library(CDLL):
 
 
 def _missing(message: str) -> Callable[..., Any]:
-    """A function that raises the error of a function that a library lacks."""
+    """A function that raises an error, in place of one that a library lacks."""
 
     def call(*_: object) -> None:
         raise AttributeError(message)

@@ -425,7 +425,7 @@ class ModelExchange(Loaded, ABC):
         return not np.array_equal(before, self._indicators > 0)
 
     def _fill(self, numbers: Vector, function: str, about: str = "") -> None:
-        """Have a function of FMI write numbers of the equations."""
+        """Call a function of FMI that fills an array with numbers of the equations; raise the error of its status."""
         status = self._function(function)(self._pointer, c_void_p(numbers.ctypes.data), c_size_t(numbers.size))
         self._check(function, status, about)
 

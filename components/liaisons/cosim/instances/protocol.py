@@ -249,7 +249,7 @@ class Loaded(Instance):
         return Call(lambda: max((call() for call in calls), default=0)).with_failure(action, self._failure_of(function))
 
     def _failure_of(self, function: str) -> Failure:
-        """A maker of the error of an FMI function."""
+        """A function that returns the error of a status of an FMI function."""
         return lambda _, status, when: self._error(function, status, when)
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:

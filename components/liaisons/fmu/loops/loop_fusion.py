@@ -79,7 +79,7 @@ class LoopFusion:
 
 
 def depends_on_neighbours(program: RowProgram) -> bool:
-    """Return whether what is carried from link to link follows from its arguments by a few products."""
+    """Return whether all carried values follow from neighbours and arguments by sums and products."""
     available = {symbol for vector in program.arguments for symbol in keys(vector.entries)}
     definitions: list[tuple[ca.SX, ca.SX]] = []
     for step in program.steps:
