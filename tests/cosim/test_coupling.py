@@ -181,6 +181,24 @@ def test_kink_that_is_announced_stays_one(component: FmuPaths, start: float) -> 
     assert_allclose(result["mass.x"], late - np.sin(late), rtol=0, atol=1e-10)
 
 
+def test_breaks_within_a_step_are_ends_of_pieces(component: FmuPaths) -> None:
+    """The jerk of a pivot is that of its piece, also where the next break comes before the end of the step."""
+    upper, lower = ((component("Pendulum"), {"theta_0": theta}) for theta in (0.3, 0.5))
+    system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
+
+    def shaken(t: float) -> tuple[float, float, float]:
+        past = np.maximum(t - np.array([0.23, 0.27]), 0.0)
+        return tuple(float(np.subtract(*order)) for order in (30 * past**3, 90 * past**2, 180 * past))
+
+    coarse = np.linspace(0.0, 0.5, 6)
+    first, second = (
+        system.simulate(times=times, inputs={"upper.pivot_x": Signal(shaken, breaks=[0.23, 0.27])}, coupling="implicit")
+        for times in (coarse, np.sort([*coarse, 0.23, 0.27]))
+    )
+    at_coarse = second["lower.theta"][np.isin(second.time, coarse)]
+    assert_allclose(first["lower.theta"], at_coarse, rtol=0, atol=1e-12)  # the same pieces: rounding
+
+
 def test_what_inputs_do_can_be_left_to_the_fmu(component: FmuPaths) -> None:
     options: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "tolerance": 1e-12}
     held = _pushed(component, "", "port", input_reconstruction=1).simulate(**options, coupling="implicit")

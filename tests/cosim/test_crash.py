@@ -75,7 +75,12 @@ _DESCRIPTION = """<?xml version="1.0"?>
 
 
 @pytest.mark.parametrize(
-    ("code", "words"), [("raise(SIGILL);", r"instantiated \(SIGILL\)"), ("", r"initialized \(SIGSEGV\)")]
+    ("code", "words"),
+    [
+        ("raise(SIGILL);", r"instantiated \(SIGILL\)"),
+        ("raise(SIGRTMIN + 6);", r"instantiated \(signal \d+\)"),  # has no name
+        ("", r"initialized \(SIGSEGV\)"),
+    ],
 )
 def test_fmu_of_fmi_3_that_crashes_at_the_begin(tmp_path: Path, code: str, words: str) -> None:
     packed(tmp_path, "Bad", _FMI_3.replace("@instantiate@", code), _DESCRIPTION, fmpy.platform_tuple)

@@ -61,9 +61,10 @@ def test_without_a_step_it_is_looked_at_500_times(ball: Path, tmp_path: Path) ->
     assert_allclose(result["h"], heights(result.time)[0], atol=TIGHT)
 
 
-def test_time_events_belong_to_the_communication_point_that_they_fall_on(ball: Path) -> None:
-    result = simulate(ball, stop_time=2.5, step_size=0.1)
-    assert result["ticks"].tolist() == [k // 5 for k in range(26)]
+@pytest.mark.parametrize("parts", [5, 49])
+def test_time_events_belong_to_the_communication_point_that_they_fall_on(ball: Path, parts: int) -> None:
+    result = simulate(ball, stop_time=2.5, step_size=0.5 / parts)  # 49 of which are less than 0.5, by rounding
+    assert result["ticks"].tolist() == [k // parts for k in range(5 * parts + 1)]
 
 
 def test_an_indicator_that_begins_at_0_is_seen_to_rise(ball: Path) -> None:

@@ -235,8 +235,6 @@ class Node:
     def collect(self, target: Vector) -> None:
         """Copy what was read last to its signals."""
         target[self.values] = self._read
-        if self.sloped:
-            target[self.slopes] = self._slope_values
 
     def derivatives(self, depends: Depends, *, record: bool) -> tuple[list[tuple[int, int]], list[Call], list[Vector]]:
         """Prepare the calls that calculate ∂(outputs)/∂(inputs), where these are not 0, column by column.
