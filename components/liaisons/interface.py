@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons import cosim, live, ssp, sweeps
 from liaisons.base import cache
-from liaisons.base.arguments import merged
+from liaisons.base.arguments import as_path, merged
 from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
@@ -107,7 +107,8 @@ def show(
     target = subject if isinstance(subject, cosim.System) else fmu_file(subject)
     if beside:
         target = _together([target, *map(fmu_file, cast("list[Target]", beside))])
-    return live.show(target, path, start_values=start_values, **keywords)
+    page = None if path is None else as_path("show: path", path)
+    return live.write_live_page(target, page, merged("show", start_values, keywords))
 
 
 def _together(subjects: list[Path | cosim.System]) -> cosim.System:

@@ -119,24 +119,20 @@ def show(
     from liaisons.cli._subject import resolved, simulation
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_page_path
-    from liaisons.live import show as write_page
 
     fmu, *others = with_robot_options(fmus, prescribe, limits=limits)
     live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")
-    if others:
-        page = interface.show(fmu, *others, path=output, start_values=dict(starts)).path
+    shown, rest = resolved(fmu, starts)
+    if others or (live and not inputs):
+        page = interface.show(shown, *others, path=output, start_values=rest).path
     else:
-        shown, rest = resolved(fmu, starts)
         page = output or default_page_path(shown)
-        if live and not inputs:
-            write_page(shown, page, start_values=rest)
-        else:
-            _system, asked = simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
-            performed(asked).animate(page)
-            cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
-            remark = f", a recorded motion{cure}"
+        _system, asked = simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
+        performed(asked).animate(page)
+        cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
+        remark = f", a recorded motion{cure}"
     print(f"page: {page}{remark}")
     if launch:
         webbrowser.open(page.resolve().as_uri())

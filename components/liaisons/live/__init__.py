@@ -1,6 +1,6 @@
 """Live pages: an FMU's own C as WebAssembly in one HTML file."""
 
-from liaisons.live.files import LivePage, default_page_path, show
+from liaisons.live.files import LivePage, default_page_path, write_live_page
 from liaisons.live.page import live_page
 
-__all__ = ["LivePage", "default_page_path", "live_page", "show"]
+__all__ = ["LivePage", "default_page_path", "live_page", "write_live_page"]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
-from liaisons.base.arguments import as_path, merged
 from liaisons.base.files import replacing
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
@@ -46,31 +45,16 @@ def default_page_path(subject: Path | System) -> Path:
     return Path(re.sub(r"[^\w .=-]", "_", name) + ".html")
 
 
-def show(
-    subject: Path | str | System,
-    /,
-    path: Path | str | None = None,
-    *,
-    start_values: Mapping[str, object] | None = None,
-    **keywords: object,
-) -> LivePage:
-    """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
+def write_live_page(subject: Path | System, path: Path | None, starts: Mapping[str, object]) -> LivePage:
+    """Write the live page of an FMU or of a system; raise what :func:`liaisons.show` does.
 
-    :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system.
-    :param path: of the page; default: ``NAME.html`` in the working directory.
-    :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own;
-        ``keywords`` are further ones.  A system has its own.
-    :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
-    :raises ProjectError: if there is no such file or component.
-    :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
-    :raises BuildError: if there is no compiler for WebAssembly: ``pip install 'liaisons[cross]'``.
+    :param path: of the page; None: :func:`default_page_path`.
+    :param starts: of an FMU; a system has its own.
     """
-    starts = merged("show", start_values, keywords)
     if isinstance(subject, System) and starts:
         raise SimulationError(f"{subject.name}: start values of a system are given where its FMUs are added")
-    fmu = subject if isinstance(subject, System) else Path(subject)
-    target = default_page_path(fmu) if path is None else as_path("show: path", path)
-    content = live_page(fmu, starts)
+    target = path or default_page_path(subject)
+    content = live_page(subject, starts)
     with replacing(target) as whole:
         whole.write_bytes(content)
     return LivePage(target)
