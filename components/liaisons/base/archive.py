@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, final
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
+from liaisons.base.arguments import quoted
 from liaisons.errors import LiaisonsError, SimulationError
 
 UNPACKED_LIMIT = 2**30
@@ -155,9 +156,7 @@ class Archive:
             if (other.CRC, other.file_size) != (member.CRC, member.file_size):  # some tools write the same file twice
                 reason = "is there twice"
             if reason:
-                raise SimulationError(
-                    f"{self.path}: {_shortened(member.orig_filename)} inside {reason}; export it anew"
-                )
+                raise SimulationError(f"{self.path}: {quoted(member.orig_filename)} inside {reason}; export it anew")
             members[member.filename] = member
         return members
 
@@ -187,8 +186,3 @@ def _refusal_reason(member: ZipInfo) -> str:
     if member.compress_type not in {ZIP_STORED, ZIP_DEFLATED}:
         return f"is compressed by method {member.compress_type}, where FMI and SSP know 0 (none) and 8 (deflate) only"
     return ""
-
-
-def _shortened(name: str) -> str:
-    """Name in quotes, cut to 80 characters for messages."""
-    return repr(name if len(name) <= 80 else f"{name[:77]}...")

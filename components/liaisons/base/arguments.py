@@ -35,6 +35,11 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
+def quoted(text: str) -> str:
+    """Text in quotation marks, cut to 80 characters, for messages."""
+    return repr(text if len(text) <= 80 else f"{text[:77]}...")
+
+
 def listed(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
     """Names as a list, checked; one name is a list of one."""
     if isinstance(names, str):

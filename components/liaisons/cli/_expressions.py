@@ -9,7 +9,8 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula, quoted
+from liaisons.base.arguments import quoted
+from liaisons.expressions.formulas import FUNCTIONS, FormulaError, formula
 
 _POINTS, _MOST = 501, 20
 """Between which maxima are searched for, and how many at most are looked at."""

@@ -15,6 +15,7 @@ from typing import Any
 
 import casadi as ca
 
+from liaisons.base.arguments import quoted
 from liaisons.errors import FormulaError, LiaisonsError, suggestion
 
 _LONGEST, _DEEPEST = 1000, 200
@@ -72,11 +73,6 @@ class _RefusedError(Exception):
 def _error_at(text: str, column: int, words: str) -> FormulaError:
     """Return the error about a column of a formula."""
     return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
-
-
-def quoted(text: str) -> str:
-    """Return text in quotation marks, shortened."""
-    return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
 @dataclass(frozen=True)

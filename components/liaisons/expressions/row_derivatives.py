@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from liaisons.expressions.rows import Carry, Each, RowProgram, Step, Sum, Vector, carry, key, row_program
+from liaisons.expressions.rows import Carry, Each, RowProgram, Step, Sum, Vector, carry, key, paired, row_program
 
 
 def forward(original: RowProgram) -> RowProgram:
@@ -22,17 +22,13 @@ def forward(original: RowProgram) -> RowProgram:
         symbols, seeds = (ca.vertcat(*column) for column in zip(*pairs, strict=True))
         return ca.densify(ca.jtimes(expressions, symbols, seeds))
 
-    def direction(symbols: ca.SX) -> ca.SX:
-        pairs.append((symbols, ca.SX.sym("d", symbols.shape[0])))
-        return pairs[-1][1]
-
     steps: list[Step] = []
     for step in original.steps:
-        symbols = direction(step.symbols)
+        symbols = paired(step.symbols, pairs)
         match step:
             case Carry():
                 start, following = derivative(step.start), derivative(step.following)
-                steps += [step, Carry(symbols, start, following, direction(step.last), step.inward)]
+                steps += [step, Carry(symbols, start, following, paired(step.last, pairs), step.inward)]
             case Each() | Sum():
                 steps += [step, replace(step, symbols=symbols, read=derivative(step.read))]
     return row_program(

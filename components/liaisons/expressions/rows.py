@@ -172,19 +172,21 @@ def _constants(step: Step) -> list[tuple[ca.SX, ca.SX]]:
             del assumed[i]
 
 
+def paired(symbols: ca.SX, pairs: list[tuple[ca.SX, ca.SX]]) -> ca.SX:
+    """Return as many new symbols, after adding both to the pairs."""
+    pairs.append((symbols, ca.SX.sym("x", symbols.shape[0])))
+    return pairs[-1][1]
+
+
 def renamed(steps: Sequence[Step], expression: ca.SX) -> tuple[list[Step], ca.SX]:
     """Return copies of steps, and of an expression that needs them, with new symbols."""
     pairs: list[tuple[ca.SX, ca.SX]] = []
     copies: list[Step] = []
 
-    def fresh(symbols: ca.SX) -> ca.SX:
-        pairs.append((symbols, ca.SX.sym("x", symbols.shape[0])))
-        return pairs[-1][1]
-
     for step in steps:
-        named = replace(step, symbols=fresh(step.symbols))
+        named = replace(step, symbols=paired(step.symbols, pairs))
         if isinstance(named, Carry):
-            named = replace(named, last=fresh(named.last))
+            named = replace(named, last=paired(named.last, pairs))
         copies.append(named.rewritten(lambda x: substituted(x, pairs)))
     return copies, substituted(expression, pairs)
 

@@ -130,7 +130,7 @@ def _model_functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Return the functions that are not generated as loops, by their members of ``Model`` in core.h."""
     functions: dict[str, ca.Function | None] = {name: getattr(model, name) for name in SIGNATURES}
     functions |= {
-        "outputs_function": _output_function(model),
+        "outputs_function": (model.table or model).outputs_function,  # of rows of a table
         "contact": model.contact and _with_one_result(model.contact),
     }
     functions["draw"] = (model.table and model.table.draw) or model.draw
@@ -186,11 +186,6 @@ def _with_one_result(function: ca.Function) -> ca.Function:
     """Return the function with its results stacked in one column."""
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, [ca.vertcat(*function.call(arguments, True, False))])
-
-
-def _output_function(model: Model) -> ca.Function:
-    """Return (t, y, u, k, m) → z; of a table with the two rows of each lookup in place of k."""
-    return model.outputs_function if model.table is None else model.table.outputs_function
 
 
 # ---- tables of parameters --------------------------------------------------------------------------------------
@@ -373,8 +368,8 @@ def _contact_members(model: Model, contact: ca.Function) -> dict[str, object]:
         "gaps": gaps,
         "frictions": len(model.contacts) - gaps,
         "operators": len(impulsive_operators(model)),
+        "indicators": len(model.contacts),
     }
-    counts["indicators"] = len(model.contacts)
     starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
     rows = (f".{name} = {start}" for name, start in zip((*contact.name_out(), "count"), starts, strict=True))
     return {
@@ -441,8 +436,8 @@ def _c_arrays(model: Model) -> list[str]:
 
 
 def _c_array(kind: str, name: str, rows: Sequence[str]) -> list[str]:
-    # C has no arrays without elements; the tables that have none are never read.
     """Return the definition of a static C array."""
+    # C has no arrays without elements; the tables that have none are never read.
     nothing = "0" if kind == "size_t" or kind.endswith("const") else "{0}"
     return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
 

@@ -84,12 +84,10 @@ class Isolated(Instance):
         self._ask("its reset", "reset")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        function = self._transfer_functions("Get", variables)
-        return self._prepare("get", "getter", variables, received=values, function=function)
+        return self._prepare("get", "getter", variables, received=values)
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        function = self._transfer_functions("Set", variables)
-        return self._prepare("set", "setter", variables, sent=[values], function=function)
+        return self._prepare("set", "setter", variables, sent=[values])
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
         return self._prepare("step", "stepper", sent=[time, size])
@@ -107,8 +105,7 @@ class Isolated(Instance):
         return self._prepare("shape", "input_derivatives", variables, orders, sent=[values])
 
     def intermediate_update(self, variables: Scalars, values: Vector) -> Call:
-        function = self._transfer_functions("Set", variables)
-        return self._prepare("set", "intermediate_update", variables, sent=[values], function=function)
+        return self._prepare("set", "intermediate_update", variables, sent=[values])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - of the last call
         if self._fate:
@@ -138,20 +135,21 @@ class Isolated(Instance):
         self,
         action: Action,
         method: str | None,
-        *arguments: object,
+        *arguments: Any,
         sent: Sequence[Any] = (),
         received: Numbers | None = None,
-        function: str | None = None,
     ) -> Call:
         """Prepare a call in the other process; returns the call that has it made.
 
         :param method: of the instance, which prepares it; None: the second of the two calls that were prepared last.
         :param arguments: those that stay; buffers follow, which are ``sent`` with each call, or ``received``.
-        :param function: of FMI, for messages; None: that of the action.
         """
         shapes = [np.shape(buffer) for buffer in (*sent, *([] if received is None else [received]))]
         number = self._ask("its preparation", "prepare", method, arguments, shapes)
-        function = self._functions.get(action, action) if function is None else function
+        function = self._functions.get(action, action)  # for messages
+        if action in {"get", "set"}:
+            types = dict.fromkeys(variable.base for variable in arguments[0])
+            function = " or ".join(f"fmi{self._fmu.version}{action.title()}{base}" for base in types)
 
         def call() -> int:
             self._function = function
@@ -164,9 +162,6 @@ class Isolated(Instance):
             return status if status in range(len(STATUSES)) else FATAL  # the others are those of compiled code
 
         return Call(call).with_failure(action, self.failure)
-
-    def _transfer_functions(self, word: str, variables: Scalars) -> str:
-        return " or ".join(f"fmi{self._fmu.version}{word}{base}" for base in dict.fromkeys(v.base for v in variables))
 
     def _ask(self, task: str, method: str, *arguments: object) -> Any:
         """Call a method in the other process; returns what it returns.
