@@ -28,6 +28,7 @@ def test_a_goal_becomes_plan_figure_motion_system_and_verdicts(runs, tmp_path) -
     for kind in ("json", "png", "gif", "ssp"):
         assert (tmp_path / "found" / f"crane.{kind}").stat().st_size > 1000
     motion, system = Plan.load(tmp_path / "found/crane.json"), System.from_ssp(tmp_path / "found/crane.ssp")
+    assert said.startswith(f"{motion!r}"[1:-1])
     assert system.experiment == motion.system(interpolate=False).experiment  # for masters that step all at once
 
 
