@@ -55,8 +55,8 @@ def size_error(what: str, size: int) -> SimulationError:
     )
 
 
-def regular_file_status(path: Path) -> os.stat_result:
-    """Status of a file, checked to be a regular one.
+def file_identity(path: Path) -> tuple[int, ...]:
+    """Time, size and inode of a regular file, which differ where its content does.
 
     :raises SimulationError: if it is missing, no regular file, or cannot be accessed.
     """
@@ -69,7 +69,7 @@ def regular_file_status(path: Path) -> os.stat_result:
     if not stat.S_ISREG(status.st_mode):
         what = "a directory" if stat.S_ISDIR(status.st_mode) else "no plain file"
         raise SimulationError(f"{path}: is {what}, not an archive; check the path, or build it with 'liaisons build'")
-    return status
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 @final
@@ -84,7 +84,7 @@ class Archive:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        regular_file_status(path)
+        file_identity(path)  # raises if there is none
         with ExitStack() as stack, self._translated_errors(Exception):  # anything in an untrusted file
             self._zip = stack.enter_context(ZipFile(stack.enter_context(_LimitedReader(path))))
             self._members = self._checked_members()

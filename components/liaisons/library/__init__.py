@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
+from liaisons.base.archive import file_identity
 from liaisons.base.arguments import shown, whole, with_settings
 from liaisons.base.compiler import Backend, BuildSettings
 from liaisons.base.project import ProjectError, fmus_directory, load_module
@@ -249,10 +250,10 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     folder = sized_folder(fmus_directory(), sizes)
     key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
-    if path is None or seen != _file_status(path):
+    if path is None or not path.is_file() or seen != file_identity(path):
         claim(class_, folder)
         path = build(sized or model(class_), folder, backend=backend)
-        _built[key] = path, _file_status(path)
+        _built[key] = path, file_identity(path)
     return path
 
 
@@ -288,14 +289,6 @@ def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
 def _name_taken(name: str, origin: str, folder: Path, owner: str) -> str:
     """Return a message about an FMU of another component."""
     return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
-
-
-def _file_status(path: Path) -> tuple[int, ...]:
-    """Return time, size and inode of a file, which tell a new content; empty without a file."""
-    if not path.is_file():
-        return ()
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def fmu_file(target: Target) -> Path:

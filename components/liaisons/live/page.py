@@ -12,7 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from liaisons.base.archive import Archive
+from liaisons.base.archive import Archive, file_identity
 from liaisons.base.array_names import split
 from liaisons.base.compiler import INSTALLATION, compile_wasm, zig_compiler
 from liaisons.cosim import System, SystemComponent
@@ -78,7 +78,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
             for c in connections
         ],
         "groups": connected_groups(len(components), ((index_of[a], index_of[b]) for (a, _), (b, _) in feeds.items())),
-        "modules": [_encoded_module(path) for path in paths],
+        "modules": [_encoded_module(path, *file_identity(path)) for path in paths],
         "step_size": step,
         "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),
         "speed": speed,
@@ -92,15 +92,9 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     return inlined_page("page.html", _MODULES, title or "", text, plan)
 
 
-def _encoded_module(path: Path) -> str:
-    """Return an FMU's C as WebAssembly, gzipped, in base64."""
-    status = path.stat()
-    return _cached_module(path, status.st_mtime_ns, status.st_size)
-
-
 @lru_cache(maxsize=64)
-def _cached_module(path: Path, *_identity: int) -> str:
-    """Compile the C of an FMU; return it as :func:`_encoded_module` does."""
+def _encoded_module(path: Path, *_identity: int) -> str:
+    """Compile the C of an FMU to WebAssembly; return it gzipped, in base64."""
     with Archive(path) as archive:
         members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
         sources = {}

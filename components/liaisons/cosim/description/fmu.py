@@ -11,7 +11,7 @@ from typing import IO, Literal, TypeVar, final
 
 import fmpy
 
-from liaisons.base.archive import Archive, regular_file_status
+from liaisons.base.archive import Archive, file_identity
 from liaisons.base.array_names import Shape, split
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.model_description import Description, Table, parse
@@ -183,8 +183,7 @@ def read(
         no binary for this platform, or a model description that contradicts itself.
     """
     path = Path(path)
-    status = regular_file_status(path)
-    return _read(path, tuple((sizes or {}).items()), prefers, status.st_mtime_ns, status.st_size, status.st_ino)
+    return _read(path, tuple((sizes or {}).items()), prefers, *file_identity(path))
 
 
 @lru_cache(maxsize=64)
