@@ -354,3 +354,6 @@ def test_a_step_that_leads_nowhere_is_given_up_by_its_pace(pendulum3) -> None:
     instance = pendulum3.start(options=options, gravity=1e14)
     instance.step(0.0, 1000.0, DISCARD)
     assert 1000 < len(instance.seen) <= 100_000 / 12
+    even = pendulum3.start(options=options, gravity=1e3)
+    even.step(0.0, 300.0)
+    assert 20_000 < len(even.seen) < 100_000  # at one pace, which is looked at twice at least
