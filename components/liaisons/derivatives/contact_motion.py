@@ -8,12 +8,14 @@ impact, and of the steps behind it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.base.array_names import suffixed
 from liaisons.base.logs import logger
 from liaisons.derivatives.contacts import ContactMemory, Contacts, Landing
 from liaisons.derivatives.motion import (
@@ -71,18 +73,47 @@ _Undefined: TypeAlias = tuple[float, NDArray[np.bool_], str, bool]
 
 
 @final
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A motion with the derivatives of the branch that it takes at events.
+
+    :param signals: (signals, times).
+    :param derivatives: by the values, (signals, times, values).
+    :param undefined: instants at which derivatives by some values do not exist, and why; they differ by branch.
+    :param impacts: of each gap: their instants [s], and derivatives of these, (impacts, values).
+    """
+
+    signals: Floats
+    derivatives: Floats
+    undefined: tuple[_Undefined, ...] = ()
+    impacts: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+
+
+@final
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactMotion(SteppedMotion):
     """A motion with unilateral liaisons and dry friction, whose events depend on its states."""
 
     contacts: Contacts
 
-    def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
+    def branch(self, values: ArrayLike) -> Branch:
+        """Signals, instants of impacts, and their derivatives on the branch that is taken, which all exist."""
         run = self._run(values, keep_stages=True)
-        records, undefined = self._tangents(run)
-        derivatives = self._signal_derivatives(run, records)
-        derivatives[:, self._without_derivatives(undefined)] = np.nan
-        return self._evaluated(run, self.functions.outputs), derivatives
+        records, undefined, slopes = self._tangents(run)
+        instants, last = np.array([phase.steps.t[0] for phase in run.legs]), -self.contacts.gaps
+        counts = np.array([phase.steps.table[0, 2 * last : last] for phase in run.legs]).astype(int)
+        events = np.diff(counts, axis=0, prepend=0).T
+        impacts = {
+            suffixed(name, "_impacts"): (np.repeat(instants, row), np.repeat(slopes, row, axis=0))
+            for name, row in zip(self.contacts.names, events, strict=False)
+        }
+        signals = self._evaluated(run, self.functions.outputs)
+        return Branch(signals, self._signal_derivatives(run, records), tuple(undefined), impacts)
+
+    def forward(self, values: ArrayLike) -> tuple[Floats, Floats]:
+        branch = self.branch(values)
+        branch.derivatives[:, self._without_derivatives(branch.undefined)] = np.nan
+        return branch.signals, branch.derivatives
 
     def adjoint(self, values: ArrayLike, weights: Weights) -> tuple[Floats, Floats]:
         f, run = self.functions, self._run(values, keep_stages=True)
@@ -121,7 +152,7 @@ class ContactMotion(SteppedMotion):
         """Which recorded times an event is at."""
         return np.abs(self.times - instant) <= _AT_EVENT * max(1.0, abs(instant))
 
-    def _without_derivatives(self, undefined: list[_Undefined]) -> NDArray[np.bool_]:
+    def _without_derivatives(self, undefined: Sequence[_Undefined]) -> NDArray[np.bool_]:
         """At which times there are no derivatives by which values, (times, values); this is warned of."""
         result = np.zeros((len(self.times), len(self.values)), dtype=bool)
         for instant, columns, reason, lasts in undefined:
@@ -150,15 +181,19 @@ class ContactMotion(SteppedMotion):
         count = len(of_t)
         return float(of_t @ moved[0, :count] + of_h @ moved[1, :count])
 
-    def _tangents(self, run: Integration) -> tuple[Floats, list[_Undefined]]:
-        """Derivatives of the states at the recorded times; and where, by which values, there are none, and why."""
+    def _tangents(self, run: Integration) -> tuple[Floats, list[_Undefined], Floats]:
+        """Derivatives of states at recorded times; where, by which values, there are none; and of first instants.
+
+        :returns: derivatives (times, states, values) and (phases, values), those of the branch that is taken.
+        """
         f, k, count = self.functions, run.k, len(run.k)
         of_y, slope = f.start_tangents(k, self.table[0]).full(), np.zeros(count)
-        records, undefined = np.empty((len(self.times), f.states, count)), list[_Undefined]()
+        records, undefined, slopes = np.empty((len(self.times), f.states, count)), list[_Undefined](), list[Floats]()
         values = np.where(k == 0, 1.0, np.abs(k))
         for phase in run.legs:
             landing, steps, stages = phase.landing, phase.steps, self._stages(run, phase)
             slope = slope if phase.slope is None else phase.slope
+            slopes.append(slope)
             instant = float(steps.t[0])
             if slope.any():
                 undefined.append((instant, slope != 0, "two branches of the motion meet", False))
@@ -195,7 +230,7 @@ class ContactMotion(SteppedMotion):
                 of_y, slope = of_y + by_size[:, None] * size, begins + size
             if np.isfinite(phase.grazing):
                 undefined.append((phase.grazing, np.any(of_y != 0, axis=0), "a contact is grazed", True))
-        return records, undefined
+        return records, undefined, np.array(slopes)
 
     # ---- the run
 

@@ -27,6 +27,7 @@ from liaisons.library import Target
 from liaisons.mechanics import Model
 
 Range = tuple[float | None, float | None]
+Instants = Mapping[str, tuple[Sequence[float], float]]
 Data = Any
 
 _EXAMPLES = {"subject": '"Pendulum"', "data": '"measured.csv"', "unknown": '["length", "theta_0"]'}
@@ -46,6 +47,7 @@ def identify(
     operators: Mapping[str, Target] | None = None,
     measured: str | Iterable[str] | None = None,
     ignore: str | Iterable[str] = (),
+    instants: Instants | Sequence[Instants] = (),
     smoothing: float | None = None,
     start_time: float = 0.0,
     segments: int | None = None,
@@ -77,6 +79,9 @@ def identify(
     :param operators: active coordinate -> operator that moves it.
     :param measured: outputs that are fitted; None: all that have a column.
     :param ignore: columns that are not read.
+    :param instants: ``{"gap_impacts": ([0.45, 1.17, 1.75], 0.002)}``: the instants [s] of the first impacts of ``gap``,
+        not-a-number for one that was missed, and their standard deviation; a list of these for several experiments.
+        A table needs no more than ``time`` with them.
     :param smoothing: distance [s] between knots of the splines of driving columns; None: one knot a value.
     :param start_time: time of the start values [s].
     :param segments: of multiple shooting, for chaotic motions and poor start values; None: chosen if needed.
@@ -100,7 +105,8 @@ def identify(
     if segments is not None:
         whole("segments", segments, IdentificationError)
     model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, contacts=True)
-    experiments = measurements(data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing)
+    options = {"measured": measured, "unknown": names, "ignore": ignore, "smoothing": smoothing, "instants": instants}
+    experiments = measurements(data, model, **options)
     for experiment in experiments:
         if experiment.inputs and experiment.times[0] > start_time:
             words = f"drives from {experiment.times[0]:g} s on, after start_time = {start_time:g}; give start_time"
@@ -113,7 +119,8 @@ def identify(
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, listed("each", each, IdentificationError))
     starts = unknowns.by_element("start_values", values)
-    levels = None if noise is None else tuple(noise_levels(noise, experiment) for experiment in experiments)
+    unsure = noise is None and any(experiment.signals for experiment in experiments)
+    levels = None if unsure else tuple(noise_levels(noise, experiment) for experiment in experiments)
     limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
     started = {p.name: output for p in model.parameters if (output := _output_with_start(p.name)) in outputs}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any, final
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly, make_lsq_spline
 
-from liaisons.base.arguments import listed, positive, shown
+from liaisons.base.arguments import listed, named, numbers, positive, shown
 from liaisons.base.array_names import split
 from liaisons.base.files import csv_cells
 from liaisons.base.knots import curve, knots
@@ -38,6 +38,8 @@ class Measurements:
     :param values: of the signals, in SI units; not-a-number where one is missing; shape (signals, n).
     :param inputs: name of an input or active coordinate -> its values over time, of degree 5 at most.
     :param title: name of the file, or title of the result.
+    :param instants: ``"gap_impacts"`` -> instants [s] of the impacts of ``gap``, in order, and their standard deviation;
+        not-a-number where one is missing.
     """
 
     times: Floats
@@ -45,6 +47,12 @@ class Measurements:
     values: Floats
     inputs: Mapping[str, PPoly]
     title: str
+    instants: Mapping[str, tuple[Floats, float]] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of measured values."""
+        return sum(int(np.isfinite(x).sum()) for x in (self.values, *(times for times, _ in self.instants.values())))
 
 
 def measurements(
@@ -55,6 +63,7 @@ def measurements(
     unknown: Iterable[str] = (),
     ignore: str | Iterable[str] = (),
     smoothing: float | None = None,
+    instants: object = (),
 ) -> tuple[Measurements, ...]:
     """Measurements of experiments, from files, results, or mappings of arrays.
 
@@ -72,6 +81,7 @@ def measurements(
     :param ignore: columns that are not read.
     :param smoothing: distance [s] between the knots of quintic splines that fit the drives; None: the splines
         interpolate all values.
+    :param instants: of impacts, see :class:`Measurements`; a list of these, one an experiment.
     :raises IdentificationError: for an unusable column or cell; the message names it and its row.
     """
     if smoothing is not None:
@@ -84,8 +94,12 @@ def measurements(
             raise IdentificationError(f"measured: {model.name} has no output {name!r}{suggestion(name, outputs)}")
     if isinstance(data, (list, tuple)) and not data:
         raise IdentificationError("data: an empty list; give one table at least")
+    tables = list(data) if isinstance(data, (list, tuple)) else [data]
+    events = list(instants) if isinstance(instants, (list, tuple)) else [instants]
+    if len(events) not in {0, len(tables)}:
+        raise IdentificationError(f"instants: {len(events)} dictionaries for {len(tables)} experiments; give one each")
     experiments = []
-    for one in data if isinstance(data, (list, tuple)) else [data]:
+    for one, event in zip(tables, events or [{}] * len(tables), strict=True):
         title, columns, rows = _table(one)
         with _prefixed_errors(title):
             values = _columns_by_name(columns, flat, ignored, rows)
@@ -96,7 +110,8 @@ def measurements(
                 _refuse_rows(np.isnan(times), rows, "a value is missing")
                 _refuse_rows(np.diff(times, prepend=-np.inf) <= 0, rows, "it must be greater than the one before")
             signals = tuple(name for name in outputs if name in values and _is_among(name, chosen))
-            if not signals:
+            own = dict(_instants(event, outputs))
+            if not (signals or own):
                 raise ValueError(
                     f"no column is a measured output of {model.name}; it has {', '.join(values) or 'none'}"
                 )
@@ -104,7 +119,8 @@ def measurements(
                 if np.isnan(values[name]).all():
                     raise ValueError(f"column {name}: all values are missing")
             inputs = dict(_driven_inputs(flat, times, values, unknown, smoothing, rows))
-        experiments.append(Measurements(times, signals, np.array([values[name] for name in signals]), inputs, title))
+        columns_of_signals = np.array([values[name] for name in signals]).reshape(-1, len(times))
+        experiments.append(Measurements(times, signals, columns_of_signals, inputs, title, own))
     return tuple(experiments)
 
 
@@ -124,6 +140,22 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
         if not _is_among(name, levels):
             raise IdentificationError(f"noise: {name} is missing; measured=[...] names what is fitted")
     return np.array([levels.get(name, levels.get(split(name)[0])) for name in experiment.signals], dtype=float)
+
+
+def _instants(instants: object, outputs: Sequence[str]) -> Iterator[tuple[str, tuple[Floats, float]]]:
+    """Yield instants of impacts and their standard deviation, by the output that counts them."""
+    counts = [name for name in outputs if split(name)[0].endswith("_impacts")]
+    for name, pair in named("instants", instants, IdentificationError).items():
+        if name not in counts:
+            raise IdentificationError(f"instants: no output {name!r} counts impacts{suggestion(name, counts)}")
+        if not isinstance(pair, (list, tuple)) or len(pair) != 2:
+            raise IdentificationError(f"instants: {name} = {shown(pair)}: give (instants, standard deviation)")
+        times = numbers(f"instants: {name}", pair[0], IdentificationError)
+        seen = times[np.isfinite(times)]
+        if times.ndim != 1 or not seen.size or (np.diff(seen) <= 0).any():
+            raise IdentificationError(f"instants: {name} = {shown(pair[0])}: give instants [s] in ascending order")
+        positive(f"instants: standard deviation of {name}", pair[1], IdentificationError)
+        yield name, (times, float(pair[1]))
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.array_names import split
+from liaisons.derivatives.contact_motion import Branch, ContactMotion
 from liaisons.derivatives.subjects import Motion, motion_of
 from liaisons.identification.determinacy import Floats, NullSpace
 from liaisons.identification.measurements import Measurements
@@ -28,7 +29,7 @@ _PARABOLA_POINTS = 7
 class MeasuredMotion:
     """Measurements of one experiment and the simulated motion that they are compared with.
 
-    :param motion: evaluated at the times of the measurements; their signals come first.
+    :param motion: evaluated at the times of the measurements, and one after the last instant; their signals come first.
     :param columns: for each value of the motion, its index among the unknowns.
     :param offset: index of the time offset among the unknowns; None: 0 s.
     :param deviations: standard deviation of each signal, shape (signals,).
@@ -40,17 +41,34 @@ class MeasuredMotion:
     offset: int | None
     deviations: Floats
 
-    def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
-        values, motion = unknowns[list(self.columns)], self.motion
+    def branch(self, unknowns: Floats) -> Branch:
+        """Fitted signals and instants, by the clock of the measurements, and their derivatives by all unknowns.
+
+        Where events for neighbouring values differ, derivatives are those of the branch that is taken.
+        """
+        values, motion, data, own = unknowns[list(self.columns)], self.motion, self.measurements, list(self.columns)
+        delay = 0.0 if self.offset is None else float(unknowns[self.offset])
         if self.offset is not None:
-            motion = motion.at(self.measurements.times + unknowns[self.offset])
-        signals, own = motion.forward(values)
-        derivatives = np.zeros((*signals.shape, len(unknowns)))
-        derivatives[..., list(self.columns)] = own
+            motion = motion.at(_simulated_times(data, motion.start_time) + delay)
+        branch = motion.branch(values) if isinstance(motion, ContactMotion) else Branch(*motion.forward(values))
+        unit = np.eye(len(unknowns))
+        derivatives = branch.derivatives @ unit[own]
+        instants = {
+            name: (times - delay, slopes @ unit[own])
+            for name, (measured, _) in data.instants.items()
+            for times, slopes in [_continued(*branch.impacts[name], len(measured), motion)]
+        }
         if self.offset is not None:
             derivatives[..., self.offset] = motion.rates(values)
-        return signals, derivatives
+            for _, slopes in instants.values():
+                slopes[:, self.offset] = -1.0
+        count = len(data.times)
+        return replace(branch, signals=branch.signals[:, :count], derivatives=derivatives[:, :count], impacts=instants)
+
+    def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
+        branch = self.branch(unknowns)
+        return branch.signals, branch.derivatives
 
 
 @final
@@ -109,11 +127,15 @@ class Objective:
         """Residuals and their derivatives, which are calculated anew."""
         unit, parts, motions = np.eye(len(unknowns)), [], []
         for experiment in self.experiments:
-            signals, rates = experiment.forward(unknowns)
+            branch = experiment.branch(unknowns)
+            signals, rates = branch.signals, branch.derivatives
             motions.append((signals, rates))
             values, level = experiment.measurements.values, experiment.deviations[:, None]
             seen, rows = np.isfinite(values), slice(len(level))
             parts.append((((signals[rows] - values) / level)[seen], (rates[rows] / level[..., None])[seen]))
+            for name, (times, deviation) in experiment.measurements.instants.items():
+                (instants, slopes), seen = branch.impacts[name], np.isfinite(times)
+                parts.append((((instants - times) / deviation)[seen], slopes[seen] / deviation))
         for link in self.links:
             signals, rates = motions[link.experiment]
             rows, columns, level = list(link.signals), list(link.columns), link.deviations
@@ -138,6 +160,7 @@ class Objective:
     def size(self) -> float:
         """Norm of all measured values, each divided by its standard deviation."""
         parts = [np.nan_to_num(e.measurements.values / e.deviations[:, None]).ravel() for e in self.experiments]
+        parts += [np.nan_to_num(t / level) for e in self.experiments for t, level in e.measurements.instants.values()]
         return float(np.linalg.norm(np.concatenate(parts)))
 
 
@@ -178,7 +201,7 @@ class FittingProblem:
     @property
     def count(self) -> int:
         """Number of measured values."""
-        return sum(int(np.isfinite(data.values).sum()) for data in self.measurements)
+        return sum(data.count for data in self.measurements)
 
     def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
         """Residuals of motions, whose step sizes are chosen for these unknowns."""
@@ -204,12 +227,12 @@ class FittingProblem:
         :param record: signals, those of the measurements first; None: those of the measurements.
         """
         own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
-        offset = columns.get(TIME_OFFSET)
+        offset, start = columns.get(TIME_OFFSET), self.start_time if start_time is None else start_time
         motion = motion_of(
             self.subject,
             list(own),
-            data.times if offset is None else data.times + unknowns[offset],
-            start_time=self.start_time if start_time is None else start_time,
+            _simulated_times(data, start) + (0.0 if offset is None else unknowns[offset]),
+            start_time=start,
             record=list(record or data.signals),
             inputs=data.inputs,
             start_values={**self.start_values, **{name: float(unknowns[column]) for name, column in own.items()}},
@@ -259,6 +282,24 @@ class FittingProblem:
             tuple(experiments), self.priors, limits, self.loss, values, tuple(links), deadline=self.deadline
         )
         return objective, values
+
+
+def _simulated_times(data: Measurements, start_time: float) -> Floats:
+    """Times of the measurements and, where instants were measured, one after the last of these by a mean distance."""
+    lasts = [(np.nanmax(times), len(times)) for times, _ in data.instants.values()]
+    ends = [last + (last - start_time) / count for last, count in lasts]
+    end = np.max(ends, initial=-np.inf)
+    return np.append(data.times, end[end > data.times[-1]])
+
+
+def _continued(instants: Floats, slopes: Floats, count: int, motion: Motion) -> tuple[Floats, Floats]:
+    """The first instants of impacts, continued at their last distance where a motion has fewer, and derivatives."""
+    rows, constant = np.column_stack([instants, slopes]), np.zeros(slopes.shape[1])
+    start, end = (np.append(time, constant) for time in (motion.start_time, motion.times[-1]))
+    before, last = np.vstack([start, rows if len(rows) else end])[-2:]
+    missing = np.arange(1, 1 + count - len(rows))[:, None]
+    rows = np.vstack([rows, last + missing * (last - before)])[:count]
+    return rows[:, 0], rows[:, 1:]
 
 
 def smoothed_values(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
