@@ -14,12 +14,14 @@ from liaisons.base.arguments import as_path, listed
 from liaisons.base.array_names import split
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.estimates import ParameterEstimate
+from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats, MeasuredMotion
 from liaisons.identification.replaying import replays
 from liaisons.results import Result
 from liaisons.results.figures import new_figure, save
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _CURVE_POINTS = 500
@@ -38,15 +40,18 @@ class Fitted(Protocol):
 def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
     """Draw measured points over the fitted motion, the band that holds 95 % of them, and residuals below.
 
-    :param names: measured signals or arrays of them, one by one or in a list; default: all.
+    :param names: measured signals, arrays of them, and counts of impacts, one by one or in a list; default: all.
     :param path: where to save the figure, its kind by the suffix.
     :raises IdentificationError: for a signal that was not measured.
     """
     tables = _tables(fit.estimate)
     units = {name: e.motion.units[name] for e, _ in tables for name in e.measurements.signals}
     arrays = {split(name)[0]: unit for name, unit in units.items()}
-    chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [*arrays]
-    units |= arrays
+    chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [
+        *arrays,
+        *dict.fromkeys(name for e, _ in tables for name in e.measurements.instants),
+    ]
+    units |= arrays | {name: "1" for e, _ in tables for name in e.measurements.instants}
     for name in chosen:
         if name not in units:
             raise IdentificationError(f"plot: {name!r} was not measured{suggestion(name, units)}")
@@ -63,10 +68,13 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
             label = f"{row}, {Path(experiment.measurements.title).name}"
             above.plot(times, table[row], ".", color=color, label=label)
             below.plot(times, table[f"residual of {row}"], ".", color=color)
+        for (e, _), fitted in zip(tables, fit.estimate.instants, strict=True):
+            if name in fitted:
+                _draw_instants(above, below, e.measurements, name, fitted[name])
         below.axhline(0.0, color="black", linewidth=0.8)
         above.set_ylabel(f"{name} [{units[name]}]")
         above.legend(frameon=False, fontsize="small")
-        below.set(xlabel="time [s]", ylabel=f"residual [{units[name]}]")
+        below.set(xlabel="time [s]", ylabel=f"residual [{units[name] if own else 's'}]")
     return _save_figure(figure, path)
 
 
@@ -153,6 +161,14 @@ def _fitted_curve(
     variances = np.einsum("ti,ij,tj->t", slopes[row], np.nan_to_num(estimate.covariance), slopes[row])
     half = norm.ppf((1 + _BAND_PROBABILITY) / 2) * np.sqrt(variances + experiment.deviations[row] ** 2)
     return times, signals[row], signals[row] - half, signals[row] + half
+
+
+def _draw_instants(above: Axes, below: Axes, data: Measurements, name: str, times: Floats) -> None:
+    """Draw how many impacts there are, as fitted, and points where they were measured."""
+    measured, numbers = data.instants[name][0], np.arange(1, 1 + len(times))
+    (line,) = above.step(times, numbers, where="post")
+    above.plot(measured, numbers, ".", color=line.get_color(), label=f"{name}, {Path(data.title).name}")
+    below.plot(measured, measured - times, ".", color=line.get_color())
 
 
 def _save_figure(figure: Figure, path: Path | str | None) -> Figure:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
+from liaisons.derivatives.contact_motion import Branch
 from liaisons.errors import LiaisonsError
 from liaisons.identification.determinacy import NullSpace, sentences
 from liaisons.identification.minimising import Minimum, loss_derivatives, minimise
@@ -65,7 +66,7 @@ class ParameterEstimate:
             nearby = self.objective.null_space(values)
         except LiaisonsError:  # start values that contradict each other
             nearby = self.null_space
-        signals = dict.fromkeys(name for data in self.problem.measurements for name in data.signals)
+        signals = dict.fromkeys(name for d in self.problem.measurements for name in (*d.signals, *d.instants))
         return tuple(sentences(self.null_space, nearby, self.problem.names, list(signals)))
 
     @cached_property
@@ -96,14 +97,43 @@ class ParameterEstimate:
         return np.sqrt(np.diag(self.covariance))
 
     @cached_property
+    def branches(self) -> tuple[Branch, ...]:
+        """The fitted motion of each experiment."""
+        return tuple(experiment.branch(self.values) for experiment in self.objective.experiments)
+
+    @property
     def fitted(self) -> tuple[Floats, ...]:
         """Signals of each experiment at its times, shape (signals, times)."""
-        return tuple(experiment.forward(self.values)[0] for experiment in self.objective.experiments)
+        return tuple(branch.signals for branch in self.branches)
+
+    @property
+    def instants(self) -> tuple[dict[str, Floats], ...]:
+        """Fitted instants of measured impacts [s], of each experiment."""
+        pairs = zip(self.objective.experiments, self.branches, strict=True)
+        return tuple({name: times for name, (times, _) in e.instants(branch).items()} for e, branch in pairs)
+
+    @property
+    def event_sentences(self) -> Iterator[str]:
+        """Sentences on events where the fitted motion has derivatives to one side only, and on missing impacts."""
+        for experiment, branch in zip(self.objective.experiments, self.branches, strict=True):
+            data, names = experiment.measurements, np.array(self.problem.names)[list(experiment.columns)]
+            for instant, columns, reason, lasts in branch.undefined:
+                if lasts or np.isclose(experiment.motion.times, instant, rtol=1e-12, atol=1e-12).any():
+                    words = f"standard errors take derivatives by {', '.join(names[columns])} to one side of it"
+                    yield f"{data.title}: t = {instant:.9g} s: {reason}; {words}"
+            for name, (times, _) in data.instants.items():
+                count = len(branch.impacts[name][0])
+                if count < len(times):
+                    words = (
+                        f"the motion has {count} of {len(times)} impacts; the others are continued at equal distances"
+                    )
+                    yield f"{data.title}: {name}: {words}"
 
     def standardised(self) -> Iterator[tuple[str, Floats, float, Floats]]:
         """Yield name, standardised residuals and their rounding error of each signal.
 
-        The fourth item has time and size of the signal, which noise may grow with, shape (2, residuals).
+        The fourth item has what noise may grow with, time and size of the signal, or number of the impact, shape
+        (1 or 2, residuals).
         """
         several = len(self.fitted) > 1
         for i, (experiment, fitted) in enumerate(zip(self.objective.experiments, self.fitted, strict=True), start=1):
@@ -115,6 +145,14 @@ class ParameterEstimate:
                 grows_with = np.array([data.times[present], np.abs(signal[present])])
                 rounding = ROUNDING * float(np.abs(signal).max()) / level
                 yield label, (measured - signal)[present] / level, rounding, grows_with
+            for name, times in self.instants[i - 1].items():
+                measured, level = data.instants[name]
+                label, present = f"{name} ({i})" if several else name, np.isfinite(measured)
+                rounding, grows_with = (
+                    ROUNDING * float(np.abs(times).max()) / level,
+                    np.flatnonzero(present)[None].astype(float),
+                )
+                yield f"instants of {label}", (measured - times)[present] / level, rounding, grows_with
 
     def with_finer_steps(self) -> Minimum:
         """The minimum at a tenth of the integration tolerance."""

@@ -70,7 +70,7 @@ class Fit:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Warnings: undetermined unknowns, unknowns at a bound, and noise that cannot be estimated."""
+        """Warnings: undetermined unknowns, events in doubt, unknowns at a bound, and noise that cannot be estimated."""
         estimate = self.estimate
         bounds = (
             f"{self.names[i]} = {estimate.values[i]:g} is at its bound; its interval is one-sided"
@@ -79,7 +79,13 @@ class Fit:
         held = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
         count = len(self.names) - len(estimate.fixed)
         unsure = f"{count} unknowns from as many numbers leave no residual that shows the noise; give noise="
-        return (*estimate.sentences, *held, *bounds, *[unsure] * (not estimate.has_noise_estimate))
+        return (
+            *estimate.sentences,
+            *estimate.event_sentences,
+            *held,
+            *bounds,
+            *[unsure] * (not estimate.has_noise_estimate),
+        )
 
     def intervals(self, probability: float = 0.95) -> dict[str, tuple[float, float]]:
         """Confidence intervals in SI units; without the argument ``noise`` by Student's distribution.
@@ -102,6 +108,11 @@ class Fit:
     def signals(self) -> tuple[Floats, ...]:
         """The fitted motion of each experiment at its times, shape (signals, times)."""
         return self.estimate.fitted
+
+    @property
+    def instants(self) -> tuple[dict[str, Floats], ...]:
+        """Instants [s] of the impacts that were measured, in the fitted motion of each experiment."""
+        return self.estimate.instants
 
     @property
     def residuals(self) -> tuple[Floats, ...]:

@@ -38,8 +38,8 @@ class Measurements:
     :param values: of the signals, in SI units; not-a-number where one is missing; shape (signals, n).
     :param inputs: name of an input or active coordinate -> its values over time, of degree 5 at most.
     :param title: name of the file, or title of the result.
-    :param instants: ``"gap_impacts"`` -> instants [s] of the impacts of ``gap``, in order, and their standard deviation;
-        not-a-number where one is missing.
+    :param instants: ``"gap_impacts"`` -> instants [s] of the impacts of ``gap``, not-a-number where one is missing, and
+        their standard deviation.
     """
 
     times: Floats
@@ -95,11 +95,8 @@ def measurements(
     if isinstance(data, (list, tuple)) and not data:
         raise IdentificationError("data: an empty list; give one table at least")
     tables = list(data) if isinstance(data, (list, tuple)) else [data]
-    events = list(instants) if isinstance(instants, (list, tuple)) else [instants]
-    if len(events) not in {0, len(tables)}:
-        raise IdentificationError(f"instants: {len(events)} dictionaries for {len(tables)} experiments; give one each")
     experiments = []
-    for one, event in zip(tables, events or [{}] * len(tables), strict=True):
+    for one, event in zip(tables, _by_experiment(instants, len(tables)), strict=True):
         title, columns, rows = _table(one)
         with _prefixed_errors(title):
             values = _columns_by_name(columns, flat, ignored, rows)
@@ -140,6 +137,14 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
         if not _is_among(name, levels):
             raise IdentificationError(f"noise: {name} is missing; measured=[...] names what is fitted")
     return np.array([levels.get(name, levels.get(split(name)[0])) for name in experiment.signals], dtype=float)
+
+
+def _by_experiment(instants: object, count: int) -> Sequence[object]:
+    """Instants of each experiment."""
+    events = instants if isinstance(instants, (list, tuple)) else [instants]
+    if len(events) not in {0, count}:
+        raise IdentificationError(f"instants: {len(events)} dictionaries for {count} experiments; give one each")
+    return events or [{}] * count
 
 
 def _instants(instants: object, outputs: Sequence[str]) -> Iterator[tuple[str, tuple[Floats, float]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -14,6 +14,8 @@ from liaisons.errors import LiaisonsError
 from liaisons.identification.problems import Floats, Objective
 
 _MAX_EVALUATIONS = 200
+_NEXT = 1e-9
+"""Relative distance between the values at which a search ends and others without a motion, which have ended it."""
 _COST_ROUNDING = 1e-14
 """Relative rounding error of the cost; a predicted decrease below it ends the search."""
 
@@ -66,6 +68,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
     typical = np.abs(objective.rounded(start))
     free = np.setdiff1d(np.arange(len(start)), list(held))
     first, _ = objective(start)
+    refused: list[tuple[Floats, LiaisonsError]] = []
 
     def all_values(unknowns: Floats) -> Floats:
         """Values of all unknowns, from those that are not held."""
@@ -81,7 +84,8 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         """Residuals; outside of the domain not-a-number, after which SciPy tries a shorter step."""
         try:
             return objective(all_values(unknowns))[0]
-        except LiaisonsError:
+        except LiaisonsError as error:
+            refused[:] = [(unknowns.copy(), error)]
             return np.full_like(first, np.nan)
 
     def derivatives_or_end(unknowns: Floats) -> Floats:
@@ -115,8 +119,18 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         )
     except _SearchEnd as end:
         return end.args[0]
-    message = "" if solution.status > 0 else solution.message
-    return Minimum(all_values(solution.x), float(solution.cost), message)
+    return Minimum(all_values(solution.x), float(solution.cost), _message(solution, refused))
+
+
+def _message(solution: Any, refused: Sequence[tuple[Floats, LiaisonsError]]) -> str:
+    """Why a search has not converged; empty if it has.
+
+    :param refused: latest unknowns without a motion, and the error.
+    """
+    for unknowns, error in refused:
+        if np.allclose(unknowns, solution.x, rtol=_NEXT, atol=0):
+            return f"least squares lead to where there is no motion ({error});"
+    return "" if solution.status > 0 else solution.message
 
 
 def loss_derivatives(loss: str, residuals: Floats) -> tuple[Floats, Floats]:

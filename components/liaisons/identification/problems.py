@@ -13,6 +13,7 @@ import numpy as np
 from liaisons.base.array_names import split
 from liaisons.derivatives.contact_motion import Branch, ContactMotion
 from liaisons.derivatives.subjects import Motion, motion_of
+from liaisons.errors import SimulationError
 from liaisons.identification.determinacy import Floats, NullSpace
 from liaisons.identification.measurements import Measurements
 from liaisons.library import Target
@@ -42,7 +43,7 @@ class MeasuredMotion:
     deviations: Floats
 
     def branch(self, unknowns: Floats) -> Branch:
-        """Fitted signals and instants, by the clock of the measurements, and their derivatives by all unknowns.
+        """Fitted signals and all impacts, by the clock of the measurements, and their derivatives by all unknowns.
 
         Where events for neighbouring values differ, derivatives are those of the branch that is taken.
         """
@@ -53,17 +54,26 @@ class MeasuredMotion:
         branch = motion.branch(values) if isinstance(motion, ContactMotion) else Branch(*motion.forward(values))
         unit = np.eye(len(unknowns))
         derivatives = branch.derivatives @ unit[own]
-        instants = {
-            name: (times - delay, slopes @ unit[own])
-            for name, (measured, _) in data.instants.items()
-            for times, slopes in [_continued(*branch.impacts[name], len(measured), motion)]
-        }
+        impacts = {name: (times - delay, slopes @ unit[own]) for name, (times, slopes) in branch.impacts.items()}
         if self.offset is not None:
             derivatives[..., self.offset] = motion.rates(values)
-            for _, slopes in instants.values():
+            for _, slopes in impacts.values():
                 slopes[:, self.offset] = -1.0
         count = len(data.times)
-        return replace(branch, signals=branch.signals[:, :count], derivatives=derivatives[:, :count], impacts=instants)
+        return replace(branch, signals=branch.signals[:, :count], derivatives=derivatives[:, :count], impacts=impacts)
+
+    def instants(self, branch: Branch) -> dict[str, tuple[Floats, Floats]]:
+        """As many instants of impacts as were measured, continued at their last distance, and derivatives."""
+        measured = {name: len(times) for name, (times, _) in self.measurements.instants.items()}
+        return {name: _continued(*branch.impacts[name], count, self.motion) for name, count in measured.items()}
+
+    def can_start(self, unknowns: Floats) -> bool:
+        """Whether the motion has a start: no bodies overlap."""
+        try:
+            self.motion.at([self.motion.start_time])(unknowns[list(self.columns)])
+        except SimulationError:
+            return False
+        return True
 
     def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
@@ -133,8 +143,9 @@ class Objective:
             values, level = experiment.measurements.values, experiment.deviations[:, None]
             seen, rows = np.isfinite(values), slice(len(level))
             parts.append((((signals[rows] - values) / level)[seen], (rates[rows] / level[..., None])[seen]))
-            for name, (times, deviation) in experiment.measurements.instants.items():
-                (instants, slopes), seen = branch.impacts[name], np.isfinite(times)
+            for name, (instants, slopes) in experiment.instants(branch).items():
+                times, deviation = experiment.measurements.instants[name]
+                seen = np.isfinite(times)
                 parts.append((((instants - times) / deviation)[seen], slopes[seen] / deviation))
         for link in self.links:
             signals, rates = motions[link.experiment]
@@ -245,7 +256,7 @@ class FittingProblem:
         """Objective of multiple shooting, segments with start values of their own and links, and its first unknowns.
 
         :returns: objective, and its unknowns: start values of all segments but the first are appended.  A time offset
-            is constant.
+            is constant; instants of impacts are left out.
         """
         experiments: list[MeasuredMotion] = []
         links: list[Link] = []
@@ -266,15 +277,24 @@ class FittingProblem:
             for i, (first, last) in enumerate(pairwise(edges)):
                 if i:
                     own |= {name: len(values) + k for k, name in enumerate(self.starts)}
-                    start_columns = tuple(own[name] for name in self.starts)
-                    links.append(Link(len(experiments) - 1, rows, start_columns, np.where(size > 0, size, 1.0)))
+                    links.append(
+                        Link(
+                            len(experiments) - 1,
+                            rows,
+                            tuple(own[name] for name in self.starts),
+                            np.where(size > 0, size, 1.0),
+                        )
+                    )
                     values = np.append(values, states[:, i])
                 segment_values = data.values[:, first : last + 1].copy()
                 if last < edges[-1]:
                     segment_values[:, -1] = np.nan  # the next segment begins with it
-                segment = replace(data, times=data.times[first : last + 1], values=segment_values)
+                segment = replace(data, times=data.times[first : last + 1], values=segment_values, instants={})
                 begin = float(segment.times[0]) if i else None
-                experiments.append(self._measured_motion(segment, own, values, level, start_time=begin, record=record))
+                motion = self._measured_motion(segment, own, values, level, start_time=begin, record=record)
+                if i and not motion.can_start(values):
+                    values[[own[name] for name in self.starts]] = whole[list(rows), first]
+                experiments.append(motion)
         free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
         limits = np.hstack([self.limits, free])
         values = np.clip(values, *limits)
@@ -287,9 +307,8 @@ class FittingProblem:
 def _simulated_times(data: Measurements, start_time: float) -> Floats:
     """Times of the measurements and, where instants were measured, one after the last of these by a mean distance."""
     lasts = [(np.nanmax(times), len(times)) for times, _ in data.instants.values()]
-    ends = [last + (last - start_time) / count for last, count in lasts]
-    end = np.max(ends, initial=-np.inf)
-    return np.append(data.times, end[end > data.times[-1]])
+    end = max((last + (last - start_time) / count for last, count in lasts), default=-math.inf)
+    return np.append(data.times, [end] if end > data.times[-1] else [])
 
 
 def _continued(instants: Floats, slopes: Floats, count: int, motion: Motion) -> tuple[Floats, Floats]:

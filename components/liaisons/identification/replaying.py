@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -12,13 +12,15 @@ from liaisons import cosim
 from liaisons.base.folders import process_folder
 from liaisons.derivatives.fmus import input_functions
 from liaisons.identification.estimates import ParameterEstimate
-from liaisons.identification.problems import TIME_OFFSET, FittingProblem, MeasuredMotion
+from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, MeasuredMotion
 from liaisons.interface import operator, simulate
 from liaisons.library import build, fmu_file
 from liaisons.mechanics import Model
 from liaisons.results import Result
 
 _TOLERANCE = 1e-12
+_MARGIN = 1e-6
+"""Distance of a communication point from an impact, relative to the duration."""
 _MIN_STEPS = 1000
 """Least number of communication steps; motions of operators are interpolated within a step."""
 
@@ -28,16 +30,34 @@ def replays(estimate: ParameterEstimate) -> tuple[Result, ...]:
     """Runs of the FMUs for each experiment; the times of its measurements are communication points."""
     problem, values = estimate.problem, estimate.values.tolist()
     return tuple(
-        _run_experiment(problem, experiment, {name: values[i] for name, i in columns.items() if name != TIME_OFFSET})
-        for experiment, columns in zip(estimate.objective.experiments, problem.columns, strict=True)
+        _run_experiment(
+            problem,
+            experiment,
+            {name: values[column] for name, column in columns.items() if name != TIME_OFFSET},
+            [times.ravel() for times in sides(estimate, i).values()],
+        )
+        for i, (experiment, columns) in enumerate(zip(estimate.objective.experiments, problem.columns, strict=True))
     )
 
 
-def _run_experiment(problem: FittingProblem, experiment: MeasuredMotion, values: Mapping[str, float]) -> Result:
-    """Simulate the FMUs with the inputs of an experiment."""
+def sides(estimate: ParameterEstimate, experiment: int) -> dict[str, Floats]:
+    """Times [s] just before and just after the fitted impacts of an experiment, shape (2, impacts)."""
+    chosen, begin = estimate.objective.experiments[experiment], estimate.problem.start_time
+    delay = 0.0 if chosen.offset is None else estimate.values[chosen.offset]
+    margin = _MARGIN * (chosen.motion.times[-1] - begin)
+    return {
+        name: np.maximum(times + delay + margin * np.array([[-1], [1]]), begin)
+        for name, times in estimate.instants[experiment].items()
+    }
+
+
+def _run_experiment(
+    problem: FittingProblem, experiment: MeasuredMotion, values: Mapping[str, float], further: Sequence[Floats]
+) -> Result:
+    """Simulate the FMUs with the inputs of an experiment, with further communication points."""
     starts = {**problem.start_values, **values}
     data, subject = experiment.measurements, problem.subject
-    ends = np.unique([problem.start_time, *experiment.motion.times])
+    ends = np.unique(np.concatenate([[problem.start_time], experiment.motion.times, *further]))
     most = np.ptp(ends) / _MIN_STEPS
     inner = [np.linspace(a, b, int(np.ceil((b - a) / most)), endpoint=False) for a, b in pairwise(ends)]
     times = np.append(np.concatenate(inner), ends[-1])

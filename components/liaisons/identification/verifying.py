@@ -10,6 +10,7 @@ from scipy.stats import chi2, norm, t
 from liaisons.check import Verdict, verdict
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.problems import Floats
+from liaisons.identification.replaying import sides
 from liaisons.results import Result
 
 _FALSE_ALARM = 1e-3
@@ -45,14 +46,21 @@ def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator
 
 
 def _replay_verdict(estimate: ParameterEstimate, replays: Sequence[Result]) -> Verdict:
-    """Verdict on the runs of the FMUs, relative to the size of each signal or a hundredth of the noise."""
+    """Verdict on the runs of the FMUs, relative to the size of each signal or a hundredth of the noise.
+
+    Impacts must have been counted within this part of the duration.
+    """
     errors = [0.0]
-    for experiment, fitted, replay in zip(estimate.objective.experiments, estimate.fitted, replays, strict=True):
+    rows = zip(estimate.objective.experiments, estimate.fitted, replays, strict=True)
+    for i, (experiment, fitted, replay) in enumerate(rows):
         data, levels = experiment.measurements, experiment.deviations
         for name, signal, level in zip(data.signals, fitted, levels, strict=True):
             size = max(np.abs(signal).max(), level * _NEGLIGIBLE_DEVIATION / _REPLAY_TOLERANCE)
-            played = replay[name][np.searchsorted(replay.time, experiment.motion.times)]
+            played = replay[name][np.searchsorted(replay.time, experiment.motion.times[: len(signal)])]
             errors.append(float(np.abs(played - signal).max() / size))
+        for name, ends in sides(estimate, i).items():
+            counts = replay[name][np.searchsorted(replay.time, ends)]
+            errors += np.abs(counts - np.arange(ends.shape[1]) - [[0], [1]]).ravel().tolist()
     text = "replayed through the FMUs, the motion is the fitted one"
     return verdict(text, error=max(errors), tolerance=_REPLAY_TOLERANCE, reason="relative, or a hundredth of the noise")
 
@@ -74,7 +82,9 @@ def residual_tests(estimate: ParameterEstimate) -> Iterator[Verdict]:
             yield verdict(text, error=ljung_box(r, lags), tolerance=bound, reason=reason)
         if estimate.problem.loss == "linear" and len(r) >= _MIN_COUNT:
             text = f"residuals of {label} keep their size: Glejser's test of growth with time and signal"
-            yield verdict(text, error=glejser(r, grows_with), tolerance=float(chi2.isf(chance, 2)), reason=reason)
+            yield verdict(
+                text, error=glejser(r, grows_with), tolerance=float(chi2.isf(chance, len(grows_with))), reason=reason
+            )
             text = f"residuals of {label} have no outlier: Grubbs's ratio of the largest to all"
             yield verdict(text, error=grubbs_ratio(r), tolerance=grubbs_bound(len(r), chance), reason=reason)
 
