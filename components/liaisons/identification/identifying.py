@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from liaisons import interface
 from liaisons.base.arguments import as_path, chosen, finite, listed, merged, named, positive, shown, whole
@@ -27,7 +28,7 @@ from liaisons.library import Target
 from liaisons.mechanics import Model
 
 Range = tuple[float | None, float | None]
-Instants = Mapping[str, tuple[Sequence[float], float]]
+Instants = Mapping[str, tuple[ArrayLike, float]]
 Data = Any
 
 _EXAMPLES = {"subject": '"Pendulum"', "data": '"measured.csv"', "unknown": '["length", "theta_0"]'}

@@ -67,14 +67,6 @@ class MeasuredMotion:
         measured = {name: len(times) for name, (times, _) in self.measurements.instants.items()}
         return {name: _continued(*branch.impacts[name], count, self.motion) for name, count in measured.items()}
 
-    def can_start(self, unknowns: Floats) -> bool:
-        """Whether the motion has a start: no bodies overlap."""
-        try:
-            self.motion.at([self.motion.start_time])(unknowns[list(self.columns)])
-        except SimulationError:
-            return False
-        return True
-
     def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
         branch = self.branch(unknowns)
@@ -267,9 +259,13 @@ class FittingProblem:
             own = {name: column for name, column in columns.items() if name != TIME_OFFSET}
             record = list(dict.fromkeys([*data.signals, *self.starts.values()]))
             rows = tuple(record.index(output) for output in self.starts.values())
-            whole = self._measured_motion(data, own, unknowns, level, record=record).forward(unknowns)[0]
+            whole = self._measured_motion(data, own, unknowns, level, record=record)
+            signals = whole.forward(unknowns)[0][list(rows)]
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
-            states = np.array([smoothed_values(data, record[row], edges, whole[row, edges]) for row in rows])
+            states = self._smoothed_states(data, edges, signals)
+            most = edges[1] // 2
+            for i, edge in list(enumerate(edges))[1:-1] if isinstance(whole.motion, ContactMotion) else ():
+                edges[i], states[:, i] = self._possible_start(whole, unknowns, edge, most, signals)
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):
                 if start in own and data.times[0] == self.start_time:
@@ -291,10 +287,7 @@ class FittingProblem:
                     segment_values[:, -1] = np.nan  # the next segment begins with it
                 segment = replace(data, times=data.times[first : last + 1], values=segment_values, instants={})
                 begin = float(segment.times[0]) if i else None
-                motion = self._measured_motion(segment, own, values, level, start_time=begin, record=record)
-                if i and not motion.can_start(values):
-                    values[[own[name] for name in self.starts]] = whole[list(rows), first]
-                experiments.append(motion)
+                experiments.append(self._measured_motion(segment, own, values, level, start_time=begin, record=record))
         free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
         limits = np.hstack([self.limits, free])
         values = np.clip(values, *limits)
@@ -302,6 +295,34 @@ class FittingProblem:
             tuple(experiments), self.priors, limits, self.loss, values, tuple(links), deadline=self.deadline
         )
         return objective, values
+
+    def _smoothed_states(self, data: Measurements, edges: Sequence[int], otherwise: Floats) -> Floats:
+        """Start values of motions from some of the times on, shape (start values, edges)."""
+        rows = zip(self.starts.values(), otherwise, strict=True)
+        return np.array([smoothed_values(data, output, edges, row[list(edges)]) for output, row in rows])
+
+    def _possible_start(
+        self, whole: MeasuredMotion, unknowns: Floats, edge: int, most: int, otherwise: Floats
+    ) -> tuple[int, Floats]:
+        """The nearest time at which no bodies overlap, and smoothed start values there.
+
+        :param edge: index of the time; ``most``: how many times a start may be later or earlier.
+        :param otherwise: start values at each time, of a motion; they are taken where there is no such time.
+        """
+        data, columns = whole.measurements, dict(zip(whole.motion.names, whole.columns, strict=True))
+        columns |= {name: len(unknowns) + k for k, name in enumerate(self.starts)}
+        for i in sorted(range(edge - most, edge + most), key=lambda i: abs(i - edge)):
+            state = self._smoothed_states(data, [i], otherwise)[:, 0]
+            instant, options = replace(data, times=data.times[[i]], instants={}), {"start_time": float(data.times[i])}
+            motion = self._measured_motion(
+                instant, columns, np.append(unknowns, state), whole.deviations, record=whole.motion.signals, **options
+            ).motion
+            try:
+                motion(motion.values)
+            except SimulationError:
+                continue
+            return i, state
+        return edge, otherwise[:, edge]
 
 
 def _simulated_times(data: Measurements, start_time: float) -> Floats:
