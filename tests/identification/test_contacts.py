@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -213,3 +214,17 @@ def test_verdicts() -> None:
     for case in CASES.values():
         fit = case.fit(3)
         assert [verdict.claim for verdict in fit.verify() if not verdict.passed] == []
+
+
+def test_diagrams_and_tables_show_impacts(tmp_path: Path) -> None:
+    heard = instants_of_impacts(4, LISTENED) + np.array([0, 1e-3, np.nan, 0])
+    fit = listened(heard, ["height_0"])
+    above, below = fit.plot().axes
+    assert above.lines[0].get_xdata() == pytest.approx(fit.instants[0]["gap_impacts"])
+    assert below.lines[0].get_ydata() == pytest.approx(heard - fit.instants[0]["gap_impacts"], nan_ok=True)
+    assert (above.get_ylabel(), below.get_ylabel()) == ("gap_impacts [1]", "residual [s]")
+    fit.to_csv(tmp_path / "fit.csv")
+    rows = np.genfromtxt(tmp_path / "fit_gap_impacts.csv", delimiter=",", comments="#", skip_header=1)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    assert rows[:, :2] == pytest.approx(np.column_stack([heard[[0, 1, 3]], [1, 2, 4]]))
+    assert rows[:, 2] + rows[:, 3] == pytest.approx(heard[[0, 1, 3]])

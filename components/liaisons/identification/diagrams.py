@@ -129,11 +129,20 @@ def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float 
 def to_csv(fit: Fitted, path: Path | str) -> None:
     """Write measured and fitted signals and residuals; further experiments go to ``NAME_2.csv`` and so on.
 
+    Instants of impacts go to ``NAME_gap_impacts.csv``, by the times at which they were measured.
+
     :raises SimulationError: if a file cannot be written.
     """
     path = as_path("to_csv", path)
-    for i, (_, table) in enumerate(_tables(fit.estimate), start=1):
-        table.to_csv(path if i == 1 else path.with_stem(f"{path.stem}_{i}"))
+    for i, ((experiment, table), instants) in enumerate(zip(_tables(fit.estimate), fit.estimate.instants, strict=True)):
+        own = path.with_stem(f"{path.stem}_{i + 1}") if i else path
+        table.to_csv(own)
+        for name, fitted in instants.items():
+            measured, _ = experiment.measurements.instants[name]
+            columns = np.array([np.arange(1.0, 1 + len(fitted)), fitted, measured - fitted])[:, np.isfinite(measured)]
+            names, units = (name, "fitted instant", "residual"), {name: "1", "fitted instant": "s", "residual": "s"}
+            times = measured[np.isfinite(measured)]
+            Result(table.title, times, names, columns, units).to_csv(own.with_stem(f"{own.stem}_{name}"))
 
 
 def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
