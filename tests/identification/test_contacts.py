@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons import identify
+from liaisons import System, identify, simulate
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit
 from liaisons.models import BouncingBall, DryOscillator
@@ -228,3 +228,32 @@ def test_diagrams_and_tables_show_impacts(tmp_path: Path) -> None:
     rows = rows[np.isfinite(rows).all(axis=1)]
     assert rows[:, :2] == pytest.approx(np.column_stack([heard[[0, 1, 3]], [1, 2, 4]]))
     assert rows[:, 2] + rows[:, 3] == pytest.approx(heard[[0, 1, 3]])
+
+
+def test_instants_of_a_ball_in_a_system() -> None:
+    system = System("toys")
+    system.add("ball", "BouncingBall", bounce=0.7)
+    system.add("swing", "Pendulum")
+    instants = {"ball.gap_impacts": (instants_of_impacts(5, LISTENED), 1e-3)}
+    fit = identify(system, {"time": [0.0, 1.0]}, ["ball.bounce", "ball.height_0"], instants=instants)
+    assert fit.values == pytest.approx({"ball.bounce": 0.8, "ball.height_0": 1.2}, rel=1e-8)
+
+
+def test_a_recorded_motion_is_data_with_what_it_counts() -> None:
+    result = simulate("BouncingBall", stop_time=1.0, step_size=0.1, tolerance=1e-12, bounce=0.8)
+    fit = identify("BouncingBall", result, "bounce", 0.01, measured=["height", "gap_impacts"], bounce=0.7)
+    assert fit.values == pytest.approx({"bounce": 0.8}, rel=1e-8)
+    assert fit.signals[0][1].tolist() == result["gap_impacts"].tolist()
+
+
+def test_values_at_which_events_change_are_said() -> None:
+    """With equal frictions a mass that slips from the belt comes back to its speed where it stays just so."""
+    case = CASES["belt"]
+    equal = case.truth | {"mu_static": 0.1, "mu_sliding": 0.1}
+    times = case.times[:11]
+    data = {"time": times, "x": DryOscillator.exact(times, **equal, **case.exact)["x"]}
+    fit = identify(DryOscillator, data, "mu_sliding", 0.003, **case.options, mu_static=0.1, mu_sliding=0.1)
+    assert 0 < fit.standard_errors["mu_sliding"] < 0.01
+    (sentence,) = fit.sentences
+    assert sentence.startswith("data: t = 0.4985758")
+    assert sentence.endswith("standard errors take derivatives by mu_sliding to one side of it")

@@ -52,8 +52,9 @@ class MeasuredMotion:
         if self.offset is not None:
             motion = motion.at(_simulated_times(data, motion.start_time) + delay)
         branch = motion.branch(values) if isinstance(motion, ContactMotion) else Branch(*motion.forward(values))
+        derivatives = np.zeros((*branch.derivatives.shape[:2], len(unknowns)))
+        derivatives[..., own] = branch.derivatives
         unit = np.eye(len(unknowns))
-        derivatives = branch.derivatives @ unit[own]
         impacts = {name: (times - delay, slopes @ unit[own]) for name, (times, slopes) in branch.impacts.items()}
         if self.offset is not None:
             derivatives[..., self.offset] = motion.rates(values)
