@@ -124,16 +124,13 @@ class ParameterEstimate:
             for name, (times, _) in data.instants.items():
                 count = len(branch.impacts[name][0])
                 if count < len(times):
-                    words = (
-                        f"the motion has {count} of {len(times)} impacts; the others are continued at equal distances"
-                    )
-                    yield f"{data.title}: {name}: {words}"
+                    words = f"the motion has {count} of {len(times)} impacts"
+                    yield f"{data.title}: {name}: {words}; the others are continued at equal distances"
 
     def standardised(self) -> Iterator[tuple[str, Floats, float, Floats]]:
         """Yield name, standardised residuals and their rounding error of each signal.
 
-        The fourth item has what noise may grow with, time and size of the signal, or number of the impact, shape
-        (1 or 2, residuals).
+        The fourth item has what noise may grow with, time and size of the signal, shape (1 or 2, residuals).
         """
         several = len(self.fitted) > 1
         for i, (experiment, fitted) in enumerate(zip(self.objective.experiments, self.fitted, strict=True), start=1):
@@ -148,11 +145,8 @@ class ParameterEstimate:
             for name, times in self.instants[i - 1].items():
                 measured, level = data.instants[name]
                 label, present = f"{name} ({i})" if several else name, np.isfinite(measured)
-                rounding, grows_with = (
-                    ROUNDING * float(np.abs(times).max()) / level,
-                    np.flatnonzero(present)[None].astype(float),
-                )
-                yield f"instants of {label}", (measured - times)[present] / level, rounding, grows_with
+                rounding = ROUNDING * float(np.abs(times).max()) / level
+                yield f"instants of {label}", (measured - times)[present] / level, rounding, times[None, present]
 
     def with_finer_steps(self) -> Minimum:
         """The minimum at a tenth of the integration tolerance."""

@@ -274,14 +274,8 @@ class FittingProblem:
             for i, (first, last) in enumerate(pairwise(edges)):
                 if i:
                     own |= {name: len(values) + k for k, name in enumerate(self.starts)}
-                    links.append(
-                        Link(
-                            len(experiments) - 1,
-                            rows,
-                            tuple(own[name] for name in self.starts),
-                            np.where(size > 0, size, 1.0),
-                        )
-                    )
+                    start_columns = tuple(own[name] for name in self.starts)
+                    links.append(Link(len(experiments) - 1, rows, start_columns, np.where(size > 0, size, 1.0)))
                     values = np.append(values, states[:, i])
                 segment_values = data.values[:, first : last + 1].copy()
                 if last < edges[-1]:
