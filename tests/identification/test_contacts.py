@@ -249,7 +249,7 @@ def test_a_recorded_motion_is_data_with_what_it_counts() -> None:
 def test_values_at_which_events_change_are_said() -> None:
     """With equal frictions a mass that slips from the belt comes back to its speed where it stays just so."""
     case = CASES["belt"]
-    equal = case.truth | {"mu_static": 0.1, "mu_sliding": 0.1}
+    equal = {**case.truth, "mu_static": 0.1, "mu_sliding": 0.1}
     times = case.times[:11]
     data = {"time": times, "x": DryOscillator.exact(times, **equal, **case.exact)["x"]}
     fit = identify(DryOscillator, data, "mu_sliding", 0.003, **case.options, mu_static=0.1, mu_sliding=0.1)
