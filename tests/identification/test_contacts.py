@@ -152,6 +152,19 @@ def test_an_impact_that_never_comes_is_said() -> None:
     fit = listened(heard, ["height_0"], deviation=1.0, bounce=0.0)
     words = "the motion has 1 of 7 impacts; the others are continued at equal distances"
     assert fit.sentences == (f"data: gap_impacts: {words}",)
+    fall = np.sqrt(2 * fit.values["height_0"] / 9.81)
+    assert fit.instants[0]["gap_impacts"] == pytest.approx(fall * np.arange(1, 8))
+    slopes = fit.estimate.linearization[1][:, 0]
+    assert slopes == pytest.approx(fall * np.arange(1, 8) / (2 * fit.values["height_0"]))
+
+
+def test_a_ball_that_never_falls_so_far_has_no_impact() -> None:
+    fit = listened([1.0, 2.0], ["height_0"], gravity=0.01, height_0=5.0)
+    assert fit.instants[0]["gap_impacts"] == pytest.approx([6.0, 9.0])  # 3 s are simulated
+    assert fit.values == {"height_0": 5.0}
+    assert (
+        "data: gap_impacts: the motion has 0 of 2 impacts; the others are continued at equal distances" in fit.sentences
+    )
 
 
 def test_two_experiments_have_instants_of_their_own() -> None:
