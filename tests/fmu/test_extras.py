@@ -71,7 +71,9 @@ def test_free_and_active_terminal_fit_together() -> None:
     causality = {v.name: v.causality for v in model.variables}
     assert both[0].get("terminalKind") == both[1].get("terminalKind")
     pivot, bob = map(members, both)
-    assert pivot.keys() == bob.keys() == {"s", "v", "a", "f"}
+    assert pivot.keys() == {"s", "v", "a", "f"}
+    assert bob.keys() == {*pivot, "impulse"}  # a pendulum has no impacts
+    assert {end.get("matchingRule") for end in both} == {"bus"}
     for role in pivot:
         assert {causality[end[role]["variableName"]] for end in (pivot, bob)} == {"input", "output"}
     # One flows in, the other out: their values are equal.
@@ -83,7 +85,7 @@ def test_places_are_nested_and_lone_components_are_not() -> None:
     found = terminals(assemble(DoublePendulum))
     assert {"bob_1", "bob_1/x", "bob_1/z", "bob_2/x", "pivot", "pivot/z", "theta_1"} <= found.keys()
     assert "pivot_x" not in found
-    assert members(found["theta_1"]).keys() == {"phi", "w", "a", "tau"}
+    assert members(found["theta_1"]).keys() == {"phi", "w", "a", "tau", "impulse"}
     assert found["bob_1"].find("TerminalMemberVariable") is None
 
 
@@ -210,7 +212,8 @@ def test_reference_results_notice_one_percent_of_everything(component) -> None:
     model = assemble(component)
     results = trajectory(model)
     assert results is not None
-    names = [v.name for v in (*model.parameters, *model.inputs) if v.causality != "calculatedParameter"]
+    inputs = [v for v in model.inputs if v.variability == "continuous"]  # others act at events
+    names = [v.name for v in (*model.parameters, *inputs) if v.causality != "calculatedParameter"]
     for name in set(names) - UNSEEN:
         other = trajectory(changed(model, name))
         assert other is not None

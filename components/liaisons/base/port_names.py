@@ -26,3 +26,15 @@ def port_names(value: str) -> PortNames:
     if not point or axis not in {"x", "y", "z"}:
         return PortNames(value, rate, acceleration, force, load, "", "")
     return PortNames(value, rate, acceleration, force, load, f"{point}{index}", axis)
+
+
+def impulse_name(force: str) -> str:
+    """Name of the sum of impulses beside a force or a load: of ``bob_x_load[3]`` it is ``bob_x_impulse[3]``."""
+    base, bracket, index = force.partition("[")
+    return f"{base.rpartition('_')[0]}_impulse{bracket}{index}"
+
+
+def jump_name(rate: str) -> str:
+    """Name of the sum of jumps beside a prescribed rate: of ``pivot_x_dot`` it is ``pivot_x_dot_jump``."""
+    base, bracket, index = rate.partition("[")
+    return f"{base}_jump{bracket}{index}"

@@ -24,15 +24,17 @@ class Record(Structure):
         for name, target in targets.items():
             setattr(self, name, target.ctypes.data if isinstance(target, np.ndarray) else addressof(target))
 
-    def save(self) -> tuple[bytes, list[tuple[NDArray[Any], NDArray[Any]]]]:
+    def save(self) -> tuple[bytes, dict[str, Any], list[tuple[NDArray[Any], NDArray[Any]]]]:
         """Save the values of the fields and of the arrays, for :meth:`restore`."""
-        arrays = [array for array in vars(self).get("targets", {}).values() if isinstance(array, np.ndarray)]
-        return bytes(self), [(array, array.copy()) for array in arrays]
+        targets = dict(vars(self).get("targets", {}))
+        arrays = [array for array in targets.values() if isinstance(array, np.ndarray)]
+        return bytes(self), targets, [(array, array.copy()) for array in arrays]
 
-    def restore(self, saved: tuple[bytes, list[tuple[NDArray[Any], NDArray[Any]]]]) -> None:
-        """Restore saved fields, and the values of the arrays in place."""
-        content, arrays = saved
+    def restore(self, saved: tuple[bytes, dict[str, Any], list[tuple[NDArray[Any], NDArray[Any]]]]) -> None:
+        """Restore saved fields with what they point to, and the values of the arrays in place."""
+        content, targets, arrays = saved
         memmove(addressof(self), content, len(content))
+        vars(self)["targets"] = dict(targets)
         for array, numbers in arrays:
             array[:] = numbers
 

@@ -14,6 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from liaisons.base.array_names import suffixed
+from liaisons.base.port_names import impulse_name, jump_name
 from liaisons.errors import BuildError
 from liaisons.expressions.algebra import stack
 from liaisons.fmu.dependencies import coupled_count, shown_states
@@ -41,7 +43,7 @@ _LOADS, _MOVES = 1, 2  # effects of inputs that are not 0: forces, or the motion
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
 _HEADERS = (
     *("core.h", "instance.h", "inputs.h", "solver.h", "symplectic.h", "stiff.h", "events.h", "unilateral.h"),
-    *("complementarity.h", "calls.h", "fmi_common.h", "fmi_functions.h"),
+    *("complementarity.h", "impulses.h", "calls.h", "fmi_common.h", "fmi_functions.h"),
 )
 
 _FMI_FILES = ("fmi2.c", "fmi_common.c", "starts.c")
@@ -280,7 +282,7 @@ def _rate_functions(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
 def _effects_of_inputs(model: Model) -> dict[str, int]:
     """Return, by input, the bits _LOADS and _MOVES of what a value other than 0 acts on."""
-    effects = {variable.name: _LOADS for variable in model.inputs}
+    effects = {variable.name: _LOADS if variable.variability == "continuous" else 0 for variable in model.inputs}
     for coordinate in model.active:
         effects |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}
     return effects
@@ -358,6 +360,7 @@ def _struct_members(model: Model, guid: str) -> dict[str, object]:
         **({"drawn": scalar_count(model.drawn)} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
         **(_contact_members(model, model.contact) if model.contact else {}),
+        **_impulse_members(model),
     }
 
 
@@ -412,6 +415,44 @@ def _contact_arrays(model: Model) -> list[str]:
     ]
 
 
+def _impulse_members(model: Model) -> dict[str, object]:
+    """Return the members of the struct ``Model`` that inputs of impulses need."""
+    impulses, reactions = _impulse_rows(model), _reaction_rows(model)
+    counts: dict[str, object] = {"impulse_rows": len(impulses), "reaction_rows": len(reactions)}
+    counts["impulses"] = sum(len(indices) for *_, indices in _impulse_ranges(model)) + len(reactions)
+    tables = {"impulse": impulses, "reaction": reactions}
+    used: dict[str, object] = {name: count for name, count in counts.items() if count}
+    return used | {name: name for name, rows in tables.items() if rows}
+
+
+def _impulse_ranges(model: Model) -> list[tuple[int, range]]:
+    """Return for each load with a sum of impulses its index among the inputs, and those of the sum."""
+    inputs = index_ranges(model.inputs)
+    pairs = ((indices.start, inputs.get(impulse_name(name))) for name, indices in inputs.items() if "_load" in name)
+    return [(load, sums) for load, sums in pairs if sums is not None]
+
+
+def _impulse_rows(model: Model) -> list[str]:
+    """Return a C initializer for each load with a sum of impulses."""
+    return [_initializer(sums.start, load, len(sums)) for load, sums in _impulse_ranges(model)]
+
+
+def _reaction_rows(model: Model) -> list[str]:
+    """Return a C initializer for each prescribed rate that jumps in reaction to impulses of its operator."""
+    inputs = index_ranges(model.flat().inputs)
+    output = {v.name: i for i, v in enumerate(model.flat().outputs)}
+    memory = {name: i for i, name in enumerate(model.memory)}
+    return [
+        _initializer(
+            *(inputs[name].start for name in (jump_name(a.rate), a.rate, a.acceleration)),
+            output[force := suffixed(a.value, "_force")],
+            memory[impulse_name(force)],
+        )
+        for a in model.active
+        if jump_name(a.rate) in inputs
+    ]
+
+
 def _c_arrays(model: Model) -> list[str]:
     """Return all C arrays that core.h declares."""
     inputs, jumps = index_ranges(model.inputs), jump_table(model)
@@ -432,6 +473,8 @@ def _c_arrays(model: Model) -> list[str]:
         *_c_array("Dimension", "dimensions", [_initializer(_c_string(d.name), d.count) for d in model.dimensions]),
         *_c_array("char *const", "condition_texts", [_c_string(text) for text in model.condition_texts]),
         *(_contact_arrays(model) if model.contact else []),
+        *(_c_array("ImpulseInput", "impulse", rows) if (rows := _impulse_rows(model)) else []),
+        *(_c_array("Reaction", "reaction", rows) if (rows := _reaction_rows(model)) else []),
     ]
 
 

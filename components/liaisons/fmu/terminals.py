@@ -3,7 +3,7 @@
 A port has the member names of the Modelica Standard Library: s, v, a, f of a translation, phi, w, a, tau of a rotation.
 Positions and rates of two connected terminals are equal (``signal``).  Forces obey Kirchhoff's law: that of an active
 port flows into its mechanism, the load of a free port or of a point out of its own, so that ``s_force`` is connected to
-``q_load`` without a sign.  Components of one point (``bob_x``, ``bob_z``) are nested in a terminal, so that one
+``q_load`` without a sign, and sums of impulses likewise (member ``impulse``, ours).  Components of one point (``bob_x``, ``bob_z``) are nested in a terminal, so that one
 connection hangs a pendulum on another.
 """
 
@@ -22,7 +22,7 @@ MOST_ELEMENTS = 100
 
 _ROTATION = {"s": "phi", "v": "w", "a": "a"}
 _COMPONENT = re.compile(r"(?P<point>.+)_(?P<axis>[xyz])(?P<index>\[\d+\])?")
-_FORCES = ("f", "tau")
+_FORCES = ("f", "tau", "impulse")
 _TEXTS = {
     "free": "free coordinate: gives its motion, takes the force of what is attached",
     "active": "active coordinate: takes its motion from an operator or a free coordinate, gives the force for it",
@@ -80,8 +80,8 @@ def _member_terminal(port: Terminal, name: str, members: tuple[TerminalMember, .
     """Yield a terminal with its members."""
     attributes = {
         "name": name,
-        # The force of an active port may stay unconnected.
-        "matchingRule": "bus" if port.kind == "active" else "plug",
+        # Force and impulses may stay unconnected.
+        "matchingRule": "plug" if port.kind == "signal" else "bus",
         "terminalKind": "_liaisons_rotation" if members[0].role == "phi" else "_liaisons_translation",
         "description": _TEXTS[port.kind],
     }

@@ -22,9 +22,9 @@ from liaisons.language.variables import (
     element,
 )
 
-# Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force.
-_TRANSLATION = ("s", "v", "a", "f")
-_ROTATION = ("phi", "w", "a", "tau")
+# Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force; impulse is ours.
+_TRANSLATION = ("s", "v", "a", "f", "impulse")
+_ROTATION = ("phi", "w", "a", "tau", "impulse")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +155,11 @@ def zero(name: str, unit: str, text: str, dimension: Dimension | None = None) ->
     return Variable(name, unit, text, "input", "continuous", start=0.0, dimension=dimension)
 
 
+def zero_sum(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
+    """An input that sums what happens at events."""
+    return replace(zero(name, unit, text, dimension), variability="discrete")
+
+
 def of_internal(state: InternalState) -> Iterator[Variable]:
     """An internal state and its rate."""
     yield readable(state.name, state.unit, state.description, symbol=state.symbol)
@@ -166,9 +171,9 @@ def start_of_internal(state: InternalState) -> Variable:
     return state.variable("parameter", "fixed", f"{state.name}_0")
 
 
-def port(name: str, unit: str, kind: TerminalKind) -> Terminal:
-    """A connector: position, rate, acceleration, and force or load."""
-    endings = ("", "_dot", "_ddot", "_force" if kind == "active" else "_load")
+def port(name: str, unit: str, kind: TerminalKind, *, impulse: bool = True) -> Terminal:
+    """A connector: position, rate, acceleration, force or load, and if it has them impulses."""
+    endings = ("", "_dot", "_ddot", "_force" if kind == "active" else "_load", *["_impulse"] * impulse)
     variables = [suffixed(name, ending) for ending in endings]
     roles = _ROTATION if unit == "rad" else _TRANSLATION
-    return Terminal(name, kind, tuple(TerminalMember(role, name) for role, name in zip(roles, variables, strict=True)))
+    return Terminal(name, kind, tuple(map(TerminalMember, roles, variables)))

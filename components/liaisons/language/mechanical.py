@@ -122,6 +122,11 @@ class MechanicalComponent(Component, abstract=True):
         """All constraints, in the order of their rows."""
         return (*self.passive_constraints, *self.rheonomic_constraints)
 
+    @property
+    def has_impacts(self) -> bool:
+        """Whether it has unilateral liaisons or dry friction."""
+        return bool(self.unilaterals or self.dry_frictions)
+
     def motion_names(self, kind: Literal["quaternion", "rates", "accelerations", "momenta"]) -> list[str]:
         """Names of coordinates, their rates, accelerations or momenta, then those of an orientation."""
         start, end = _AFFIXES[kind]
@@ -147,7 +152,7 @@ class MechanicalComponent(Component, abstract=True):
             ),
             ports=(
                 *(layout.port(q.name, q.unit, "free") for q in self.coordinates),
-                *(layout.port(s.name, s.unit, "active") for s in self.actives),
+                *(layout.port(s.name, s.unit, "active", impulse=self.has_impacts) for s in self.actives),
                 *(layout.port(name, unit, "point") for name, unit in units_at.items()),
             ),
             active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in self.actives),
@@ -182,15 +187,22 @@ class MechanicalComponent(Component, abstract=True):
             yield s.variable("input", "continuous")
             yield layout.zero(f"{s.name}_dot", speed, f"rate of {s.name}, {together}")
             yield layout.zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}, {together}")
+            if self.has_impacts:
+                text = f"sum of the jumps of {s.name}_dot in reaction to impulses, {together}"
+                yield layout.zero_sum(f"{s.name}_dot_jump", speed, text)
         for q in self.coordinates:
             unit, along = units.force(q.unit), f"along +{q.name}"
             text = f"generalised force on this mechanism {along} (K eq. 14)"
             yield layout.zero(suffixed(q.name, "_force"), unit, text, size)
             load = f"generalised force that this mechanism exerts {along} on what is attached to it"
             yield layout.zero(suffixed(q.name, "_load"), unit, load, size)
+            text = f"sum of the impulses that this mechanism exerts {along} on what is attached to it"
+            yield layout.zero_sum(suffixed(q.name, "_impulse"), units.momentum(q.unit), text, size)
         for name, of in units_at.items():
             text = f"force that this mechanism exerts along +{name} on what is attached there"
             yield layout.zero(f"{name}_load", units.force(of), text, size)
+            text = f"sum of the impulses that this mechanism exerts along +{name} on what is attached there"
+            yield layout.zero_sum(f"{name}_impulse", units.momentum(of), text, size)
 
     def _motion_outputs(self) -> Iterator[Variable]:
         """Coordinates, orientations, internal states, their momenta and rates."""
@@ -248,7 +260,7 @@ class MechanicalComponent(Component, abstract=True):
         text = "energy lost by friction, or taken out by non-holonomic constraints, since the start"
         yield readable("dissipated", "J", text)
         lost = ""
-        if self.unilaterals or self.dry_frictions:
+        if self.has_impacts:
             lost = " + impact_loss"
             yield layout.event_output("impact_loss", "J", "energy lost by impacts since the start")
         text = f"energy - energy at start - work + dissipated{lost}: 0 up to the integration error"
@@ -282,7 +294,7 @@ class MechanicalComponent(Component, abstract=True):
             yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
             yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", "local")
             yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
-        if self.unilaterals or self.dry_frictions:
+        if self.has_impacts:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
                 yield layout.event_output(f"{s.name}_impulse", units.momentum(s.unit), text)

@@ -82,7 +82,7 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
     return compose(
         identifier(system.name),
         models,
-        {str(connection.target): str(connection.source) for connection in system.connections},
+        {str(c.target): str(c.source) for c in system.connections if not c.impulsive},  # contacts give forces
         starts=starts,
     )
 

@@ -41,7 +41,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     m = equations.mechanism
     contacts, layout = contacts_of(m), m.layout()
     flat = layout.flat()
-    symbols = {v.name: ca.SX.sym(v.name) for v in flat.parameters} | equations.symbols
+    symbols = {v.name: ca.SX.sym(v.name) for v in (*flat.parameters, *flat.inputs)} | equations.symbols
 
     # The vectors of Model.
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))

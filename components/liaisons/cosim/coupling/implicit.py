@@ -151,12 +151,12 @@ class Coupled:
         finally:
             signals.held[:] = held
         self.forget_past()
-        for component in self._components:
-            component.forget_derivatives()
         self.settle(initial=False)
 
     def forget_past(self) -> None:
-        """Forget the points before the present one."""
+        """Forget the points before the present one, and derivatives, which may be others now."""
+        for component in self._components:
+            component.forget_derivatives()
         self.signals.since[:] = 0.0
         for history in (*self._histories, self._driven):
             if history.made.size:

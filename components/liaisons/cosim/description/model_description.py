@@ -252,7 +252,8 @@ class Description:
             self._differentiated[index] = int(typed["derivative"])
         if causality == "input":
             self._inputs.add(index)
-            if attributes.get("intermediateUpdate", "false") not in {"true", "1"}:
+            moves = attributes.get("variability", "continuous") == "continuous"
+            if moves and attributes.get("intermediateUpdate", "false") not in {"true", "1"}:
                 self.fixed_inputs.add(index)
         if causality == "output" and initial == "exact":
             self.exact.add(index)

@@ -14,7 +14,7 @@ from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
 from liaisons.base.archive import Archive
-from liaisons.base.port_names import PortNames, port_names
+from liaisons.base.port_names import PortNames, impulse_name, port_names
 from liaisons.base.xml_documents import tree
 from liaisons.cosim.description.variables import Variables
 
@@ -24,7 +24,7 @@ TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 """Where an FMU of FMI 3.0, or of FMI 2.0 made here, has its terminals."""
 
 _MOTION = ("s", "v", "a")
-_FORCE = "f"
+_FORCE, _IMPULSE = "f", "impulse"
 _OF_ROTATION = {"phi": "s", "w": "v", "tau": "f"}
 _FLOWS = {"inflow", "outflow"}
 
@@ -80,6 +80,11 @@ class TerminalDescription:
     def force(self) -> str | None:
         """The variable of the force that goes the other way; None if it has none."""
         return self.members[_FORCE].variable if _FORCE in self.members else None
+
+    @property
+    def impulse(self) -> str | None:
+        """The variable of the sum of impulses that goes the other way, too; None if it has none."""
+        return self.members[_IMPULSE].variable if _IMPULSE in self.members else None
 
     def element(self, index: str) -> TerminalDescription:
         """The terminal of one element of the arrays that are its members; ``index`` is for example ``[3]``."""
@@ -157,8 +162,9 @@ def _terminal_by_names(names: PortNames, variables: Variables) -> TerminalDescri
     force, flow = (names.force, "inflow") if entry.causality == "input" else (names.load, "outflow")
     motion = names.value, names.rate, names.acceleration
     members = {member: MemberVariable(name) for member, name in zip(_MOTION, motion, strict=True)}
-    if force in variables.entries:
-        members[_FORCE] = MemberVariable(force, flow)
+    for member, name in ((_FORCE, force), (_IMPULSE, impulse_name(force))):
+        if name in variables.entries:
+            members[member] = MemberVariable(name, flow)
     return TerminalDescription(names.value, members=members)
 
 

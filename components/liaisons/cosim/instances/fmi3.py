@@ -85,9 +85,8 @@ class CoSimulation3(Instance3):
 
     def __init__(self, name: str, fmu: Fmu, directory: Path, *, requests_intermediate_update: bool = False) -> None:
         inputs = (entry.like for entry in fmu.variables.entries.values() if entry.like.causality == "input")
-        self._intermediate_references = [
-            like.reference for like in inputs if like.type == "Real" and requests_intermediate_update
-        ]
+        moving = (like for like in inputs if like.type == "Real" and like.continuous)
+        self._intermediate_references = [like.reference for like in moving if requests_intermediate_update]
         self._intermediate_writes: list[list[Transfer]] = []
         self._count = 0  # of updates in the present step
         self._worst_update = 0

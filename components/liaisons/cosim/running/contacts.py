@@ -12,11 +12,12 @@ the bound being that of impacts that graze, or are missed.  Variances of what th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from liaisons.base.hermite import upper_coefficients
 from liaisons.cosim.arrays import Indices, Vector
@@ -28,6 +29,8 @@ from liaisons.cosim.structure.simulation import Simulation
 
 _PEAK, _SLOPE = 2.2, 7.5
 """Largest value and slope of a quintic's remainder θ³(1 - θ)³, relative to its mean."""
+_TOUCHING = 1e-12
+"""Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
 _DEVIATIONS = 2
 """Number of standard deviations in an error."""
 
@@ -57,19 +60,31 @@ def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
     return found
 
 
-def accumulated(mechanism: ContactMechanism, rows: Vector, times: Vector, off: Vector, added: Vector) -> Vector:
+def accumulated(
+    mechanism: ContactMechanism,
+    rows: Vector,
+    times: Vector,
+    off: Vector,
+    added: Vector,
+    *,
+    crossing: NDArray[np.bool_] | bool = False,
+) -> Vector:
     """Error at each point, relative to the largest distance and rate, at most 1, shape (points,).
 
     :param rows: what was on the bus, shape (points, width).
     :param off: mean, in the step that ends at a point, of what its inputs are off, in units of distances.
     :param added: what the step adds to the motion otherwise, relative to its size.
+    :param crossing: which points are ends of tiny steps, in which impacts are not always counted.
     """
     steps, errors = np.diff(times), np.zeros(len(times))
     gaps, rates, closed, impacts = (rows[:, columns].T for columns in mechanism.contacts.T)
     length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
-    struck = np.diff(impacts) != 0
+    if length < _TOUCHING * np.abs(rows[:, sorted(mechanism.inputs)]).max(initial=0.0):
+        return errors
+    tiny = np.broadcast_to(crossing, times.shape)[1:]
+    struck = (np.diff(impacts) != 0) | (tiny & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1]))
     released = np.any(np.diff(closed) != 0, axis=0)
-    accelerations = _accelerations(rates, steps, struck)
+    accelerations = _accelerations(rates, steps, struck | tiny)
     lowest = _lowest(gaps, rates, accelerations, steps)
     at_rest = np.all(closed != 0, axis=0)
     xx = xv = vv = 0.0
@@ -144,15 +159,19 @@ class MissingImpulses(NamedTuple):
     points: Indices
 
 
-def sums_of_missing(simulation: Simulation) -> dict[VariableReference, Connection]:
+def sums_of_missing(
+    simulation: Simulation, solved: Collection[tuple[str, str]] = ()
+) -> dict[VariableReference, Connection]:
     """Sums of impulses, with the connection of a force that lacks them.
 
     Those of the operators of a mechanism that is moved; and those of the contacts of one that moves another, which
     takes no part in the impacts.
+
+    :param solved: forces that are connected together with their impulses, by component and name.
     """
     connections: dict[VariableReference, Connection] = {}
     for connection in simulation.connections:
-        if not connection.back:
+        if not connection.back or connection.source.place in solved:
             continue
         moved, mover = connection.source.part, connection.target.part
         name, force, element = connection.source.name.rpartition("_force")

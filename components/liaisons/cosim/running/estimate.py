@@ -35,6 +35,8 @@ _BACK = 4
 """Number of points before a step that its estimate uses."""
 _SUDDEN = 1 / 50
 """Smallest ratio of a step to its neighbour at which it serves the estimate; below, rounding prevails."""
+_NO_NEIGHBOUR = 1e-6
+"""Ratio below which a neighbour tells nothing."""
 _SAFETY = 0.8
 
 Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest"]
@@ -187,13 +189,19 @@ class Estimate:
             off[:, first:end], added[:, first:end] = (both[:, first - begin - 1 :] for both in self._contacts)
         for watched, *both in zip(self._mechanisms, off, added, strict=True):
             if np.any(both):
-                np.fmax(errors, self._magnify(watched, rows, times, *both), out=errors)
+                np.fmax(errors, self._magnify(watched, rows, times, *both, crossing=crossing), out=errors)
         return errors
 
-    def _magnify(self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector) -> Vector:
+    def _magnify(
+        self, watched: _Watched, rows: Vector, times: Vector, off: Vector, added: Vector, *, crossing: Flags
+    ) -> Vector:
         """Errors of a mechanism with contacts, magnified by its impacts."""
-        off = np.fmax(np.fmax(off, np.append(off[1:], 0.0)), np.append(0.0, off[:-1]))  # one alone may be 0 by chance
-        increase = np.diff(accumulated(watched.mechanism, rows, times, off, added), prepend=0.0)
+        steps = np.append(1.0, np.diff(times))
+        shorter = np.fmin(1.0, steps[1:] / steps[:-1]), np.fmin(1.0, steps[:-1] / steps[1:])
+        # One alone may be 0 by chance.
+        off = np.fmax(np.fmax(off, np.append(off[1:] * shorter[1], 0.0)), np.append(0.0, off[:-1] * shorter[0]))
+        off[crossing] = 0.0  # an impact there is solved by itself
+        increase = np.diff(accumulated(watched.mechanism, rows, times, off, added, crossing=crossing), prepend=0.0)
         latest = int(np.argmax(increase))
         if watched.items and increase[latest] > (self.worst.error if self.worst else 0.0):
             item = max((self._followed[k] for k in watched.items), key=lambda one: np.ptp(rows[:, one.column]))
@@ -320,7 +328,7 @@ def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
     sizes = np.concatenate([[0.0], np.where(crossing, 0.0, steps), [0.0]])  # 0: on the other side of a break
     before, after = sizes[:-2] / steps, sizes[2:] / steps
     earlier = (before >= _SUDDEN) | (before >= after)
-    unknown = (before == 0) & (after == 0)
+    unknown = (before < _NO_NEIGHBOUR) & (after < _NO_NEIGHBOUR)
     point = np.where(unknown, np.arange(many), np.arange(many) + np.where(earlier, -1, 2))
     x = np.where(unknown, -1.0, np.where(earlier, -before, 1 + after))  # its time, in steps from the start
     scales = steps ** np.arange(m)[:, None]

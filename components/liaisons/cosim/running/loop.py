@@ -85,11 +85,16 @@ class Loop:
         """Make a break of the last point, to which a tiny step [s] leads."""
         last = self.done - 1
         if last and self.after_break[-1:] != [last]:
-            time, result_time = float(self.times[last]), self.time
+            time, result_time = float(self.times[last]), None if last in self.internal else self.time
             self._result_times.pop(last, None)
             self.times[last] -= tiny
             self.internal.add(last)
             self.add(time, self.rows[last], result_time=result_time, after_break=True)
+
+    def withdraw(self, done: int) -> None:
+        """Remove the points after the first so many, which :meth:`advance` has reached."""
+        self.internal.difference_update(range(done, self.done))
+        self.done = done
 
     def save(self) -> list[Any]:
         """All points, for :meth:`restore`."""

@@ -14,6 +14,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from time import perf_counter, sleep
 from typing import Any, NoReturn, final
@@ -39,9 +40,10 @@ from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, collect_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
 from liaisons.cosim.running.breaks import Breaks
-from liaisons.cosim.running.contacts import missing_impulses, sums_of_missing, warn_of_missing
+from liaisons.cosim.running.contacts import contact_variables, missing_impulses, sums_of_missing, warn_of_missing
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.impacts import Impacts, impulsive_ports, sums_of
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
     contacts_of_fed,
@@ -57,7 +59,7 @@ from liaisons.cosim.structure.components import Components
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation, owned, with_start_values
 from liaisons.cosim.structure.sources import SIGNALS, rounding
-from liaisons.errors import EndedError, SimulationError, suggestion
+from liaisons.errors import EndedError, RefusedError, SimulationError, suggestion
 from liaisons.results import IncompleteError, Interrupted, Result
 
 _PORTION = 0.02  # [s] between two calls of on_progress, about
@@ -65,6 +67,10 @@ _MOST_IN_BATCH = 256
 """Most steps for which functions of time are evaluated at once."""
 _FEW_POINTS = 1024
 """Points for which there is room at first in a run without an end."""
+_TOGETHER = 1e-9
+"""Time from an impact to a communication point below which they are one, relative to a step."""
+_MOST_IMPACTS = 1000
+"""Most impacts of several FMUs in a communication step."""
 _LATE = 1e-3
 """Lateness of which there is no warning [s]: what clocks and schedulers resolve."""
 
@@ -110,9 +116,14 @@ class Run:
                 self._instances[name] = stack.enter_context(instance)
             also = port_outputs(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
-            self._sums = sums_of_missing(simulation)
+            through = impulsive_ports(simulation)
+            self._sums = sums_of_missing(
+                simulation, {(port.moved, port.impulse.source.force or "") for port in through}
+            )
             contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
+            contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
+            recorded += [place for pair in sums_of(simulation, through).items() for place in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepare_calls()
@@ -127,6 +138,7 @@ class Run:
                 or self._coupled
                 or any(part.approximation.interpolates for part in parts.values())
             )
+            self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
             self._loop = Loop(self._step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
@@ -198,6 +210,8 @@ class Run:
         bus.perform(self._settle)
         bus.perform(self._initial_derivatives)
         self._loop.add(begin, bus.values, result_time=begin)
+        if self._impacts is not None:
+            self._impacts.begin()
         self._breaks.find_next(begin)
         self._points, self._end = 1, ""  # communication points that were reached; why there is no next one
         self._clock: tuple[float, float, float] | None = None  # seconds a second, instant of the clock, and simulated
@@ -327,7 +341,7 @@ class Run:
             if changed:
                 self._bus.perform(changed)
                 self._begin_piece()
-            if self._deviations or self._breaks.next < math.inf or points + 1 == len(times):
+            if self._deviations or self._impacts or self._breaks.next < math.inf or points + 1 == len(times):
                 self._step_to(points + 1)
             else:
                 self._loop.advance((times[points],))
@@ -441,8 +455,8 @@ class Run:
     @property
     def _owners(self) -> list[Any]:
         """What has a state beside the FMUs and the bus."""
-        coupled = [] if self._coupled is None else [self._coupled]
-        return [self._loop, self._deviations.memory, *self._simulation.drives, *coupled]
+        others = [owner for owner in (self._coupled, self._impacts) if owner is not None]
+        return [self._loop, self._deviations.memory, *self._simulation.drives, *others]
 
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, with the FMUs that there are.
@@ -495,6 +509,83 @@ class Run:
 
     def _advance(self, instants: Sequence[float], *, in_result: bool = True) -> int:
         """Step to these instants up to the next break; returns how many were reached."""
+        if self._impacts is None:
+            return self._advance_smoothly(instants, in_result=in_result)
+        return self._advance_with_impacts(self._impacts, instants[0], in_result=in_result)
+
+    def _advance_with_impacts(self, impacts: Impacts, instant: float, *, in_result: bool) -> int:
+        """Step to an instant, and solve the impacts before it; returns 0 if a break was in between."""
+        loop, bus = self._loop, self._bus
+        for _ in range(_MOST_IMPACTS):
+            start, (attempt, go_back, refusals) = float(loop.times[loop.done - 1]), self._repeatable_step(impacts)
+            if attempt(instant, shown=in_result):
+                return int(loop.time == instant)
+            stop = impacts.locate(start, instant, attempt)
+            if stop <= start:
+                if refusals:
+                    raise refusals[0]
+                go_back()
+            if ends := instant - stop <= _TOGETHER * (instant - start):
+                stop = loop.times[loop.done - 1] = instant
+                if in_result:
+                    loop.internal.discard(loop.done - 1)
+            bus.set_step(stop, stop)
+            bus.perform(self._settle)  # so that inputs are outputs, whatever the tolerance of the step
+            impacts.solve(stop)
+            self._begin_piece()
+            if ends:
+                return 1
+        words = f"more than {_MOST_IMPACTS} impacts before t = {instant:.10g} s"
+        raise RefusedError(f"{self._simulation.title}: {words}")
+
+    def _repeatable_step(self, impacts: Impacts) -> tuple[Callable[..., bool], Callable[[], None], list[RefusedError]]:
+        """Prepare a step that begins now each time.
+
+        :returns: a function that steps to an instant, and returns whether there was neither an impact nor a refusal;
+            one that goes back; and the refusal of the last step, if there was one.
+        """
+        loop, refusals = self._loop, list[RefusedError]()
+        first, start, halves = loop.done, float(loop.times[loop.done - 1]), self._is_first_of_piece()
+        go_back = self._returning()
+
+        def attempt(stop: float, *, shown: bool = False) -> bool:
+            go_back()
+            refusals.clear()
+            try:
+                if halves:
+                    self._advance_smoothly([(start + stop) / 2], in_result=False)
+                reached = self._advance_smoothly([stop], in_result=shown)
+            except RefusedError as error:
+                refusals.append(error)
+                return False
+            before, after = loop.rows[[first - 1, loop.done - 1]]
+            return not reached or not impacts.between(before, after, stop - start)
+
+        return attempt, go_back, refusals
+
+    def _returning(self) -> Callable[[], None]:
+        """Save the present state; returns a function that restores it, any number of times."""
+        calls = self._turns
+        self._bus.perform(save for save, _ in calls)
+        values, done, owners = self._bus.values.copy(), self._loop.done, [*self._owners[1:]]
+        saved = [owner.save() for owner in owners]
+
+        def go_back() -> None:
+            self._bus.perform(restore for _, restore in calls)
+            self._bus.values[:] = values
+            self._loop.withdraw(done)
+            for owner, state in zip(owners, saved, strict=True):
+                owner.restore(state)
+
+        return go_back
+
+    @cached_property
+    def _turns(self) -> Sequence[tuple[Call, Call]]:
+        """Calls that save and restore the FMUs at the start of a step."""
+        return [instance.save_and_restore_calls() for instance in self._instances.values()]
+
+    def _advance_smoothly(self, instants: Sequence[float], *, in_result: bool = True) -> int:
+        """The same without impacts that go through several FMUs."""
         loop, deviations = self._loop, self._deviations
         if not deviations:
             loop.advance(instants, in_result=in_result)

@@ -5,6 +5,7 @@ A coordinate is one port with two causalities, and so is a component of a named 
     what moves                              what is moved
     q, q_dot, q_ddot         ------->       s, s_dot, s_ddot        outputs onto inputs
     q_load                   <-------       s_force                 where both have it
+    q_impulse                <-------       s_impulse               likewise
 
 What moves is a free coordinate ``q``, a component ``P_x`` of a named point ``P``, or a signal ``y``, which has no
 load; what is moved is an active coordinate ``s``.
@@ -37,6 +38,12 @@ class Connection:
     def back(self) -> bool:
         """Whether it takes the force of a moved mechanism back to what moves it, so that the port goes two ways."""
         return all(port.force == port.name for port in (self.source, self.target))
+
+    @property
+    def impulsive(self) -> bool:
+        """Whether it takes the impulses of a moved mechanism back to what moves it."""
+        ends = self.source, self.target
+        return all(port.terminal is not None and port.terminal.impulse == port.name for port in ends)
 
     def __str__(self) -> str:
         factor, offset = (f"{number:.10g}" for number in self.conversion)

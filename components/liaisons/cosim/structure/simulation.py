@@ -85,6 +85,7 @@ class Simulation:
     :param cyclic: components in cycles.
     :param single: whether it is of one FMU, whose variables have no prefix.
     :param adapts: whether steps between the communication points are as short as the estimate of their error asks for.
+    :param impulses: connections of sums of impulses, which jump at events alone.
     :param warnings: what was warned of when it was checked.
     """
 
@@ -101,6 +102,7 @@ class Simulation:
     cyclic: Collection[str]
     single: bool = False
     adapts: bool = False
+    impulses: Sequence[Connection] = ()
     warnings: tuple[str, ...] = ()
 
     @cached_property
@@ -211,6 +213,8 @@ def checked(
     for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
         if value is not None:
             positive(name, value)
+    impulses = [connection for connection in connections if connection.impulsive]
+    connections = [connection for connection in connections if not connection.impulsive]
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
         chosen = checks.choose_coupling(graph, settings.coupling)
@@ -234,7 +238,8 @@ def checked(
         graph.groups,
         graph.cyclic,
         single=single,
-        adapts=chooses and free and chosen in checks.ITERATING,
+        adapts=chooses and free and chosen in checks.ITERATING and not impulses,
+        impulses=impulses,
         warnings=warned.texts,
     )
 

@@ -67,6 +67,14 @@ typedef struct { /* a structural size */
     size_t count;
 } Dimension;
 
+typedef struct { /* impulses out of a port: index of their first of `count` sums among the inputs, and of the loads */
+    size_t sum, load, count;
+} ImpulseInput;
+
+typedef struct { /* jumps of a prescribed rate in reaction to impulses of its operator: inputs, output, memory */
+    size_t sum, rate, acceleration, force, impulse;
+} Reaction;
+
 typedef struct { /* a unilateral liaison: where the memory has its mode and its account */
     const char *name;
     size_t closed, rests_from, impulse, impacts, loss;
@@ -134,6 +142,9 @@ typedef struct {
     Function *contact;  /* (t, y, u, k) -> numbers of the contacts, at these rows; or NULL, as the next two */
     Function *push;     /* (t, y, u, k, m, impulses, shifts) -> y, impulses of operators */
     Function *indicate; /* (t, y, u, k, m) -> event indicators */
+    size_t impulse_rows, reaction_rows, impulses; /* impulses: sums of both */
+    const ImpulseInput *impulse;
+    const Reaction *reaction;
 } Model;
 
 extern const Model model;

@@ -1,6 +1,7 @@
 /* Model exchange, where the importer solves the equations, and events. */
 #include <string.h>
 
+#include "impulses.h"
 #include "instance.h"
 #include "unilateral.h"
 
@@ -68,8 +69,9 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
         memcpy(self->step.backup, self->s, self->layout.moving_size);
         if (touches && self->options.use == USE_MODEL_EXCHANGE) core_uphold_before(self);
         core_compare(self);
-        if (jumps) core_jump(self);
-        if (!core_sample(self) || !core_settle(self, self->s->time) || !core_check_finite(self, self->v.y, 0, self->s->time)
+        const int taken = core_take_impulses(self);
+        if (taken && self->s->jumped && jumps) core_jump(self);
+        if (!taken || !core_sample(self) || !core_settle(self, self->s->time) || !core_check_finite(self, self->v.y, 0, self->s->time)
             || (!core_remember(self) && !core_because_infinite(self))) {
             memcpy(self->s, self->step.backup, self->layout.moving_size);
             self->known.current = 0;

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "events.h"
+#include "impulses.h"
 #include "instance.h"
 #include "stiff.h"
 #include "symplectic.h"
@@ -52,6 +53,7 @@ static void lay_out(Instance *self) {
     self->v.m = cut(&rest, model->memory);
     self->v.past = (Past *)cut(&rest, self->prescribed.count * PAST);
     self->v.history = cut(&rest, HISTORY * model->coupled);
+    self->v.applied = cut(&rest, model->impulses);
     self->v.taylor = cut(&rest, COEFFICIENTS * model->inputs);
     self->v.size = cut(&rest, model->states);
     self->v.k = cut(&rest, model->parameters);
@@ -72,7 +74,7 @@ static void lay_out(Instance *self) {
 Instance *core_new(const Model *model, const Options *options) {
     const size_t n = model->states, settable = model->parameters + model->inputs;
     const size_t prescribed = count_prescribed(model), past = prescribed * PAST;
-    const size_t moving = model->inputs + 2 * n + model->memory + past + HISTORY * model->coupled;
+    const size_t moving = model->inputs + 2 * n + model->memory + past + HISTORY * model->coupled + model->impulses;
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
     const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + columns_of_work(model) * n
                            + model->start_conditions + model->events + model->reals + ORDER * model->inputs
@@ -206,6 +208,7 @@ Status core_exit_initialization(Instance *self) {
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
     core_measure(self);
     core_follow(self);
+    core_note_impulses(self);
     self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;
     self->s->jumped = self->model->columns > 0; /* a table's knots may ask for what was read */
     return SUCCESS;
@@ -265,6 +268,7 @@ void core_jump(Instance *self) {
 void core_update(Instance *self) {
     if (self->known.current) return;
     core_start(self);
+    if (self->s->phase == STEP) core_try_impulses(self);
     if (self->s->phase == STEP && self->s->jumped) core_sample(self); /* a sample uses inputs of its instant */
     if (self->s->phase == CONTINUOUS || self->s->phase == INTERMEDIATE) core_remember(self); /* nothing jumps there */
     evaluate(self, self->model->calculate, self->s->time, self->v.y, self->v.z);

@@ -75,6 +75,7 @@ typedef struct {
     double *m;
     Past *past;      /* of the prescribed numbers */
     double *history; /* of the symplectic solver */
+    double *applied; /* sums of impulses, and of reactions, that the states have taken */
     double *taylor;  /* given derivatives of the inputs, COEFFICIENTS each; the 0th says whether there are any */
     double *size;    /* of the states: scales the tolerance */
     double *k, *set; /* parameters, inputs as they were set last */
@@ -140,6 +141,7 @@ typedef struct {
     double *numbers, *operators, *indicators;
     CONTACT_NUMBERS(COLUMN)
     double lowest; /* part of its scale below which bounces of a gap are summed */
+    const double *before; /* rates before inputs have jumped in an impact; NULL: they have not */
 } Contacts;
 #undef COLUMN
 

@@ -147,6 +147,7 @@ static const char *wrong_vector(const Instance *self, const Scalars *s, const ch
         if (number_at(SAVED(past), first + offsetof(Past, size) / sizeof(double)) < 0) return "the past of an input";
     }
     if (!finite_numbers(SAVED(history), HISTORY * model->coupled)) return "the past of a state";
+    if (!finite_numbers(SAVED(applied), model->impulses)) return "the sum of the impulses of an input";
     if (!finite_numbers(SAVED(taylor), COEFFICIENTS * model->inputs)) return "the derivative of an input";
     for (size_t i = 0; i < model->inputs; i++) {
         const double given = number_at(SAVED(taylor), i * COEFFICIENTS);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "events.h"
+#include "impulses.h"
 #include "inputs.h"
 #include "stiff.h"
 #include "symplectic.h"
@@ -331,6 +332,7 @@ static int advance(Instance *self, double time, double size) {
     }
     const int leaps = interpolating && core_compare_ends(self);
     if (!interpolating) core_compare(self);
+    if (!core_take_impulses(self)) return 0;
     if (self->s->jumped) {
         core_jump(self);
         if (!core_check_finite(self, self->v.y, 0, time)) return 0;

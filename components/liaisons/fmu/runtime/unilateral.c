@@ -22,6 +22,8 @@ static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
 static const double COARSE[] = {0.1, 100};
 /* What an importer may be off, in tolerances; a gap that opens slower is an event only where it overlaps by more. */
 static const double ERRORS = 10;
+/* What an importer may be off that hands over impulses: a gap below this part of its scale touches. */
+static const double NEAR = 1e-11;
 /* What sticks stays so where a prescribed rate is off by this part of its scale. */
 static const double STUCK = 1e-9;
 static const char *name_of(const Model *model, size_t i) {
@@ -193,6 +195,7 @@ static int choose(Instance *self, const Complementarity *p, double time, Modes m
 
 /* Apply the impulses of an impact of all gaps in a list: v+ >= max(0, -e v-), with friction. */
 static int strike(Instance *self, double time, const int touching[]) {
+    const double *first = self->contacts.before != NULL ? self->contacts.before : self->contacts.v; /* what is reflected */
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
     const Contacts *c = &self->contacts;
@@ -202,10 +205,11 @@ static int strike(Instance *self, double time, const int touching[]) {
     for (size_t i = 0; i < n; i++) {
         const int gap = i < gaps;
         const long normal = gap ? -1 : p.normal[i - gaps];
-        const int takes = gap ? touching[i] && c->v[i] <= STILL * c->rate_scale[i]
-                              : normal >= 0 && touching[normal] && c->v[normal] <= STILL * c->rate_scale[normal];
-        before[i] = c->v[i];
-        p.rate[i] = c->v[i] - (gap && c->v[i] < 0 ? -c->restitution[i] * c->v[i] : 0);
+        const size_t pressed = gap ? i : normal >= 0 ? (size_t)normal : n;
+        const int takes = pressed < n && touching[pressed]
+                          && fmin(c->v[pressed], first[pressed]) <= STILL * c->rate_scale[pressed];
+        before[i] = first[i];
+        p.rate[i] = c->v[i] - (gap && first[i] < 0 ? -c->restitution[i] * first[i] : 0);
         p.tolerance[i] = BALANCED * c->rate_scale[i];
         if (!gap) modes[i] = FORWARD; /* without a force it has no effect */
         if (!takes) continue;
@@ -213,6 +217,10 @@ static int strike(Instance *self, double time, const int touching[]) {
         p.contact[p.n++] = i;
     }
     if (!choose(self, &p, time, modes, x, rate)) return 0;
+    const int together = self->contacts.before != NULL; /* with others, which lose their part of the energy */
+    for (size_t i = 0; i < n; i++) /* of ports whose rates jump the mean rates work */
+        self->v.y[model->states - 2] += x[i] * (c->v[i] - before[i]) / 2;
+    self->contacts.before = NULL;
     hit(self, time, x);
     inspect(self, time);
     for (size_t i = 0; i < n; i++) {
@@ -220,7 +228,7 @@ static int strike(Instance *self, double time, const int touching[]) {
         total += loss[i];
         size += fabs(x[i]) * (fabs(before[i]) + 1e-2 * c->rate_scale[i]); /* STILL is rounding */
     }
-    if (total < -1e-9 * size)
+    if (!together && total < -1e-9 * size)
         return refuse(self, &p, time, "Newton's restitution and friction would gain energy (Kane): take less of either");
     for (size_t i = 0; i < n; i++) {
         self->v.m[i < gaps ? model->gap[i].loss : model->friction[i - gaps].loss] += loss[i];
@@ -323,7 +331,13 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
 /* Whether a gap is at 0; one that is closed may have drifted from it. */
 static int touches(Instance *self, size_t i, double time) {
     const Contacts *c = &self->contacts;
-    return c->gap[i] <= (is_closed(self, i) ? FOLLOWED * c->scale[i] : rounding(c, i, time));
+    if (is_closed(self, i)) return c->gap[i] <= FOLLOWED * c->scale[i];
+    return c->gap[i] <= (c->before != NULL ? NEAR * c->scale[i] : 0) + rounding(c, i, time);
+}
+
+void core_contact_rates(Instance *self, double time, double rate[]) {
+    inspect(self, time);
+    memcpy(rate, self->contacts.v, self->model->indicators * sizeof *rate);
 }
 
 int core_is_unsettled(Instance *self, double time) {
@@ -403,7 +417,8 @@ static int settle(Instance *self, double time, int late) {
     touch(self, time, list, held);
     for (;;) {
         int approaches = 0;
-        for (size_t i = 0; i < gaps; i++) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
+        for (size_t i = 0; i < gaps; i++)
+            approaches |= touching[i] && fmin(c->v[i], c->before != NULL ? c->before[i] : 0) < -STILL * c->rate_scale[i];
         if (!approaches) break;
         if (++impacts > MOST_IMPACTS) {
             Complementarity p = {0};
@@ -411,7 +426,9 @@ static int settle(Instance *self, double time, int late) {
                 if (touching[i]) p.contact[p.n++] = i;
             return refuse(self, &p, time, "more than 1000 impacts at one instant");
         }
+        const int together = c->before != NULL; /* with others, which react before there is another impact */
         if (!strike(self, time, touching)) return 0;
+        if (together) break;
     }
     for (size_t tries = 0;; tries++) {
         if (!rest(self, time, touching, modes, x, rate)) return 0;

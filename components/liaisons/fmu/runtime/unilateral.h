@@ -17,6 +17,8 @@ int core_is_unsettled(Instance *, double time);
 void core_uphold(Instance *, double time);
 /* The same at an event of model exchange, before anything has jumped: what an importer's errors are is no impact. */
 void core_uphold_before(Instance *);
+/* Calculate the rates of all contacts. */
+void core_contact_rates(Instance *, double time, double rate[]);
 /* The first instant after a time at which bounces that have been summed end; infinity if there is none. */
 double core_next_rest(const Instance *, double time);
 /* A prescribed coordinate has jumped a little: bodies that it touches go with it. */

@@ -1,0 +1,322 @@
+"""Impacts that several FMUs take part in, where impulses are connected: located by going back, and solved together.
+
+A connection hands the rate of a port to the FMU that is moved, and the sum of its operator's impulses back::
+
+    mover                                   moved
+    q_dot                    ------->       s_dot, s_dot_jump       jump w of the rate
+    q_impulse                <-------       s_impulse               impulse I
+
+In an impact each FMU returns I as a function of w, or w as a function of I: by Newton's restitution and Moreau's rule
+with the rates from before the jumps, piecewise linear.  Newton's method solves for all w and I at once, with exact
+derivatives of the linear pieces, so that the impact is that of the whole system.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from liaisons.base.port_names import jump_name
+from liaisons.cosim.arrays import Vector, as_indices
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.instances.protocol import Instances
+from liaisons.cosim.messages import logger
+from liaisons.cosim.running.contacts import contact_variables
+from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.errors import RefusedError
+
+_MOST_ITERATIONS, _MOST_STEPS, _MOST_AT_ONCE = 50, 200, 1000
+_DIFFERENCE, _LEAST_DIFFERENCE = 1e-3, 1e-7
+"""Change of an unknown for derivatives, relative to it, and to its size, so that it stays in a linear piece."""
+_AGREEING, _ROUNDING, _MOST_ROUNDING = 1e-14, 8 * np.finfo(float).eps, 1e3
+"""Difference of both sides of an interface, relative to jumps, and to sums; by how much more it may be if it stays."""
+_NOTHING = 1e-8
+"""Smallest impulse that counts, relative to the sum so far, and to a force times the step: interfaces agree as well."""
+_EARLY = 1e-11
+"""How long before an impact FMUs stop, relative to a communication step."""
+
+
+@final
+@dataclass(frozen=True)
+class ImpulsivePort:
+    """A connection through which impulses go.
+
+    :param rate: what moves, and the input that it feeds.
+    :param jump: input that sums the jumps of that rate.
+    :param factors: of the rate, and of the impulse, in the units of the other side.
+    """
+
+    impulse: Connection
+    rate: Connection
+    jump: VariableReference
+    factors: tuple[float, float]
+
+    @property
+    def mover(self) -> str:
+        """Name of the FMU that moves."""
+        return self.impulse.target.part.name
+
+    @property
+    def moved(self) -> str:
+        """Name of the FMU that is moved."""
+        return self.impulse.source.part.name
+
+
+def impulsive_ports(simulation: Simulation) -> list[ImpulsivePort]:
+    """Connections through which impulses go: FMUs go back, take steps of any size, and follow polynomials."""
+    free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in simulation.parts.values())
+    if not (free and simulation.iterates) or simulation.error_tolerance is not None:
+        return []
+    by_target = {connection.target.place: connection for connection in simulation.connections}
+    ports: list[ImpulsivePort] = []
+    for connection in simulation.impulses:
+        parts = connection.source.part, connection.target.part
+        able = all(part.approximation.follows_polynomials for part in parts)
+        terminals = connection.source.terminal, connection.target.terminal
+        motions = [terminal.motion for terminal in terminals if terminal is not None and terminal.motion]
+        if not able or len(motions) < 2:
+            continue
+        (_, moved, _), (_, moving, _) = motions
+        rate, jump = by_target.get((parts[0].name, moved)), jump_name(moved)
+        if rate is None or rate.source.place != (parts[1].name, moving) or jump not in parts[0].fmu.variables:
+            continue
+        factors = rate.conversion.factor, connection.conversion.factor
+        ports.append(ImpulsivePort(connection, rate, (parts[0].name, jump), factors))
+    return ports
+
+
+@final
+class _Node:
+    """An FMU in an impact.
+
+    :param increments: indices, among the unknowns, of what its inputs increase by.
+    :param results: indices, among the equations, of what its outputs increase by.
+    """
+
+    def __init__(self, name: str, ports: Sequence[ImpulsivePort], instances: Instances, bus: Bus) -> None:
+        instance, count = instances[name], len(ports)
+        moved = [j for j, port in enumerate(ports) if port.moved == name]
+        moving = [j for j, port in enumerate(ports) if port.mover == name]
+        places = [
+            *(ports[j].rate.target.place for j in moved),
+            *(ports[j].jump for j in moved),
+            *(ports[j].impulse.target.place for j in moving),
+        ]
+        outputs = [
+            *(ports[j].impulse.source.place for j in moved),
+            *(ports[j].rate.source.place for j in moving),
+        ]
+        own = next(end.part for p in ports for end in (p.impulse.source, p.impulse.target) if end.part.name == name)
+        variables = own.fmu.variables
+        self.increments = as_indices([*moved, *moved, *(count + j for j in moving)])
+        self.results = as_indices([*(count + j for j in moved), *moving])
+        factors = [*(ports[j].factors[1] for j in moved), *(ports[j].factors[0] for j in moving)]
+        self._factors = np.array(factors)
+        self.inputs, self.outputs = np.zeros(len(places)), np.zeros(len(outputs))
+        self.sums = np.zeros(len(places))  # of jumps and impulses so far; of rates nothing
+        self.handed = np.zeros(len(moved))  # impulses of its operators that have been handed on
+        self._rates = as_indices([bus.index[place] for place in places[: len(moved)]])
+        self.impulses = as_indices([bus.index[place] for place in outputs[: len(moved)]])
+        self._is_sum = np.arange(len(places)) >= len(moved)
+        self._bus = bus
+        self._set = instance.setter([variables[variable] for _, variable in places], self.inputs)
+        self._get = instance.getter([variables[variable] for _, variable in outputs], self.outputs)
+        self._save, self._restore = instance.save_and_restore_calls()
+
+    def begin(self, rates: Vector | None = None) -> None:
+        """Begin with the present state; its rates are those on the bus, or those that an impact has left."""
+        self._bus.perform([self._save, self._get])
+        self.before = self.outputs.copy()
+        self.before[: len(self._rates)] = self.handed
+        self.starts = self.sums.copy()
+        self.starts[: len(self._rates)] = self._bus.values[self._rates] if rates is None else rates
+
+    def respond(self, unknowns: Vector) -> Vector:
+        """What its outputs increase by, in the units of the other side, where its inputs increase by the unknowns."""
+        self.inputs[:] = self.starts + unknowns[self.increments]
+        same = self._is_sum & (self.inputs == self.starts)
+        if same.sum() == self._is_sum.sum():  # a sum that changes begins the impact
+            first = int(np.argmax(self._is_sum))
+            self.inputs[first] = np.nextafter(self.inputs[first], math.inf)
+        self._bus.perform([self._restore, self._set, self._get])
+        return (self.outputs - self.before) * self._factors
+
+    def end(self) -> Vector:
+        """Keep what the inputs are now; returns the rates among them."""
+        self.sums[:] = np.where(self._is_sum, self.inputs, 0.0)
+        self.handed[:] = self.outputs[: len(self._rates)]
+        return self.inputs[: len(self._rates)].copy()
+
+
+@final
+class Impacts:
+    """Impacts of FMUs whose impulses are connected.
+
+    :param ports: those through which impulses go.
+    """
+
+    def __init__(self, simulation: Simulation, ports: Sequence[ImpulsivePort], instances: Instances, bus: Bus) -> None:
+        self._title, self._bus = simulation.title, bus
+        names = dict.fromkeys(name for port in ports for name in (port.moved, port.mover))
+        self._nodes = [_Node(name, ports, instances, bus) for name in names]
+        self._count = len(ports)
+        contacts = [contact for name in names for contact in contact_variables(simulation.parts[name])]
+        self._gaps, self._rates = (as_indices([bus.index[c[k]] for c in contacts]) for k in range(2))
+        sums = sums_of(simulation, ports)
+        self._sums, self._forces = (as_indices([bus.index[p] for p in places]) for places in (sums, sums.values()))
+
+    def begin(self) -> None:
+        """Begin at the start; warn of impacts there, which each FMU has had by itself."""
+        for node in self._nodes:
+            node.sums[:], node.handed[:] = 0.0, self._bus.values[node.impulses]
+        if alone := [place for place, k in self._bus.index.items() if k in self._sums and self._bus.values[k]]:
+            logger.warning(
+                "%s: there is an impact at the start, which takes no part in others: %s = %.4g N.s; start with a gap",
+                self._title,
+                ".".join(alone[0]),
+                self._bus.values[self._bus.index[alone[0]]],
+            )
+
+    def save(self) -> list[tuple[Vector, Vector]]:
+        """The sums, for :meth:`restore`."""
+        return [(node.sums.copy(), node.handed.copy()) for node in self._nodes]
+
+    def restore(self, saved: Iterable[tuple[Vector, Vector]]) -> None:
+        """Return to sums that were saved."""
+        for node, (sums, handed) in zip(self._nodes, saved, strict=True):
+            node.sums[:], node.handed[:] = sums, handed
+
+    def between(self, before: Vector, after: Vector, size: float) -> bool:
+        """Whether there was an impact in a step of this size [s] between these values of the bus, beyond rounding."""
+        sums, forces = after[self._sums], np.fmax(np.abs(before[self._forces]), np.abs(after[self._forces]))
+        least = _NOTHING * (np.abs(sums) + size * forces)
+        return bool(np.any(np.abs(sums - before[self._sums]) > least))
+
+    def next_contact(self, values: Vector) -> float:
+        """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""
+        gaps, rates = values[self._gaps], values[self._rates]
+        closing = (rates < 0) & (gaps > 0)
+        return float(np.min(gaps[closing] / -rates[closing], initial=math.inf))
+
+    def locate(self, start: float, stop: float, attempt: Callable[[float], bool]) -> float:
+        """Step from one instant to shortly before the first impact, which lies before another [s]; returns where.
+
+        :param attempt: steps from the start to an instant; returns whether there was no impact, and no refusal.
+        """
+        low, high, near = start, stop, max(_EARLY * (stop - start), 32 * math.ulp(stop))
+        instant, left = start + (stop - start) / 2, math.inf
+        for k in range(_MOST_STEPS):
+            if attempt(instant):
+                low, left = instant, self.next_contact(self._bus.values)
+                if left <= near or high - low <= near:
+                    return low
+                instant += max(left, near / 4) - near / 4
+            else:
+                high = instant
+                if high - start <= near:  # it begins with the impact
+                    return start
+                instant = low + (high - low) * (0.5 if k % 4 else 0.1)
+            if not low < instant < high:
+                instant = (low + high) / 2
+            if not low < instant < high:
+                break
+        attempt(low)
+        return low
+
+    def solve(self, time: float) -> None:
+        """Solve the impacts at the present state, one after the other: all rates and momenta jump.
+
+        :raises RefusedError: if Newton's method does not converge, or if they have no end.
+        """
+        for node in self._nodes:
+            node.begin()
+        for _ in range(_MOST_AT_ONCE):
+            z = self._solve_one(time)
+            left = [node.end() for node in self._nodes]
+            if not np.any(z):
+                return
+            for node, rates in zip(self._nodes, left, strict=True):
+                node.begin(rates)
+        raise RefusedError(f"{self._title}: more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s")
+
+    def _solve_one(self, time: float) -> Vector:
+        """Solve one impact; returns the jumps of rates, and the impulses."""
+        z = np.zeros(2 * self._count)
+        F = self._residual(z)
+        sizes = self._sizes(F)
+        allowed = _AGREEING * sizes + _ROUNDING * self._magnitudes(sizes)
+        for _ in range(_MOST_ITERATIONS):
+            error = np.max(np.abs(F) / allowed)
+            if error <= 1:
+                break
+            step = np.linalg.lstsq(self._jacobian(z, sizes), -F, rcond=None)[0]
+            for part in (1.0, 0.5, 0.25, 0.125):
+                trial = z + part * step
+                other = self._residual(trial)
+                if (better := np.max(np.abs(other) / allowed)) < error:
+                    break
+            if better >= error:
+                if error <= _MOST_ROUNDING:
+                    break
+                trial, other = z + step, self._residual(z + step)
+            z, F = trial, other
+        else:
+            error = np.max(np.abs(F) / allowed)
+        if not error <= _MOST_ROUNDING:
+            raise RefusedError(
+                f"{self._title}: the impact at t = {time:.10g} s, in which several FMUs take part, does not converge: "
+                "make one FMU of the system by flatten()"
+            )
+        for node in self._nodes:
+            node.respond(z)
+        return z
+
+    def _residual(self, z: Vector) -> Vector:
+        """What outputs increase by, less the unknowns."""
+        F = -z
+        for node in self._nodes:
+            F[node.results] += node.respond(z)
+        return F
+
+    def _jacobian(self, z: Vector, sizes: Vector) -> Vector:
+        """Derivatives of the residual by the unknowns."""
+        J = -np.eye(len(z))
+        for node in self._nodes:
+            middle = node.respond(z)
+            for k in dict.fromkeys(node.increments.tolist()):
+                other = z.copy()
+                other[k] += max(_DIFFERENCE * abs(z[k]), _LEAST_DIFFERENCE * sizes[k])
+                J[node.results, k] += (node.respond(other) - middle) / (other[k] - z[k])
+        return J
+
+    def _magnitudes(self, sizes: Vector) -> Vector:
+        """Magnitudes of the numbers that FMUs add the unknowns to."""
+        magnitudes = sizes.copy()
+        for node in self._nodes:
+            np.maximum.at(magnitudes, node.increments, np.abs(node.starts))
+            np.maximum.at(magnitudes, node.results, np.abs(node.before))
+        return magnitudes
+
+    def _sizes(self, F: Vector) -> Vector:
+        """Sizes of jumps of rates, and of impulses."""
+        count = self._count
+        rates = np.abs(self._bus.values[self._rates]).max(initial=0.0)
+        speed = max(rates, np.abs(F[:count]).max(initial=0.0)) or 1.0
+        impulse = np.abs(F[count:]).max(initial=0.0) or 1.0
+        return np.concatenate([np.full(count, speed), np.full(count, impulse)])
+
+
+def sums_of(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[VariableReference, VariableReference]:
+    """Sums of impulses that change in an impact in which these ports take part -> forces that act alike."""
+    sums = {port.impulse.source.place: (port.moved, port.impulse.source.force or "") for port in ports}
+    for name in dict.fromkeys(name for port in ports for name in (port.moved, port.mover)):
+        for _, _, _, (_, impacts) in contact_variables(simulation.parts[name]):
+            head, _, element = impacts.rpartition("_impacts")
+            sums[name, f"{head}_impulse{element}"] = name, f"{head}_force{element}"
+    return sums

@@ -1,0 +1,352 @@
+"""Impulses through ports: momenta that jump by an input, and impacts of FMUs against their flattened systems."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+from making import FmuPaths, coupling_errors, wired
+
+from liaisons import (
+    ActiveCoordinate,
+    Coordinate,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Result,
+    System,
+    build,
+    flatten,
+    simulate,
+    unilateral,
+)
+from liaisons.base.compiler import Fmi
+
+Starts = dict[str, float]
+Parts = dict[str, tuple[str, Starts]]
+
+
+class Table(Mechanism):
+    """Table on a spring and a damper."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(50.0, "N/m", "stiffness of the spring", above=0)
+    damping = Parameter(0.0, "N.s/m", "coefficient of the damper", minimum=0)
+    rest = Parameter(0.0, "m", "where the spring is at rest")
+    x = Coordinate("m", "height of the table")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (self.x - self.rest) ** 2
+
+    def dissipation_function(self) -> ca.SX:
+        return self.damping / 2 * self.dot(self.x) ** 2
+
+
+class Bar(Mechanism):
+    """Bar that tilts, above a table: two contacts through one port."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    tilting = Parameter(0.1, "kg", "mass of the tilt", above=0)
+    stiffness = Parameter(10.0, "N/m", "stiffness against tilt", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    gravity = Gravity()
+    height = Coordinate("m", "height of the middle", start=0.5)
+    tilt = Coordinate("m", "half of the difference of the ends")
+    table = ActiveCoordinate("m", "height of the table")
+
+    def kinetic_energy(self) -> ca.SX:
+        return (self.mass * self.dot(self.height) ** 2 + self.tilting * self.dot(self.tilt) ** 2) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.height + self.stiffness / 2 * self.tilt**2
+
+    @unilateral("m", "left end above the table", restitution="bounce")
+    def left(self) -> ca.SX:
+        return self.height - self.tilt - self.table
+
+    @unilateral("m", "right end above the table", restitution="bounce")
+    def right(self) -> ca.SX:
+        return self.height + self.tilt - self.table
+
+
+class Between(Mechanism):
+    """Ball between a table and a roof: two contacts through two ports."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    gravity = Gravity()
+    height = Coordinate("m", "height of the ball", start=0.3)
+    table = ActiveCoordinate("m", "height of the table")
+    roof = ActiveCoordinate("m", "height of the roof", start=1.0)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.height) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.height
+
+    @unilateral("m", "distance of ball and table", restitution="bounce")
+    def lower(self) -> ca.SX:
+        return self.height - self.table
+
+    @unilateral("m", "distance of ball and roof", restitution="bounce")
+    def upper(self) -> ca.SX:
+        return self.roof - self.height
+
+
+OWN = {class_.__name__: class_ for class_ in (Table, Bar, Between)}
+COORDINATES = {"height", "tilt", "theta", "x"}
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Fmi], Path]:
+    """Path of the FMU of a component."""
+    folder = tmp_path_factory.mktemp("impulses")
+    return cache(lambda name, fmi: build(OWN.get(name, name), folder / fmi, fmi=fmi))
+
+
+def _system(fmus: Callable[[str, Fmi], Path], fmi: Fmi, parts: Parts, links: tuple[str, ...]) -> System:
+    return wired(*links, **{name: (fmus(kind, fmi), starts) for name, (kind, starts) in parts.items()})
+
+
+def _whole(folder: Path, system: System, parts: Parts, **settings: Any) -> Result:
+    """The flattened system, which is built once a folder."""
+    path = folder / "Wired.fmu"
+    if not path.exists():
+        path = flatten(system, folder, components=OWN)
+    starts = {f"{name}.{variable}": value for name, (_, own) in parts.items() for variable, value in own.items()}
+    return simulate(path, start_values=starts, **settings)
+
+
+def _difference(run: Result, whole: Result) -> float:
+    """The largest difference of coordinates, relative to 1 m, 1 rad or the largest one."""
+    names = [name for name in run.names if name.partition(".")[2] in COORDINATES]
+    return max(float(np.abs(run[name] - whole[name]).max() / max(1.0, np.abs(whole[name]).max())) for name in names)
+
+
+def _energy_is_closed(run: Result, parts: Parts, tolerance: float) -> None:
+    """Each account stays 0, and what FMUs take from each other, they give."""
+    for name in parts:
+        np.testing.assert_allclose(run[f"{name}.energy_balance"], 0.0, atol=1e-8)
+    np.testing.assert_allclose(sum(run[f"{name}.work"] for name in parts), 0.0, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("fmi", "bounce", "mass"), [("2", 0.8, 1.0), ("3", 0.8, 1.0), ("3", 0.0, 0.5), ("2", 1.0, 0.3)]
+)
+def test_ball_on_a_table_of_another_fmu(
+    fmus: Callable[[str, Fmi], Path], shared_folder: Path, fmi: Fmi, bounce: float, mass: float
+) -> None:
+    parts: Parts = {"ball": ("BouncingBall", {"height_0": 0.3, "bounce": bounce, "mass": mass}), "table": ("Table", {})}
+    system = _system(fmus, fmi, parts, ("table.x -> ball.table",))
+    settings: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.004, "tolerance": 1e-12}
+    run, whole = system.simulate(**settings), _whole(shared_folder / "ball_on_table", system, parts, **settings)
+    assert run.warnings == ()
+    assert run["ball.gap_impacts"][-1] == whole["ball.gap_impacts"][-1] > 0
+    assert bool(run["ball.gap_closed"][-1]) == (bounce < 1)
+    assert _difference(run, whole) < 1e-8
+    _energy_is_closed(run, parts, 1e-8)
+    np.testing.assert_allclose(run["ball.impact_loss"], whole["ball.impact_loss"], rtol=0, atol=1e-9)
+    first = np.argmax(run["ball.gap_impacts"] > 0)  # by Newton's rule for two bodies of the masses m and 1 kg
+    impulse = (1 + bounce) * math.sqrt(2 * 9.81 * 0.3) * mass / (1 + mass)
+    assert run["ball.gap_impulse"][first] == pytest.approx(impulse, rel=1e-9)
+    assert np.nansum(coupling_errors(run)) < 1e-6
+    assert not np.isnan(coupling_errors(run)).any()
+
+
+def test_balls_in_a_row_of_fmus(fmus: Callable[[str, Fmi], Path], shared_folder: Path) -> None:
+    """The lowest one bounces from the floor, the others touch it at the start: impacts of all at one instant."""
+    names = ["first", "second", "third"]
+    parts: Parts = {
+        name: ("BouncingBall", {"height_0": 0.5 + 0.1 * k, "bounce": 0.9, "mass": 1.0 / (1 + k)})
+        for k, name in enumerate(names)
+    }
+    links = tuple(f"{below}.height -> {above}.table" for below, above in pairwise(names))
+    for gap in (0.1, 0.0):
+        for k, name in enumerate(names):
+            parts[name][1]["height_0"] = 0.5 + gap * k
+        system = _system(fmus, "2", parts, links)
+        settings: dict[str, Any] = {"stop_time": 0.8, "step_size": 0.005, "tolerance": 1e-12}
+        run, whole = system.simulate(**settings), _whole(shared_folder / "row_of_balls", system, parts, **settings)
+        assert run.warnings == ()
+        assert sum(run[f"{name}.gap_impacts"][-1] for name in names) > 5 * gap / 0.1
+        assert _difference(run, whole) < 1e-9
+        _energy_is_closed(run, parts, 1e-9)
+
+
+def test_impulse_moves_what_it_acts_on(fmus: Callable[[str, Fmi], Path]) -> None:
+    """A pendulum at θ of length 1 m: p jumps by -I ∂x/∂θ = -I cos θ, and the work is that of the mean rate."""
+    path = fmus("Pendulum", "2")
+    description = read_model_description(path)
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=extract(path),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="pendulum",
+    )
+    number = {variable.name: variable.valueReference for variable in description.modelVariables}
+
+    def read(*names: str) -> list[float]:
+        return slave.getReal([number[name] for name in names])
+
+    slave.instantiate()
+    slave.setReal([number["theta_0"], number["bob_x_impulse"]], [0.4, 7.0])
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    slave.doStep(0.0, 0.3)
+    state = slave.getFMUstate()
+    theta, rate, p, work = read("theta", "theta_dot", "p_theta", "work")
+    for _ in range(2):
+        slave.setReal([number["bob_x_impulse"]], [7.2])
+        after = read("theta", "theta_dot", "p_theta", "work", "energy_balance")
+        assert after[:3] == pytest.approx([theta, rate - 0.2 * math.cos(theta), p - 0.2 * math.cos(theta)], rel=1e-14)
+        assert after[3] - work == pytest.approx(-0.2 * math.cos(theta) * (rate + after[1]) / 2, rel=1e-12)
+        assert abs(after[4]) < 1e-8
+        slave.setFMUstate(state)
+        assert read("theta", "theta_dot", "p_theta", "work") == [theta, rate, p, work]
+    slave.setReal([number["bob_x_impulse"]], [7.2])
+    slave.doStep(0.3, 1e-9)  # the same at the beginning of a step, without a look at it before
+    assert read("p_theta")[0] == pytest.approx(after[2], abs=1e-7)
+    slave.terminate()
+    slave.freeInstance()
+
+
+def test_impulse_is_an_event_in_event_mode(fmus: Callable[[str, Fmi], Path]) -> None:
+    """FMI 3.0: an impulse that is set in event mode acts when discrete states are updated."""
+    path = fmus("Table", "3")
+    description = read_model_description(path)
+    slave = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=extract(path),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="table",
+    )
+    number = {variable.name: variable.valueReference for variable in description.modelVariables}
+    slave.instantiate(eventModeUsed=True)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    slave.setFloat64([number["x_impulse"]], [0.5])
+    assert slave.updateDiscreteStates()[3]  # the values of continuous states have changed
+    assert slave.getFloat64([number[name] for name in ("p_x", "work", "energy_balance")]) == [-0.5, 0.125, 0.0]
+    slave.terminate()
+    slave.freeInstance()
+
+
+def test_an_operator_that_rolls_back_nothing_is_told(component: FmuPaths) -> None:
+    """In explicit coupling no step is made again: the impact is that of one FMU alone, which is said."""
+    table = component("Oscillator"), {"stiffness": 50.0, "x_0": 0.0}
+    system = wired("table.x -> ball.table", ball=(component("BouncingBall"), {"height_0": 0.3}), table=table)
+    run = system.simulate(stop_time=0.3, step_size=0.01, coupling="gauss-seidel")
+    assert "impulses do not go through ball.table_force -> table.x_load" in run.warnings[0]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A kind of systems with contacts between their FMUs: connections, and random start values."""
+
+    links: tuple[str, ...]
+    parts: Callable[[np.random.Generator], Parts]
+
+
+def _uniform(random: np.random.Generator, low: float, high: float) -> float:
+    return float(random.uniform(low, high))
+
+
+def _mass(random: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def _bounce(random: np.random.Generator) -> float:
+    return float(random.choice([0.0, 1.0, *random.uniform(0.1, 0.9, 2)]))
+
+
+def _table(random: np.random.Generator, **starts: float) -> tuple[str, Starts]:
+    own = {"mass": _mass(random, 0.2, 5), "stiffness": _mass(random, 20, 200), "x_0": _uniform(random, -0.05, 0.05)}
+    own |= {"x_dot_0": _uniform(random, -0.3, 0.3), "damping": float(random.choice([0, random.uniform(0, 2)]))}
+    return "Table", own | starts
+
+
+def _ball(random: np.random.Generator, low: float, high: float) -> tuple[str, Starts]:
+    mass, bounce = _mass(random, 0.2, 3), _bounce(random)
+    return "BouncingBall", {"mass": mass, "bounce": bounce, "height_0": _uniform(random, low, high)}
+
+
+def _bar(random: np.random.Generator) -> tuple[str, Starts]:
+    own = {"mass": _mass(random, 0.2, 5), "tilting": _mass(random, 0.02, 1), "bounce": _bounce(random)}
+    own |= {"height_0": _uniform(random, 0.15, 0.5), "tilt_0": _uniform(random, -0.05, 0.05)}
+    return "Bar", own | {"tilt_dot_0": _uniform(random, -0.3, 0.3)}
+
+
+def _between(random: np.random.Generator) -> tuple[str, Starts]:
+    own = {"mass": _mass(random, 0.2, 5), "bounce": _bounce(random), "height_0": _uniform(random, 0.15, 0.5)}
+    return "Between", own | {"height_dot_0": _uniform(random, -2, 2)}
+
+
+def _lever(random: np.random.Generator) -> tuple[str, Starts]:
+    own = {"mass": _mass(random, 0.2, 5), "theta_0": _uniform(random, 1.2, 1.8)}
+    return "Pendulum", own | {"theta_dot_0": _uniform(random, -1, 1)}
+
+
+PAIRS = {
+    "ball on a table": Pair(("table.x -> top.table",), lambda r: {"top": _ball(r, 0.1, 0.5), "table": _table(r)}),
+    "bar on a table": Pair(("table.x -> top.table",), lambda r: {"top": _bar(r), "table": _table(r)}),
+    "ball on a ball": Pair(
+        ("lower.height -> top.table",), lambda r: {"top": _ball(r, 0.4, 0.6), "lower": _ball(r, 0.1, 0.35)}
+    ),
+    "ball on a lever": Pair(("lever.bob_z -> top.table",), lambda r: {"top": _ball(r, 0.2, 0.6), "lever": _lever(r)}),
+    "ball between tables": Pair(
+        ("table.x -> top.table", "roof.x -> top.roof"),
+        lambda r: {
+            "top": _between(r),
+            "table": _table(r),
+            "roof": _table(r, x_0=_uniform(r, 0.7, 0.8), rest=0.75),
+        },
+    ),
+}
+
+
+def _check_pair(
+    fmus: Callable[[str, Fmi], Path], folder: Path, kind: str, fmi: Fmi, random: np.random.Generator
+) -> float:
+    """Compare a random pair with its flattened system; returns the difference of their coordinates."""
+    pair = PAIRS[kind]
+    parts = pair.parts(random)
+    system = _system(fmus, fmi, parts, pair.links)
+    settings: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.0025, "tolerance": 1e-12}
+    run, whole = system.simulate(**settings), _whole(folder / kind.replace(" ", "_"), system, parts, **settings)
+    difference, claimed = _difference(run, whole), float(np.nansum(coupling_errors(run)))
+    assert not any("impulses" in text for text in run.warnings)
+    assert difference < max(1e-8, 3 * claimed), (parts, difference, claimed)  # the rest is that of closed contacts
+    _energy_is_closed(run, parts, max(1e-7, 300 * claimed))
+    return difference
+
+
+@pytest.mark.parametrize("kind", ["bar on a table", "ball on a lever"])
+def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, kind: str) -> None:
+    random = np.random.default_rng(1)
+    assert np.median([_check_pair(fmus, shared_folder, kind, "2", random) for _ in range(3)]) < 1e-8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", PAIRS)
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_fifty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, kind: str, fmi: Fmi) -> None:
+    """Of 500 all agree; by far the most to 1e-8."""
+    random = np.random.default_rng(35 + int(fmi))
+    differences = [_check_pair(fmus, shared_folder, kind, fmi, random) for _ in range(50)]
+    assert np.mean(np.array(differences) < 1e-8) > 0.8
