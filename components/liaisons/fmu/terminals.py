@@ -3,8 +3,8 @@
 A port has the member names of the Modelica Standard Library: s, v, a, f of a translation, phi, w, a, tau of a rotation.
 Positions and rates of two connected terminals are equal (``signal``).  Forces obey Kirchhoff's law: that of an active
 port flows into its mechanism, the load of a free port or of a point out of its own, so that ``s_force`` is connected to
-``q_load`` without a sign, and sums of impulses likewise (member ``impulse``, ours).  Components of one point (``bob_x``, ``bob_z``) are nested in a terminal, so that one
-connection hangs a pendulum on another.
+``q_load`` without a sign, and sums of impulses likewise (member ``impulse``, ours).  Components of one point
+(``bob_x``, ``bob_z``) are nested in a terminal, so that one connection hangs a pendulum on another.
 """
 
 from __future__ import annotations
