@@ -355,7 +355,8 @@ def test_fifty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, kind
         try:
             differences.append(_check_pair(fmus, shared_folder, kind, fmi, random))
         except IncompleteError as error:
-            assert re.search("does not converge|more than 1000 impacts", str(error))
+            if not re.search("does not converge|more than 1000 impacts", str(error)):
+                raise
             refused += 1
     assert refused <= 2
     assert np.mean(np.array(differences) < 1e-8) > 0.7
