@@ -121,8 +121,8 @@ class _Node:
         self.inputs, self.outputs = np.zeros(len(places)), np.zeros(len(outputs))
         self.sums = np.zeros(len(places))  # of jumps and impulses so far; of rates nothing
         self.handed = np.zeros(len(moved))  # impulses of its operators that have been handed on
-        self._rates = as_indices([bus.index[place] for place in places[: len(moved)]])
-        self.impulses = as_indices([bus.index[place] for place in outputs[: len(moved)]])
+        self._rates = as_indices([bus.index[variable] for variable in places[: len(moved)]])
+        self.impulses = as_indices([bus.index[variable] for variable in outputs[: len(moved)]])
         self._is_sum = np.arange(len(places)) >= len(moved)
         self._bus = bus
         self._set = instance.setter([variables[variable] for _, variable in places], self.inputs)
@@ -175,7 +175,7 @@ class Impacts:
         """Begin at the start; warn of impacts there, which each FMU has had by itself."""
         for node in self._nodes:
             node.sums[:], node.handed[:] = 0.0, self._bus.values[node.impulses]
-        if alone := [place for place, k in self._bus.index.items() if k in self._sums and self._bus.values[k]]:
+        if alone := [variable for variable, k in self._bus.index.items() if k in self._sums and self._bus.values[k]]:
             logger.warning(
                 "%s: there is an impact at the start, which takes no part in others: %s = %.4g N.s; start with a gap",
                 self._title,

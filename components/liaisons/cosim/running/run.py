@@ -123,7 +123,7 @@ class Run:
             contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
             contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
-            recorded += [place for pair in sums_of(simulation, through).items() for place in pair]
+            recorded += [variable for pair in sums_of(simulation, through).items() for variable in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepare_calls()
@@ -455,8 +455,8 @@ class Run:
     @property
     def _owners(self) -> list[Any]:
         """What has a state beside the FMUs and the bus."""
-        others = [owner for owner in (self._coupled, self._impacts) if owner is not None]
-        return [self._loop, self._deviations.memory, *self._simulation.drives, *others]
+        solvers = [owner for owner in (self._coupled, self._impacts) if owner is not None]
+        return [self._loop, self._deviations.memory, *self._simulation.drives, *solvers]
 
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, with the FMUs that there are.
