@@ -330,7 +330,7 @@ PAIRS = {
 def _check_pair(
     fmus: Callable[[str, Fmi], Path], folder: Path, kind: str, fmi: Fmi, random: np.random.Generator
 ) -> tuple[float, bool]:
-    """Compare a random pair with its flattened system; returns the difference of coordinates, and whether it is said."""
+    """Compare a random pair with its flattened system; returns the difference, and whether it is said."""
     pair = PAIRS[kind]
     parts = pair.parts(random)
     system = _system(fmus, fmi, parts, pair.links)
