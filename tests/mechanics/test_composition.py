@@ -107,13 +107,13 @@ def test_an_operator_drives_from_inside() -> None:
         triple("mass.support", "shaker.y"),
         starts={f"shaker.{name}": value for name, value in drive.items()} | {"mass.x_0": 0.0},
     )
-    assert [v.name for v in model.inputs] == ["mass.x_force", "mass.x_load"]
+    assert [v.name for v in model.inputs] == ["mass.x_force", "mass.x_load", "mass.x_impulse"]
     assert model.active == ()
     assert {port.name for port in model.ports} == {"mass.x", "shaker.y"}
     k = [v.starts[0] for v in model.parameters]
-    y_0, _ = model.start(0, [0, 0], k)
+    y_0, _ = model.start(0, [0, 0, 0], k)
     run = solve_ivp(
-        lambda t, y: model.derivatives(t, y, [0, 0], k).full().ravel(),
+        lambda t, y: model.derivatives(t, y, [0, 0, 0], k).full().ravel(),
         (0, 10),
         y_0.full().ravel(),
         method="DOP853",

@@ -100,7 +100,11 @@ def vectors(state: State) -> tuple[NDArray, NDArray, NDArray]:
     """y, u, k of the model at a state."""
     p = EQUATIONS.evaluate("momenta", **state)
     k = [state.get(variable.name, variable.start) for variable in MODEL.parameters]
-    return np.array([*(state[q] for q in FREE), *p, 0, 0]), np.array([state[name] for name in INPUTS]), np.array(k)
+    return (
+        np.array([*(state[q] for q in FREE), *p, 0, 0]),
+        np.array([state.get(name, 0.0) for name in INPUTS]),
+        np.array(k),
+    )
 
 
 def project(y: NDArray, u: NDArray, k: NDArray) -> NDArray:
