@@ -30,6 +30,7 @@ from liaisons import (
     build,
     flatten,
     simulate,
+    start,
     unilateral,
 )
 from liaisons.base.compiler import Fmi
@@ -231,6 +232,13 @@ def test_impulse_moves_what_it_acts_on(fmus: Callable[[str, Fmi], Path]) -> None
     assert read("p_theta")[0] == pytest.approx(p - 0.2 * math.cos(theta), abs=1e-7)
     slave.terminate()
     slave.freeInstance()
+
+
+def test_python_fmu_refuses_impulses(tmp_path: Path) -> None:
+    path = build("Pendulum", tmp_path, backend="python")
+    words = r"bob_x_impulse = 0\.2: a Python FMU takes no impulses; build it with backend='native'"
+    with start(path, stop_time=1.0, step_size=0.1) as run, pytest.raises(IncompleteError, match=words):
+        run.step(bob_x_impulse=0.2)
 
 
 def test_impulse_is_an_event_in_event_mode(fmus: Callable[[str, Fmi], Path]) -> None:

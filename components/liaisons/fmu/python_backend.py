@@ -70,6 +70,7 @@ def _component_table(model: Model, guid: str) -> bytes:
         "sizes": [size.count for size in model.dimensions],
         "domains": [(*allowed_range(variable), variable.domain() or "finite") for variable in settable],
         "fixed": [variable.variability == "fixed" for variable in settable],
+        "impulses": [first + i for i, variable in enumerate(model.inputs) if variable.variability == "discrete"],
         "never_0": [first + value for value, _, _ in active if not model.inputs[value].allows(0.0)],
         "warnings": _mismatch_warnings(model),
         "condition_texts": model.condition_texts,

@@ -23,6 +23,7 @@ class ComponentTable:
     sizes: list[int]  # values of the structural sizes
     domains: list[tuple[float, float, str]]  # of parameters and inputs: least and largest number; in words
     fixed: list[bool]  # whether each of them is a parameter that is set before initialization ends
+    impulses: list[int]  # value references of the sums of impulses, which are not taken
     never_0: list[int]  # value references of the active coordinates of which 0 is not allowed
     warnings: list[tuple[int, list[str]]]  # for each mismatch its index in the memory, and texts: contradiction, jump
     condition_texts: list[str]

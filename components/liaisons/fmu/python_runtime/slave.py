@@ -208,6 +208,8 @@ class Slave(Fmi2Slave):
                 why = "it is calculated; set parameters and inputs"
             elif self._stepping and component.fixed[index]:
                 why = _FIXED
+            elif self._stepping and value != motion.reals[index] and component.first + index in component.impulses:
+                why = "a Python FMU takes no impulses; build it with backend='native'"
             elif not math.isfinite(value):
                 why = f"set a finite number; it stays {motion.reals[index]:.9g}"
             else:
