@@ -182,6 +182,8 @@ def test_two_experiments_have_instants_of_their_own() -> None:
         ({"gap_impact": ([1.0], 1e-3)}, "no output 'gap_impact' counts impacts; did you mean 'gap_impacts'?"),
         ({"gap_impacts": [1.0, 2.0, 3.0]}, r"gap_impacts = \[1.0, 2.0, 3.0\]: give \(instants, standard deviation\)"),
         ({"gap_impacts": ([1.0, 0.5], 1e-3)}, r"gap_impacts = \[1.0, 0.5\]: give instants \[s\] in ascending order"),
+        ({"gap_impacts": ([0.5, np.inf], 1e-3)}, r"gap_impacts = \[0.5, inf\]: give instants \[s\] in ascending order"),
+        ({"gap_impacts": ([-1.0, 0.5], 1e-3)}, "gap_impacts = -1 s: the motion begins at 0 s; leave it out"),
         ({"gap_impacts": ([1.0], 0.0)}, "instants: standard deviation of gap_impacts = 0.0: must be > 0"),
         ({"gap_impacts": ("soon", 1e-3)}, "instants: gap_impacts = 'soon': give numbers"),
         ("gap_impacts", "instants = 'gap_impacts': give a dictionary with names as keys"),
