@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -229,6 +230,12 @@ def test_verdicts() -> None:
     for case in CASES.values():
         fit = case.fit(3)
         assert [verdict.claim for verdict in fit.verify() if not verdict.passed] == []
+
+
+def test_a_fit_is_not_pickled() -> None:
+    fit = identify(BouncingBall, {"time": [0.0, 1.0]}, ["height_0"], instants={"gap_impacts": ([0.45], 1e-3)})
+    with pytest.raises(IdentificationError, match=r"^a Fit is neither copied nor pickled; values, "):
+        pickle.dumps(fit)
 
 
 def test_diagrams_and_tables_show_impacts(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,11 @@ def test_a_plan_with_phases_is_read_again(stroke: Plan, tmp_path: Path) -> None:
     assert again.goal.phases == stroke.goal.phases
     assert np.array_equal(again.sigma(0.1)["table"], stroke.sigma(0.1)["table"])
     assert plan("BouncingBall", guess=again, **STROKE).cost == pytest.approx(stroke.cost, rel=1e-12)
+
+
+def test_a_plan_is_neither_copied_nor_pickled(stroke: Plan) -> None:
+    with pytest.raises(PlanError, match=r"^<Plan of BouncingBall: .*> is neither copied nor pickled; save\(path\)"):
+        pickle.dumps(stroke)
 
 
 def test_a_mode_that_is_named_again_changes_nothing(stroke: Plan) -> None:
@@ -275,6 +281,8 @@ PARCEL = {"mechanism": Parcel, "start": {}, "end": {"belt_dot": 0}, "minimize": 
         ({"phases": [{"gap": "closed", "duration": (4, 5)}, {"gap": "open"}]}, "phases last 4 s to 8 s, and duration"),
         ({"start": {}}, "start: phases make gap = 1 there, not 0"),
         ({"phases": [{"gap": "open"}, {"gap": "closed"}]}, "end: phases make table = 0.5 there, not 0"),
+        ({"start": {"height": -1}, "phases": [{"gap": "open"}]}, "start: gap = -1 there: bodies overlap; move them"),
+        ({"end": {"height": -1, "table": 0}}, "BouncingBall: end: gap = -1 there: bodies overlap; move them apart"),
         ({"loops": 2, "closed": True}, "loops = 2: a motion with phases is planned as one; leave loops out"),
         ({"mechanism": "Swing", "start": {}, "end": {}}, "Swing has no unilateral liaison and no dry friction"),
         (

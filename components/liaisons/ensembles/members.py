@@ -55,6 +55,7 @@ class Members:
     def __init__(self, model: Model, count: int) -> None:
         with _LOCK:
             self._code, self._prefix = _library(model), f"{model.name}."
+        self._lock = Lock()  # an instance is of one thread at a time
         names = (element.name.removeprefix(self._prefix) for v in model.variables for element in v.elements())
         self._references = {name: reference for reference, name in enumerate(names, first_reference(model))}
         created = False
@@ -94,7 +95,9 @@ class Members:
     def failures(self) -> dict[int, str]:
         """Members that have failed, and the reasons."""
         reasons = self._members["reason"]
-        return {i: reasons[i].decode().replace(self._prefix, "") for i in np.flatnonzero(reasons != b"").tolist()}
+        failed = np.flatnonzero(reasons.astype("S1") != b"").tolist()  # behind the first 0 are rests of older ones
+        texts = (reasons[i].partition(b"\0")[0].decode(errors="ignore") for i in failed)
+        return {i: text.replace(self._prefix, "") for i, text in zip(failed, texts, strict=True)}
 
     def _call(self, function: str, members: NDArray, *arguments: Any) -> None:
         """Call a function of ``members.c``; names become their number and their references."""
@@ -104,7 +107,8 @@ class Members:
                 made += [len(argument), np.array([self._references[name] for name in argument], dtype=np.uintc)]
             else:
                 made.append(argument)
-        call(self._code, function, len(members), members, *made)
+        with self._lock:
+            call(self._code, function, len(members), members, *made)
 
 
 @lru_cache(maxsize=16)
