@@ -249,6 +249,15 @@ def test_an_operator_moves_the_table_as_in_a_flattened_system(fmu: Callable[...,
         assert all(np.array_equal(found[name][:, case], run[f"ball.{name}"]) for name in found.names)
 
 
+def test_a_ball_that_lies_on_a_table_moves_with_it() -> None:
+    motion = {"table.amplitude": 0.1, "table.angular_frequency": np.array([3.0, 5.0]), "height_0": 0.0, "bounce": 0.0}
+    recorded = {"samples": 4, "record": ["height", "gap_force"], "estimate": False}
+    found = ensemble(BouncingBall, motion, operators={"table": Sinusoid}, stop_time=1.0, step_size=0.1, **recorded)
+    table = 0.1 * np.sin(np.multiply.outer(found.time, [3.0, 5.0]))
+    assert found["height"] == pytest.approx(table, abs=1e-12)
+    assert found["gap_force"] == pytest.approx(9.81 - table * [9.0, 25.0], abs=1e-9)
+
+
 def test_contacts_of_other_cases_change_nothing() -> None:
     heights = np.linspace(0.1, 2.0, 300)
     many, few = (
