@@ -249,6 +249,15 @@ def test_an_operator_moves_the_table_as_in_a_flattened_system(fmu: Callable[...,
         assert all(np.array_equal(found[name][:, case], run[f"ball.{name}"]) for name in found.names)
 
 
+def test_a_ball_that_lies_on_a_table_moves_with_it() -> None:
+    motion = {"table.amplitude": 0.1, "table.angular_frequency": np.array([3.0, 5.0]), "height_0": 0.0, "bounce": 0.0}
+    recorded = {"samples": 4, "record": ["height", "gap_force"], "estimate": False}
+    found = ensemble(BouncingBall, motion, operators={"table": Sinusoid}, stop_time=1.0, step_size=0.1, **recorded)
+    table = 0.1 * np.sin(np.multiply.outer(found.time, [3.0, 5.0]))
+    assert found["height"] == pytest.approx(table, abs=1e-12)
+    assert found["gap_force"] == pytest.approx(9.81 - table * [9.0, 25.0], abs=1e-9)
+
+
 def test_contacts_of_other_cases_change_nothing() -> None:
     heights = np.linspace(0.1, 2.0, 300)
     many, few = (
@@ -277,6 +286,7 @@ def test_members_are_freed_also_when_memory_runs_out(monkeypatch: pytest.MonkeyP
     def counted(code: Any, name: str, *arguments: Any) -> int:
         called.append(name)
         result = call(code, name, *arguments)
+        assert not name.startswith("free") or (arguments[1]["instance"] != 0).sum() == arguments[0]
         return 0 if name == "create_members" and len(called) > 2 else result
 
     monkeypatch.setattr(members, "call", counted)
@@ -287,6 +297,9 @@ def test_members_are_freed_also_when_memory_runs_out(monkeypatch: pytest.MonkeyP
         members.Members(flat_model(BouncingBall), 4)
     gc.collect()
     assert called[2:] == ["create_members", "free_members"]
+    for count in (10**18, 10**30):
+        with pytest.raises(SimulationError, match=rf"^BouncingBall: out of memory for {count} members; take fewer$"):
+            members.Members(flat_model(BouncingBall), count)
 
 
 def test_a_case_that_fails_on_the_way_has_its_numbers_until_then() -> None:
@@ -311,6 +324,29 @@ def test_cases_with_contacts_take_no_fixed_method(method) -> None:
     words = rf"BouncingBall: method = '{method}' takes no unilateral liaisons and no dry friction \(gap\); leave it out"
     with pytest.raises(ComponentError, match=words):
         ensemble(BouncingBall, {"height_0": [1.0]}, stop_time=1.0, step_size=0.1, method=method)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"record": []}, ComponentError, r"^record = \[\]: name an output of BouncingBall$"),
+        ({"record": ["heigth"]}, ComponentError, "did you mean 'height'"),
+        ({"step_size": 1e-9}, SimulationError, "too many steps until stop_time = 1.0; take larger ones"),
+        ({"samples": 9 * 10**9}, SimulationError, "samples = 9000000000 of 1 cases are more numbers than memory holds"),
+        ({"samples": 10**10}, SimulationError, "samples = 10000000000 of 1 cases are more numbers than memory holds"),
+    ],
+)
+def test_misuse_with_contacts(changes, error, message, monkeypatch: pytest.MonkeyPatch) -> None:
+    def linspace(*arguments: Any) -> Any:
+        if arguments[2] > 10**9:
+            raise MemoryError
+        return evenly(*arguments)
+
+    evenly = np.linspace
+    monkeypatch.setattr(np, "linspace", linspace)
+    usual: dict[str, Any] = {"start_values": {"height_0": [1.0]}, "stop_time": 1.0, "step_size": 0.1}
+    with pytest.raises(error, match=message):
+        ensemble(BouncingBall, **usual | changes)
 
 
 def test_integrals_are_left_out_unless_they_are_wanted() -> None:

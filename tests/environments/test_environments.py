@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import gymnasium
@@ -102,6 +104,26 @@ def test_copies_with_contacts_have_the_numbers_of_their_fmu(settings: dict[str, 
     assert len(changed) > 1
     assert not np.array_equal(all_seen[0], all_seen[1])
     one.close()
+
+
+def test_a_copy_with_contacts_that_failed_begins_again() -> None:
+    """Each time with a shorter sentence, of which the rest of an older one is no part."""
+    settings = {
+        "subject": "BouncingBall",
+        "observe": ["height"],
+        "act": {"height_load": (-1e30, 1e30)},
+        "reward": "0",
+        "step_size": 0.1,
+    }
+    settings["start_values"] = {"mass": 1e-290}
+    copies = VectorEnvironment(num_envs=2, **settings)
+    copies.reset(seed=0)
+    for _ in range(3):
+        *_, ended, _, information = copies.step([[1e30], [0.0]])
+        assert list(ended) == [*information["failure"]]
+    assert not ended[1]
+    copies.reset(seed=0)
+    assert not copies.step([[0.0], [0.0]])[2].any()
 
 
 def test_a_copy_whose_bodies_overlap_is_named() -> None:
@@ -300,6 +322,7 @@ def test_the_optimum_is_that_of_lq_control() -> None:
         ({"observe": []}, "observe = []: give one name at least"),
         ({"act": {}}, "act = {}: give one name at least"),
         ({"act": {"pivot_x_ddot": (1, 1)}}, "range of pivot_x_ddot = (1, 1): give (low, high), low < high"),
+        ({"act": {"pivot_x_ddot": (-1e39, 1)}}, "give (low, high), low < high, as far as 3.4e+38"),
         ({"act": {"pivot_x_ddot": 3}}, "range of pivot_x_ddot = 3: give (low, high), low < high"),
         ({"randomize": {"mass": (2, 1)}}, "range of mass = (2, 1): give (low, high), low < high"),
         ({"act": {"pivot_x": (0, 1)}}, "act: pivot_x would jump; act on pivot_x_dot or pivot_x_ddot"),
@@ -341,6 +364,13 @@ def test_actions_are_refused() -> None:
     ):
         with pytest.raises(InvalidValueError, match=words):
             environment.step(action)
+    for environment, name in ((one, "Environment"), (copies, "VectorEnvironment")):
+        for duplicate in (copy.copy, copy.deepcopy, pickle.dumps):
+            with pytest.raises(SimulationError, match=f"^Pendulum is neither copied nor pickled; make another {name}$"):
+                duplicate(environment)
+    for count, words in ((0, "give a whole number, 1 at least"), (10**30, "more than memory holds; 10000000 at most")):
+        with pytest.raises(InvalidValueError, match=f"^num_envs = {count}: {words}$"):
+            VectorEnvironment("Pendulum", num_envs=count, **SWING)
     with pytest.raises(InvalidValueError, match=r"options = .*: give ranges in randomize"):
         copies.reset(options={"mass": 1.0})
     with pytest.raises(InvalidValueError, match="num_envs = 0"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -182,6 +183,8 @@ def test_two_experiments_have_instants_of_their_own() -> None:
         ({"gap_impact": ([1.0], 1e-3)}, "no output 'gap_impact' counts impacts; did you mean 'gap_impacts'?"),
         ({"gap_impacts": [1.0, 2.0, 3.0]}, r"gap_impacts = \[1.0, 2.0, 3.0\]: give \(instants, standard deviation\)"),
         ({"gap_impacts": ([1.0, 0.5], 1e-3)}, r"gap_impacts = \[1.0, 0.5\]: give instants \[s\] in ascending order"),
+        ({"gap_impacts": ([0.5, np.inf], 1e-3)}, r"gap_impacts = \[0.5, inf\]: give instants \[s\] in ascending order"),
+        ({"gap_impacts": ([-1.0, 0.5], 1e-3)}, "gap_impacts = -1 s: the motion begins at 0 s; leave it out"),
         ({"gap_impacts": ([1.0], 0.0)}, "instants: standard deviation of gap_impacts = 0.0: must be > 0"),
         ({"gap_impacts": ("soon", 1e-3)}, "instants: gap_impacts = 'soon': give numbers"),
         ("gap_impacts", "instants = 'gap_impacts': give a dictionary with names as keys"),
@@ -227,6 +230,12 @@ def test_verdicts() -> None:
     for case in CASES.values():
         fit = case.fit(3)
         assert [verdict.claim for verdict in fit.verify() if not verdict.passed] == []
+
+
+def test_a_fit_is_not_pickled() -> None:
+    fit = identify(BouncingBall, {"time": [0.0, 1.0]}, ["height_0"], instants={"gap_impacts": ([0.45], 1e-3)})
+    with pytest.raises(IdentificationError, match=r"^a Fit is neither copied nor pickled; values, "):
+        pickle.dumps(fit)
 
 
 def test_diagrams_and_tables_show_impacts(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,11 @@ def test_a_plan_with_phases_is_read_again(stroke: Plan, tmp_path: Path) -> None:
     assert again.goal.phases == stroke.goal.phases
     assert np.array_equal(again.sigma(0.1)["table"], stroke.sigma(0.1)["table"])
     assert plan("BouncingBall", guess=again, **STROKE).cost == pytest.approx(stroke.cost, rel=1e-12)
+
+
+def test_a_plan_is_neither_copied_nor_pickled(stroke: Plan) -> None:
+    with pytest.raises(PlanError, match=r"^<Plan of BouncingBall: .*> is neither copied nor pickled; save\(path\)"):
+        pickle.dumps(stroke)
 
 
 def test_a_mode_that_is_named_again_changes_nothing(stroke: Plan) -> None:
@@ -248,6 +254,16 @@ def test_a_parcel_rubs_at_the_impact(mode: str) -> None:
     assert run["x_dot"][after] == pytest.approx(sign * speed, rel=1e-8)
 
 
+class Edge(Parcel):
+    """Parcel whose distance has no derivative where it lies on the belt."""
+
+    size = Parameter(1.0, "m", "scale of the distance", above=0)
+
+    @unilateral("m", "distance of parcel and belt")
+    def gap(self) -> ca.SX:
+        return ca.sqrt(self.z * self.size)
+
+
 def refused(**changes: Any) -> str:
     """Message of a stroke with other arguments."""
     with pytest.raises(PlanError) as caught:
@@ -275,11 +291,22 @@ PARCEL = {"mechanism": Parcel, "start": {}, "end": {"belt_dot": 0}, "minimize": 
         ({"phases": [{"gap": "closed", "duration": (4, 5)}, {"gap": "open"}]}, "phases last 4 s to 8 s, and duration"),
         ({"start": {}}, "start: phases make gap = 1 there, not 0"),
         ({"phases": [{"gap": "open"}, {"gap": "closed"}]}, "end: phases make table = 0.5 there, not 0"),
+        ({"start": {"height": -1}, "phases": [{"gap": "open"}]}, "start: phases make gap = -1 there, not in (0, inf)"),
+        ({"end": {"height": -1, "table": 0}}, "BouncingBall: end: phases make gap = -1 there, not in (0, inf)"),
+        (
+            {"mechanism": "DryOscillator", "start": {"x_dot": 1}, "end": {"x": 2}, "phases": [{"slip": "backward"}]}
+            | {"minimize": "belt_ddot**2"},
+            "DryOscillator: start: phases make slip = 1 there, not in (-inf, 0)",
+        ),
         ({"loops": 2, "closed": True}, "loops = 2: a motion with phases is planned as one; leave loops out"),
         ({"mechanism": "Swing", "start": {}, "end": {}}, "Swing has no unilateral liaison and no dry friction"),
         (
             PARCEL | {"phases": [{"gap": "open", "slip": "forward"}]},
             "phases[0]: slip = 'forward', but gap is open; leave slip out",
+        ),
+        (
+            PARCEL | {"mechanism": Edge, "start": {"z": 0}, "phases": [{"gap": "open"}]},
+            "Edge: start: gap has no derivative there; move it",
         ),
         (PARCEL | {"phases": [{"gap": "open"}, {"gap": "closed"}]}, "phases[1]: slip = None: give 'sticks' or"),
         (PARCEL | {"phases": [{"gap": "open"}, {"gap": "open"}]}, "Parcel: gap bounces where slip rubs; let it close"),

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_matrix
 
 from liaisons import Plan, System, plan
 from liaisons.errors import PlanError
@@ -548,7 +549,7 @@ def test_a_motion_that_the_equations_leave_is_not_believed() -> None:
     assert not _satisfies_equations(problem, replace(solution, trajectory=replace(solution.trajectory, knots=knots)))
 
 
-def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:
+def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """∫ (x'² - ω² x²) dt from 0 to 0: x = 0 is extremal, and a minimum as long as T < π/ω."""
     goal: dict[str, Any] = {"start": {"pivot_x": 0}, "end": {"pivot_x": 0}, "duration": 1.0, "tries": 1}
     least = plan("Pendulum", "pivot_x", minimize="pivot_x_dot**2 - 3**2*pivot_x**2", **goal)  # 3 < π
@@ -558,6 +559,9 @@ def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:
     eigenvalues = curvature(*arguments)
     assert eigenvalues is not None
     assert eigenvalues[0] < 0
+    with monkeypatch.context() as patch:  # numbers that are not finite
+        patch.setattr(transcription, "csc_matrix", lambda matrix: csc_matrix(matrix * np.nan))
+        assert curvature(*arguments) is None
     problem, solution, clock = arguments
     assert not _second_order_verdict(problem, [lambda: solution, lambda: _on_finer_mesh(*arguments)], clock).passed
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import pickle
 import re
 import sys
 from pathlib import Path
@@ -91,6 +93,16 @@ def test_nothing_can_be_changed(result: Result) -> None:
         result.units["plain"] = "m"  # type: ignore[index]
     with pytest.raises(dataclasses.FrozenInstanceError):
         result.title = "another"  # type: ignore[misc]
+
+
+def test_copies_and_pickles_say_the_same(result: Result, cases: Result, both: Result) -> None:
+    for one in (result, cases, both):
+        for same in (pickle.loads(pickle.dumps(one)), copy.deepcopy(one)):
+            assert repr(same) == repr(one)
+            assert all(np.array_equal(same[name], one[name], equal_nan=True) for name in one.names)
+            assert (same.units, same.failures, same.index.keys()) == (one.units, one.failures, one.index.keys())
+            with pytest.raises(ValueError, match="read-only"):
+                same[one.names[0]][0] = 1.0
 
 
 def test_repr_is_one_line_that_says_what_is_inside(result: Result, cases: Result, both: Result) -> None:

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Literal
 
@@ -39,7 +40,8 @@ _MEMBERS = 256
 """Most members with contacts in one."""
 _TASKS = 4
 """Least number of tasks for each thread, so that none waits long for the last one."""
-_MOST_STEPS, _MOST_NUMBERS = 10**12, 10**10
+_MOST_STEPS, _MOST_EVENT_STEPS, _MOST_NUMBERS = 10**12, 10**8, 10**10
+_MOST_THREADS = 256
 _LEAST_RATIO = 2.0
 """Least ratio of the differences before and after halving the steps: that of a method of first order."""
 _LARGEST_DIFFERENCE = 0.1
@@ -91,7 +93,7 @@ def ensemble(
         even halve a difference the case's errors are infinite, see :attr:`liaisons.Result.unconverged`: its motion is
         chaotic for that long, or the steps are too large.  With contacts: what a hundredth of the tolerance
         changes, in twice the time; infinite where it is more than a tenth.
-    :param threads: how many; one a core if None.
+    :param threads: how many, 256 at most; one a core if None.
     :returns: signals of shape (times, cases), :meth:`liaisons.Result.error` of each if it is estimated, and
         ``failures``: cases with a value outside its domain, or that left it on the way.
     :raises ComponentError: for an unknown name, with the nearest match, or an operator that is no function of time.
@@ -106,30 +108,30 @@ def ensemble(
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
     if method is not None:
         chosen("method", method, tuple(METHODS))
+        refuse_contacts(model, f"method = {method!r}", "leave it out: members take the steps of its FMU")
     if threads is not None:
         whole("threads", threads)
     time_span(start_time, stop_time, step_size)
     whole("samples", samples)
-    if not (stop_time - start_time) / step_size < _MOST_STEPS:
+    if not (stop_time - start_time) / step_size < (_MOST_EVENT_STEPS if model.contacts else _MOST_STEPS):
         raise SimulationError(
             f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
         )
     arrays = {name: _checked_values(f"{model.name}: {name}", value) for name, value in start_values.items()}
     count = _case_count(model.name, {name: array for name, array in arrays.items() if array.ndim})
-    if samples * count > _MOST_NUMBERS:
-        raise SimulationError(f"samples = {samples} of {count} cases are more numbers than memory holds; record less")
-
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
     names = tuple(moved if record is None else listed("record", record))
-    time = np.linspace(start_time, stop_time, samples + 1)
-    threads = threads or os.cpu_count() or 1
-    cases = _Cases(model, moving, arrays, count, names, time, step_size, threads)
-    if model.contacts:
-        if method is not None:
-            refuse_contacts(model, f"method = {method!r}", "leave it out: members take the steps of its FMU")
-        fine, failures, errors = _by_events(cases, estimate=estimate)
-    else:
-        fine, failures, errors = _by_steps(cases, METHODS[method or "rk8"], estimate=estimate)
+    threads = min(threads or os.cpu_count() or 1, _MOST_THREADS)
+    try:
+        if samples * count > _MOST_NUMBERS:
+            raise MemoryError
+        time = np.linspace(start_time, stop_time, samples + 1)
+        cases = _Cases(model, moving, arrays, count, names, time, step_size, threads)
+        by_steps = partial(_by_steps, method=METHODS[method or "rk8"])
+        fine, failures, errors = (_by_events if model.contacts else by_steps)(cases, estimate=estimate)
+    except MemoryError:
+        reason = f"samples = {samples} of {count} cases are more numbers than memory holds; record less"
+        raise SimulationError(reason) from None
     failures |= {case: (0, text) for case, text in _domain_failures(variables, arrays, count).items()}
     for case, (first, _) in failures.items():
         fine[:, first:, case] = np.nan
@@ -214,6 +216,8 @@ def _by_steps(cases: _Cases, method: Tableau, *, estimate: bool) -> tuple[Floats
 def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
     """Step cases with contacts as their FMU does: outputs (rows, times, cases), failures, errors."""
     check_record(cases.model, cases.names)
+    if not cases.names:
+        raise ComponentError(f"record = []: name an output of {cases.model.name}")
     model, count = moved_model(cases.model, cases.moving), cases.count
     names = [*cases.arrays]
     values = np.stack([np.broadcast_to(array, count) for array in cases.arrays.values()], axis=-1)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from importlib import resources
+from threading import Lock
 from typing import Any, final
 from weakref import finalize
 
@@ -23,6 +25,8 @@ from liaisons.mechanics.composition import compose
 
 _MEMBER = np.dtype([("instance", np.uintp), ("reason", "S512")])
 """As in ``members.c``."""
+_LOCK = Lock()
+"""Of the libraries, so that threads do not compile the same one at once."""
 
 
 def moved_model(model: Model, moving: Mapping[str, Model]) -> Model:
@@ -49,12 +53,16 @@ class Members:
     """
 
     def __init__(self, model: Model, count: int) -> None:
-        self._code, self._prefix = _library(tuple(core_files(model).items())), f"{model.name}."
+        with _LOCK:
+            self._code, self._prefix = _library(model), f"{model.name}."
+        self._lock = Lock()  # an instance is of one thread at a time
         names = (element.name.removeprefix(self._prefix) for v in model.variables for element in v.elements())
         self._references = {name: reference for reference, name in enumerate(names, first_reference(model))}
-        self._members = np.zeros(count, _MEMBER)
-        created = call(self._code, "create_members", count, self._members)
-        finalize(self, call, self._code, "free_members", count, self._members)
+        created = False
+        with suppress(MemoryError, OverflowError, ValueError):
+            self._members = np.zeros(count, _MEMBER)
+            created = call(self._code, "create_members", count, self._members)
+            finalize(self, call, self._code, "free_members", count, self._members)
         if not created:
             raise SimulationError(f"{model.name}: out of memory for {count} members; take fewer")
 
@@ -87,7 +95,9 @@ class Members:
     def failures(self) -> dict[int, str]:
         """Members that have failed, and the reasons."""
         reasons = self._members["reason"]
-        return {i: reasons[i].decode().replace(self._prefix, "") for i in np.flatnonzero(reasons != b"").tolist()}
+        failed = np.flatnonzero(reasons.astype("S1") != b"").tolist()  # behind the first 0 are rests of older ones
+        texts = (reasons[i].partition(b"\0")[0].decode(errors="ignore") for i in failed)
+        return {i: text.replace(self._prefix, "") for i, text in zip(failed, texts, strict=True)}
 
     def _call(self, function: str, members: NDArray, *arguments: Any) -> None:
         """Call a function of ``members.c``; names become their number and their references."""
@@ -97,11 +107,18 @@ class Members:
                 made += [len(argument), np.array([self._references[name] for name in argument], dtype=np.uintc)]
             else:
                 made.append(argument)
-        call(self._code, function, len(members), members, *made)
+        with self._lock:
+            call(self._code, function, len(members), members, *made)
 
 
 @lru_cache(maxsize=16)
-def _library(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
+def _library(model: Model) -> ctypes.CDLL:
+    """Library of a model, written once."""
+    return _compiled(tuple(core_files(model).items()))
+
+
+@lru_cache(maxsize=16)
+def _compiled(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
     """Compile the code of a model with ``members.c``, once a process."""
     own = resources.files("liaisons.ensembles").joinpath("members.c").read_bytes()
     return loaded(compile_library({**dict(sources), "members.c": own}, host()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from contextlib import ExitStack
 from functools import cached_property
-from typing import Any, final
+from typing import Any, NoReturn, final
 
 import casadi as ca
 import gymnasium
@@ -57,6 +57,10 @@ class Environment(gymnasium.Env[Any, Any]):
             stack.callback(self.close)
             self._prepare(high)
             stack.pop_all()
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies, which would share the instance of an FMU."""
+        raise SimulationError(f"{self.title} is neither copied nor pickled; make another Environment")
 
     def _prepare(self, starts: dict[str, Any]) -> None:
         """Prepare what a step reads and sets, and try start values."""

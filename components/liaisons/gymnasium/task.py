@@ -63,10 +63,12 @@ class Task:
         for label, names in (("observe", listed("observe", self.observe)), ("act", named("act", self.act))):
             if not names:
                 raise InvalidValueError(f"{label} = {shown(names)}: give one name at least")
+        most = float(np.finfo(np.float32).max)  # numbers of Box
         for name, pair in (*self.act.items(), *named("randomize", self.randomize).items()):
             ends = numbers(name, pair)
-            if ends.shape != (2,) or not -math.inf < ends[0] < ends[1] < math.inf:
-                raise InvalidValueError(f"range of {name} = {shown(pair)}: give (low, high), low < high")
+            if ends.shape != (2,) or not -most <= ends[0] < ends[1] <= most:
+                words = f"give (low, high), low < high, as far as {most:.2g}"
+                raise InvalidValueError(f"range of {name} = {shown(pair)}: {words}")
         positive("step_size", self.step_size)
         if not self.stop_time > self.step_size:
             raise InvalidValueError(f"stop_time = {self.stop_time!r}: must be greater than step_size")

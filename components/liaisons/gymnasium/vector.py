@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, final
+from typing import Any, NoReturn, final
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,8 @@ from liaisons.gymnasium.environment import Environment
 from liaisons.gymnasium.task import Floats, Task, Truths
 from liaisons.library import component
 from liaisons.mechanics.model import Model
+
+_MOST_COPIES = 10**7
 
 
 @final
@@ -44,7 +46,9 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         one = Environment(*subject, **settings)  # refuses what is wrong
         one.close()
         whole("num_envs", num_envs)
-        self.task, self.title, self.num_envs = one.task, one.title, num_envs
+        if num_envs > _MOST_COPIES:
+            raise InvalidValueError(f"num_envs = {num_envs}: more than memory holds; {_MOST_COPIES} at most")
+        self.task, self.title, self.num_envs = one.task, one.title, (num_envs := int(num_envs))
         self.single_action_space, self.single_observation_space = one.action_space, one.observation_space
         self.action_space = batch_space(one.action_space, num_envs)
         self.observation_space = batch_space(one.observation_space, num_envs)
@@ -61,6 +65,10 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         (self._take_instances if model.contacts else self._derive)(model)
         self._elapsed, self._balance = np.zeros((2, num_envs))
         self._ended = np.zeros(0, dtype=bool)
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies, which would share what is in compiled code."""
+        raise SimulationError(f"{self.title} is neither copied nor pickled; make another VectorEnvironment")
 
     def _derive(self, model: Model) -> None:
         """Derive equations in which moved coordinates, and the time of each copy, are states."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import NoReturn, final
 
 import numpy as np
 
@@ -28,6 +28,10 @@ class Fit:
     """
 
     estimate: ParameterEstimate
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies: expressions cannot be copied."""
+        raise IdentificationError("a Fit is neither copied nor pickled; values, covariance and to_csv(path) hold it")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -107,7 +107,7 @@ def measurements(
                 _refuse_rows(np.isnan(times), rows, "a value is missing")
                 _refuse_rows(np.diff(times, prepend=-np.inf) <= 0, rows, "it must be greater than the one before")
             signals = tuple(name for name in outputs if name in values and _is_among(name, chosen))
-            own = dict(_instants(event, outputs))
+            own = dict(_instants(event, outputs, times[0]))
             if not (signals or own):
                 raise ValueError(
                     f"no column is a measured output of {model.name}; it has {', '.join(values) or 'none'}"
@@ -147,8 +147,8 @@ def _by_experiment(instants: object, count: int) -> Sequence[object]:
     return events or [{}] * count
 
 
-def _instants(instants: object, outputs: Sequence[str]) -> Iterator[tuple[str, tuple[Floats, float]]]:
-    """Yield instants of impacts and their standard deviation, by the output that counts them."""
+def _instants(instants: object, outputs: Sequence[str], start: float) -> Iterator[tuple[str, tuple[Floats, float]]]:
+    """Yield instants of impacts, none before the start [s], and their standard deviation, by the output that counts."""
     counts = [name for name in outputs if split(name)[0].endswith("_impacts")]
     for name, pair in named("instants", instants, IdentificationError).items():
         if name not in counts:
@@ -157,8 +157,12 @@ def _instants(instants: object, outputs: Sequence[str]) -> Iterator[tuple[str, t
             raise IdentificationError(f"instants: {name} = {shown(pair)}: give (instants, standard deviation)")
         times = numbers(f"instants: {name}", pair[0], IdentificationError)
         seen = times[np.isfinite(times)]
-        if times.ndim != 1 or not seen.size or (np.diff(seen) <= 0).any():
+        if times.ndim != 1 or not seen.size or np.isinf(times).any() or (np.diff(seen) <= 0).any():
             raise IdentificationError(f"instants: {name} = {shown(pair[0])}: give instants [s] in ascending order")
+        if seen[0] < start:
+            raise IdentificationError(
+                f"instants: {name} = {seen[0]:g} s: the motion begins at {start:g} s; leave it out"
+            )
         positive(f"instants: standard deviation of {name}", pair[1], IdentificationError)
         yield name, (times, float(pair[1]))
 

@@ -39,6 +39,11 @@ class Row:
         return self.expression / self.size
 
     @property
+    def target(self) -> float:
+        """The number of the range that is nearest to 0."""
+        return min(max(self.low, 0.0), self.high)
+
+    @property
     def range(self) -> str:
         """The range as text: ``"0.5"``, or ``"(0, 1)"``."""
         return f"{self.low:g}" if self.low == self.high else f"({self.low:g}, {self.high:g})"

@@ -134,6 +134,14 @@ class _Phase:
         own = (Row(name, value, 0.0, np.inf) for name, value in values)
         return replace(rows, path=[*rows.path, *with_sizes(self.symbols, own)])
 
+    def ranges(self) -> list[Row]:
+        """Rows of the gaps that are open, and of the sliding velocities, with their signs."""
+        v, gap, names = self.numbers["v"], self.numbers["gap"], [c.name for c in self.contacts]
+        rows = [Row(names[i], gap[i], 0.0, np.inf) for i, is_closed in self.gaps.items() if not is_closed]
+        ends = {1: (0.0, np.inf), -1: (-np.inf, 0.0)}
+        rows += [Row(names[i], v[i], *ends[direction]) for i, direction in self.frictions.items() if direction]
+        return with_sizes(self.symbols, rows)
+
     def held_rows(self) -> list[Row]:
         """Rows of what the phase conserves: gap and rate 0 where it is closed, sliding velocity 0 where it sticks."""
         v, gap, names = self.numbers["v"], self.numbers["gap"], [c.name for c in self.contacts]
@@ -155,8 +163,8 @@ def problem_of(goal: Goal) -> Problem:
     rows = [phase.rows() for phase in phases]
     last, size = len(rows) - 1, next((one.cost_size for one in rows if one.cost.n_dep()), rows[0].cost_size)
     start = [*rows[0].start, *problems.rows_at_rest(symbols, {row.label for row in rows[0].start})]
-    start += _independent_rows(symbols, "start", start, phases[0].held_rows())
-    end = [*_independent_rows(symbols, "end", phases[-1].held_rows(), rows[-1].end)]
+    start += _independent_rows(symbols, "start", start, phases[0].held_rows(), phases[0].ranges())
+    end = [*_independent_rows(symbols, "end", phases[-1].held_rows(), rows[-1].end, phases[-1].ranges())]
     parts = []
     for k, (phase, one) in enumerate(zip(phases, rows, strict=True)):
         own = replace(one, start=start if k == 0 else [], end=end if k == last else [], cost_size=size)
@@ -214,30 +222,39 @@ def _total_duration(duration: tuple[float, float], phases: Sequence[_Phase]) -> 
     return low, max(low, high)
 
 
-def _independent_rows(symbols: GoalSymbols, label: str, rows: list[Row], further: list[Row]) -> Iterator[Row]:
+def _independent_rows(
+    symbols: GoalSymbols, label: str, rows: list[Row], further: list[Row], ranges: list[Row]
+) -> Iterator[Row]:
     """Further rows that do not follow from rows, at states where all of these hold.
 
-    :raises PlanError: if one follows with another value.
+    :param ranges: rows of what has a sign.
+    :raises PlanError: if a row follows with another value, or sign, or has no derivative.
     """
     states = problems.candidate_states(symbols, 2)
     X, sizes = stack(state.symbol for state in states), np.array([state.size for state in states])
     first = problems.initial_values(symbols, states, [*rows, *further])
     x = np.array([first[state.name] for state in states])
     independent = [row for row in rows if row.low == row.high]
-    for row in further:
-        columns = stack((one.expression - one.low) / one.size for one in (*independent, row))
+    for row in (*further, *ranges):
+        columns = stack((one.expression - one.target) / one.size for one in (*independent, row))
         results = [ca.densify(columns), ca.densify(symbols.scaled_jacobian(columns, X))]
         function = ca.Function("rows", [X, symbols.motion[2]], results)
-        values, gradients = map(np.array, function(x, 0))
         for _ in range(_PROJECTIONS):
-            x = x - sizes * (np.linalg.pinv(gradients[:-1], rcond=_DEPENDENT) @ values[:-1]).ravel()
             values, gradients = map(np.array, function(x, 0))
-        if row.low < row.high or np.linalg.matrix_rank(gradients, tol=_DEPENDENT) == len(gradients):
+            if not (np.isfinite(values).all() and np.isfinite(gradients).all()):
+                raise PlanError(f"{symbols.name}: {label}: {row.label} has no derivative there; move it")
+            x = x - sizes * (np.linalg.pinv(gradients[:-1], rcond=_DEPENDENT) @ values[:-1]).ravel()
+        is_free = np.linalg.matrix_rank(gradients, tol=_DEPENDENT) == len(gradients)
+        value, shift = row.target + values[-1].item() * row.size, _DEPENDENT * row.size
+        where = f"{symbols.name}: {label}: phases make {row.label} = {value:g} there"
+        if any(row is one for one in ranges):
+            if not (is_free or row.low - shift <= value <= row.high + shift):
+                raise PlanError(f"{where}, not in {row.range}")
+        elif row.low < row.high or is_free:
             independent += [row] if row.low == row.high else []
             yield row
-        elif abs(values[-1].item()) > _DEPENDENT:
-            value = row.low + values[-1].item() * row.size
-            raise PlanError(f"{symbols.name}: {label}: phases make {row.label} = {value:g} there, not {row.low:g}")
+        elif abs(value - row.low) > shift:
+            raise PlanError(f"{where}, not {row.low:g}")
 
 
 @dataclass(frozen=True, eq=False)

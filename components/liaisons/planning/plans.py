@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, final
+from typing import Any, NoReturn, final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -60,6 +60,10 @@ class Plan:
     goal: Goal
     problem: Problem
     solution: Solution
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies, which functions of a goal do not allow."""
+        raise PlanError(f"{self!r} is neither copied nor pickled; save(path) writes a file that Plan.load reads")
 
     @property
     def cost(self) -> float:

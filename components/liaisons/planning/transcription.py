@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -339,7 +340,7 @@ def _constrained_program(
 
 
 def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | None:
-    """Eigenvalues of the reduced Hessian at a solution, ascending; None if IPOPT leaves the solution.
+    """Eigenvalues of the reduced Hessian at a solution, ascending; None where there are none, or IPOPT leaves it.
 
     The Hessian is that of the Lagrangian, in the L2 norm of the controls: states follow from controls by the linearised
     equations, and its directions are those in which active constraints do not change.
@@ -363,10 +364,12 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | Non
     weight = np.concatenate([np.ones(n), np.sqrt(np.repeat(lengths, c)), np.ones(free.size - n - c * m * DEGREE)])
     Z = np.zeros((x.numel(), free.size))
     Z[free, np.arange(free.size)] = 1
-    Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
-    Z /= weight
-    tangent = null_space(J[active] @ Z, rcond=_ACTIVE_DISTANCE) if active.size else np.eye(free.size)
-    return np.asarray(np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent), dtype=float)
+    with suppress(ValueError, RuntimeError):  # numbers that are not finite, or singular
+        Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
+        Z /= weight
+        tangent = null_space(J[active] @ Z, rcond=_ACTIVE_DISTANCE) if active.size else np.eye(free.size)
+        return np.asarray(np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent), dtype=float)
+    return None
 
 
 def _bound_durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal
@@ -46,6 +46,11 @@ class LabelledSignals:
         arrays = {name: self.units.get(self.element(name), "") for name in self._arrays}
         object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
         object.__setattr__(self, "failures", MappingProxyType(dict(sorted(self.failures.items()))))
+
+    def __reduce__(self) -> tuple[type[LabelledSignals], tuple[Any, ...]]:
+        """Make it again from its fields: their read-only views cannot be pickled."""
+        values = (getattr(self, each.name) for each in fields(self))
+        return type(self), tuple(dict(value) if isinstance(value, MappingProxyType) else value for value in values)
 
     @property
     def kind(self) -> Literal["simulation", "sweep", "ensemble"]:
