@@ -208,6 +208,10 @@ def test_errors_are_reflected_with_the_motion() -> None:
     # two deviations, relative to 1.5 m
     expected = [0, 2 * x / 1.5, *(2 * e * np.hypot(x, v * tau) / 1.5 for tau in (1, 2, 3))]
     np.testing.assert_allclose(errors, expected, rtol=1e-12)
+    rows[1, :2] = 0.0  # a jump out of rest, which nothing is off before
+    assert accumulated(ball, rows, time, 0 * time, 0 * time).tolist() == [0.0] * 5
+    rows[:, :2] *= 1e200  # a run that has diverged
+    assert accumulated(ball, rows, time, 0 * time, 0 * time).tolist() == [0.0] + [1.0] * 4
 
 
 @pytest.mark.usefixtures("interruptible")

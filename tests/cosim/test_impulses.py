@@ -29,6 +29,7 @@ from liaisons import (
     System,
     build,
     flatten,
+    point,
     simulate,
     start,
     unilateral,
@@ -268,6 +269,43 @@ def test_an_operator_that_rolls_back_nothing_is_told(component: FmuPaths) -> Non
     system = wired("table.x -> ball.table", ball=(component("BouncingBall"), {"height_0": 0.3}), table=table)
     run = system.simulate(stop_time=0.3, step_size=0.01, coupling="gauss-seidel")
     assert "impulses do not go through ball.table_force -> table.x_load" in run.warnings[0]
+
+
+class Carried(Mechanism):
+    """Mass that a spring holds in a carrier, which an operator moves and which may have a mass."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    carrier = Parameter(0.0, "kg", "mass of the carrier", minimum=0)
+    stiffness = Parameter(400.0, "N/m", "stiffness of the spring", above=0)
+    u = Coordinate("m", "way in the carrier")
+    base = ActiveCoordinate("m", "height of the carrier")
+
+    def kinetic_energy(self) -> ca.SX:
+        base = self.dot(self.base)
+        return self.mass / 2 * (self.dot(self.u) + base) ** 2 + self.carrier / 2 * base**2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * self.u**2
+
+
+class TwoSides(Table):
+    """Table with a second port."""
+
+    @point("m", "top of the table")
+    def top(self) -> dict[str, ca.SX]:
+        return {"z": self.x}
+
+
+@pytest.mark.parametrize(
+    "links", [("part.u -> ball.table", "table.x -> part.base"), ("table.top_z -> ball.table", "table.x -> part.base")]
+)
+def test_impulses_that_are_not_handed_on_are_told(shared_folder: Path, links: tuple[str, ...]) -> None:
+    """What is carried has no contacts, and hands no impulses to what carries it, nor takes part in its jump."""
+    ball, part, table = (build(kind, shared_folder / "carried") for kind in ("BouncingBall", Carried, TwoSides))
+    system = wired(*links, ball=(ball, {"height_0": 0.3}), part=(part, {"carrier": 2.0}), table=table)
+    run = system.simulate(stop_time=0.3, step_size=0.01)
+    assert "impulses do not go through part.base_force -> table.x_load" in run.warnings[0]
+    assert np.isnan(coupling_errors(run)).sum() == 1
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,8 @@ from liaisons.cosim.structure.simulation import Simulation
 
 _PEAK, _SLOPE = 2.2, 7.5
 """Largest value and slope of a quintic's remainder θ³(1 - θ)³, relative to its mean."""
+_DIVERGED = 1e100
+"""Distance or rate above which every error is the largest one, and squares would overflow."""
 _TOUCHING = 1e-12
 """Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
 _DEVIATIONS = 2
@@ -81,6 +83,9 @@ def accumulated(
     length, speed = (float(np.max(np.abs(values), initial=0.0)) or 1.0 for values in (gaps, rates))
     if length < _TOUCHING * np.abs(rows[:, sorted(mechanism.inputs)]).max(initial=0.0):
         return errors
+    if max(length, speed) > _DIVERGED:
+        errors[1:] = 1.0
+        return errors
     tiny = np.broadcast_to(crossing, times.shape)[1:]
     struck = (np.diff(impacts) != 0) | (tiny & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1]))
     released = np.any(np.diff(closed) != 0, axis=0)
@@ -99,7 +104,7 @@ def accumulated(
             a, reach = accelerations[c, k], math.sqrt(xx) + d
             if struck[c, k]:
                 e, w = _impact(gaps[c, k], rates[c, k : k + 2], a * H, a)
-                b = math.copysign(min(abs(a) / w, math.sqrt(2 * abs(a) / reach) if reach else math.inf), a) * (1 + e)
+                b = math.copysign(min(abs(a) / w, math.sqrt(2 * abs(a) / reach)), a) * (1 + e) if reach else 0.0
                 xx, xv, vv = (
                     e**2 * xx + ((1 + e) * d) ** 2,
                     e**2 * xv + e * b * xx,
@@ -160,14 +165,17 @@ class MissingImpulses(NamedTuple):
 
 
 def sums_of_missing(
-    simulation: Simulation, solved: Collection[tuple[str, str]] = ()
+    simulation: Simulation,
+    solved: Collection[VariableReference],
+    received: Mapping[VariableReference, str],
 ) -> dict[VariableReference, Connection]:
     """Sums of impulses, with the connection of a force that lacks them.
 
-    Those of the operators of a mechanism that is moved; and those of the contacts of one that moves another, which
-    takes no part in the impacts.
+    Those of the operators of a mechanism that is moved; those of the contacts of one that moves another, which
+    takes no part in the impacts; and those that one receives and does not hand on.
 
-    :param solved: forces that are connected together with their impulses, by component and name.
+    :param solved: forces that are connected together with their impulses.
+    :param received: sums of impulses that an FMU receives -> load beside.
     """
     connections: dict[VariableReference, Connection] = {}
     for connection in simulation.connections:
@@ -180,7 +188,33 @@ def sums_of_missing(
         for name, ending, element in (n.rpartition("_impacts") for n in mover.fmu.variables):
             if ending:
                 connections[mover.name, f"{name}_impulse{element}"] = connection
+    return {**_not_handed_on(simulation, solved, received), **connections}
+
+
+def _not_handed_on(
+    simulation: Simulation, solved: Collection[VariableReference], received: Mapping[VariableReference, str]
+) -> dict[VariableReference, Connection]:
+    """Sums of impulses received, with the connection of a force that depends on what they or jumps of rates act on."""
+    unsolved = [c for c in simulation.connections if c.back and c.source.place not in solved]
+    jumping = {place[0]: place for place in received}  # FMUs whose rates jump, by a sum of impulses that makes them
+    for _ in unsolved:
+        movers = {c.source.part.name: jumping.get(c.target.part.name) for c in unsolved}
+        jumping = {**{name: place for name, place in movers.items() if place}, **jumping}
+    connections: dict[VariableReference, Connection] = {}
+    for connection in unsolved:
+        (moved, force), terminal = connection.source.place, connection.source.terminal
+        causes = [(place, load) for place, load in received.items() if place[0] == moved]
+        if (place := jumping.get(connection.target.part.name)) and terminal is not None and terminal.motion:
+            causes.append((place, terminal.motion[2]))
+        for place, cause in causes:
+            if _depends(simulation, moved, force, cause):
+                connections.setdefault(place, connection)
     return connections
+
+
+def _depends(simulation: Simulation, name: str, output: str, input_: str) -> bool:
+    """Whether an output depends directly on an input, if there is one."""
+    return input_ in simulation.parts[name].fmu.variables and simulation.depends((name, output), (name, input_))
 
 
 def missing_impulses(

@@ -243,7 +243,8 @@ class Impacts:
                 return
             for node, rates in zip(self._nodes, left, strict=True):
                 node.begin(rates)
-        raise RefusedError(f"{self._title}: more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s")
+        words = f"more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
+        raise RefusedError(f"{self._title}: {words}")
 
     def _solve_one(self, time: float) -> Vector:
         """Solve one impact; returns the jumps of rates, and the impulses."""

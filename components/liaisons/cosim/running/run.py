@@ -118,7 +118,9 @@ class Run:
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
             through = impulsive_ports(simulation)
             self._sums = sums_of_missing(
-                simulation, {(port.moved, port.impulse.source.force or "") for port in through}
+                simulation,
+                {(port.moved, port.impulse.source.force or "") for port in through},
+                {port.impulse.target.place: port.impulse.target.force or "" for port in through},
             )
             contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
             contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
@@ -535,7 +537,9 @@ class Run:
             self._begin_piece(instant - start)
             if ends:
                 return 1
-        words = f"more than {_MOST_IMPACTS} impacts before t = {instant:.10g} s"
+        words = (
+            f"more than {_MOST_IMPACTS} impacts before t = {instant:.10g} s: make one FMU of the system by flatten()"
+        )
         raise RefusedError(f"{self._simulation.title}: {words}")
 
     def _repeatable_step(self, impacts: Impacts) -> tuple[Callable[..., bool], Callable[[], None], list[RefusedError]]:
