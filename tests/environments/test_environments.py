@@ -121,7 +121,7 @@ def test_a_copy_with_contacts_that_failed_begins_again() -> None:
     for _ in range(3):
         *_, ended, _, information = copies.step([[1e30], [0.0]])
         assert list(ended) == [*information["failure"]]
-    assert not ended[1]
+        assert not ended[1]
     copies.reset(seed=0)
     assert not copies.step([[0.0], [0.0]])[2].any()
 
