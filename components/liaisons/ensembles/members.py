@@ -96,8 +96,7 @@ class Members:
         """Members that have failed, and the reasons."""
         reasons = self._members["reason"]
         failed = np.flatnonzero(reasons.astype("S1") != b"").tolist()  # behind the first 0 are rests of older ones
-        texts = (reasons[i].partition(b"\0")[0].decode(errors="ignore") for i in failed)
-        return {i: text.replace(self._prefix, "") for i, text in zip(failed, texts, strict=True)}
+        return {i: reasons[i].partition(b"\0")[0].decode(errors="ignore").replace(self._prefix, "") for i in failed}
 
     def _call(self, function: str, members: NDArray, *arguments: Any) -> None:
         """Call a function of ``members.c``; names become their number and their references."""
@@ -111,13 +110,13 @@ class Members:
             call(self._code, function, len(members), members, *made)
 
 
-@lru_cache(maxsize=16)
+@lru_cache
 def _library(model: Model) -> ctypes.CDLL:
     """Library of a model, written once."""
     return _compiled(tuple(core_files(model).items()))
 
 
-@lru_cache(maxsize=16)
+@lru_cache
 def _compiled(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
     """Compile the code of a model with ``members.c``, once a process."""
     own = resources.files("liaisons.ensembles").joinpath("members.c").read_bytes()
