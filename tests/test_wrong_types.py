@@ -130,7 +130,7 @@ CALLS: dict[str, tuple[Call, Any]] = {
     "ensemble": (lambda _, w: ensemble(w, **MEMBERS), ()),
     **keywords(
         "ensemble", lambda _, **w: ensemble("Pendulum", **MEMBERS | w), start_values=(), stop_time=NUMBER,
-        step_size=NUMBER, samples=NUMBER, start_time=int, method=(), operators=NOTHING, record=NOTHING,
+        step_size=NUMBER, samples=NUMBER, start_time=int, method=NONE, operators=NOTHING, record=NOTHING,
         threads=NONE,
     ),
     "ensemble operator": (lambda _, w: ensemble("Pendulum", **MEMBERS, operators={"length": w}), ()),

@@ -137,7 +137,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class StateCandidate:
     """A candidate for a state of the problem."""
 
     name: str
@@ -178,7 +178,7 @@ def problem_in_all_states(symbols: GoalSymbols, rows: GoalRows) -> Problem:
 
 
 def _problem_in_states(
-    symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[State]
+    symbols: GoalSymbols, rows: GoalRows, order: int, closed: list[str], states: list[StateCandidate]
 ) -> Problem:
     """The problem in some of the states; the others keep their initial values."""
     goal, candidates = symbols.goal, candidate_states(symbols, order)
@@ -242,13 +242,13 @@ def _problem_in_states(
     )
 
 
-def candidate_states(symbols: GoalSymbols, order: int) -> list[State]:
+def candidate_states(symbols: GoalSymbols, order: int) -> list[StateCandidate]:
     """States of the mechanism, and as many of σ and its rates as the order of control."""
     columns = [(symbols.state_names, symbols.state, symbols.rates, symbols.state_sizes)]
     names = [*zip(*map(motion_names, symbols.goal.moves), strict=True)]
     columns += [(names[n], *symbols.motion[n : n + 2], symbols.motion_sizes[n]) for n in range(order)]
     return [
-        State(name, symbol[i], rate[i], sizes[i])
+        StateCandidate(name, symbol[i], rate[i], sizes[i])
         for names, symbol, rate, sizes in columns
         for i, name in enumerate(names)
     ]
@@ -286,7 +286,7 @@ def _closed_states(symbols: GoalSymbols, states: set[str]) -> list[str]:
     return [*goal.closed, *rates]
 
 
-def initial_values(symbols: GoalSymbols, states: list[State], start: list[Row]) -> dict[str, float]:
+def initial_values(symbols: GoalSymbols, states: list[StateCandidate], start: list[Row]) -> dict[str, float]:
     """Initial values of all states by name."""
     values = {state.name: 0.0 for state in states}
     first = symbols.evaluate(symbols.initial_state, 0.0).ravel()
@@ -308,14 +308,14 @@ def _terminal_state(symbols: GoalSymbols, initial: dict[str, float], end: list[R
     return terminal
 
 
-def _conserved_states(symbols: GoalSymbols, states: list[State], start: list[Row]) -> set[str]:
+def _conserved_states(symbols: GoalSymbols, states: list[StateCandidate], start: list[Row]) -> set[str]:
     """Names of the states with a number at the start whose rate vanishes."""
     started = {row.label for row in start if row.low == row.high}
     relative = {state.name: state.rate * (symbols.time / state.size) for state in states if state.name in started}
     return {name for name, rate in relative.items() if symbols.vanishes(rate)}
 
 
-def _needed_states(symbols: GoalSymbols, states: list[State], rows: GoalRows, closed: list[str]) -> set[str]:
+def _needed_states(symbols: GoalSymbols, states: list[StateCandidate], rows: GoalRows, closed: list[str]) -> set[str]:
     """Names of the states on which constraints and cost depend, directly or through rates."""
     column = stack(state.symbol for state in states)
     uses = symbols.dependencies(stack(state.rate * (symbols.time / state.size) for state in states), column)
