@@ -56,7 +56,8 @@ def apart(component: type[Mechanism], count: int) -> list[State]:
 )
 def test_outputs_at_the_start_are_the_derived_equations(component, backend: str, fmu) -> None:
     model, found = assemble(component).flat(), expressions(equations_of(component))
-    settable = [variable.name for variable in (*model.parameters, *model.inputs)]
+    inputs = [variable for variable in model.inputs if variable.variability == "continuous"]  # no sums of impulses
+    settable = [variable.name for variable in (*model.parameters, *inputs)]
     for state in apart(component, 3):
         starts: Values = {name: state[name if name in state else name.replace("_0", "")] for name in settable}
         result = simulate(fmu(component, backend), stop_time=1e-3, step_size=1e-3, **starts)

@@ -149,6 +149,9 @@ typedef struct {
 
 extern const Model model;
 
+/* Whether the component has contacts; where it has none, a linker that sees the whole program drops their code. */
+static inline int has_contacts(void) { return model.indicators > 0; }
+
 /* The reference of the first number or variable. */
 static inline unsigned first_reference(const Model *component) { return 1 + (unsigned)component->dimension_rows; }
 

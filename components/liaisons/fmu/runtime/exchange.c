@@ -61,7 +61,7 @@ void core_enter_event_mode(Instance *self) {
 
 Status core_update_discrete_states(Instance *self, int *changed, double *next) {
     const char *before = (const char *)self->step.backup + ((const char *)self->v.y - (const char *)self->s);
-    const int jumps = self->s->jumped, touches = self->model->indicators > 0; /* in an event of a contact, perhaps */
+    const int jumps = self->s->jumped, touches = has_contacts(); /* in an event of a contact, perhaps */
     const int samples = self->model->sample != NULL;
     *changed = jumps; /* derivatives have, perhaps: the importer is to start its solver again */
     self->s->jumped |= touches || samples;

@@ -45,7 +45,7 @@ static void look_back(Instance *self, double before[]) {
     FOR_EACH_REACTION(row) self->e.u[row->rate] = self->v.u[row->rate] + (interpolating ? jump_of(self, row) : 0);
     if (!interpolating)
         FOR_EACH_REACTION(row) self->v.u[row->rate] -= jump_of(self, row);
-    if (self->model->indicators > 0) core_contact_rates(self, self->s->time, before);
+    if (has_contacts()) core_contact_rates(self, self->s->time, before);
     FOR_EACH_REACTION(row) self->v.u[row->rate] = self->e.u[row->rate];
 }
 

@@ -59,7 +59,7 @@ static Signal accept(void *context, double t, double y[]) {
         memcpy(y, self->d.y, model->states * sizeof *y);
         memset(self->v.low, 0, model->states * sizeof *self->v.low);
     }
-    if (model->indicators > 0) core_uphold(self, self->step.start + t);
+    if (has_contacts()) core_uphold(self, self->step.start + t);
     if (!core_check_conditions(self, self->step.start + t, y, model->conditions)) return STOP;
     return self->options.step_finished == NULL ? GO_ON : intermediate_update(self, t);
 }
@@ -214,10 +214,10 @@ static int move_states(Instance *self) {
     const int moves = self->movers.count > 0;
     const size_t indicators = self->model->indicators;
     Events events;
-    if (indicators > 0) events = (Events){events_shorten, indicators, watch, clock_resolution(&self->step)};
+    if (has_contacts()) events = (Events){events_shorten, indicators, watch, clock_resolution(&self->step)};
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self,
-                             indicators > 0 ? &events : NULL, report_stiffness};
+                             has_contacts() ? &events : NULL, report_stiffness};
     double t = 0, event = start, end = 0;
     Pace pace = {0, 0, 0};
     if (self->s->stiff_solver && self->stiff == NULL) {

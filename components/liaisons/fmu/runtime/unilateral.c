@@ -284,7 +284,7 @@ void core_follow_gaps(Instance *self) {
     const double time = self->s->time;
     size_t list[MOST_CONTACTS], n = 0, before;
     int listed[MOST_CONTACTS] = {0};
-    if (model->gaps == 0) return;
+    if (!has_contacts() || model->gaps == 0) return;
     inspect(self, time);
     do { /* what gives way to one may come into another */
         before = n;
@@ -346,7 +346,7 @@ int core_is_unsettled(Instance *self, double time) {
     int touching[MOST_CONTACTS];
     double x[MOST_CONTACTS], rate[MOST_CONTACTS];
     Modes present, modes;
-    if (model->indicators == 0) return 0;
+    if (!has_contacts()) return 0;
     inspect(self, time);
     read_modes(self, present);
     for (size_t i = 0; i < model->gaps; i++) {
@@ -503,7 +503,7 @@ int core_settle_contacts(Instance *self, double time) {
 
 int core_has_event(Instance *self, double time) {
     double *values = self->contacts.indicators;
-    if (self->model->indicators == 0) return 0;
+    if (!has_contacts()) return 0;
     evaluate(self, self->model->indicate, time, self->v.y, values);
     for (size_t i = 0; i < self->model->indicators; i++)
         if (values[i] < 0) return 1;

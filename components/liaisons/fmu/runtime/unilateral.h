@@ -8,7 +8,7 @@
 int core_settle_contacts(Instance *, double time);
 /* Impacts, then modes, at the present state and an instant; a gap that overlaps by more than rounding is refused. */
 static inline int core_settle(Instance *self, double time) {
-    return self->model->indicators == 0 || core_settle_contacts(self, time);
+    return !has_contacts() || core_settle_contacts(self, time);
 }
 
 /* Whether there are impacts, or other modes, at the present state: an event for an importer that handles them. */
