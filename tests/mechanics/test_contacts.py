@@ -45,6 +45,7 @@ from liaisons.mechanics.composition import compose
 from liaisons.models import CartesianPendulum, OscillatorChain, PendulumChain
 
 RUN: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.01, "tolerance": 1e-11}
+SHORT: dict[str, Any] = RUN | {"stop_time": 1.0}
 ROD: dict[str, Any] = {"mass": 2.0, "inertia": (0.2, 0.2, 0.2), "centre": (0.5, 0, 0)}
 PLAIN: dict[str, Any] = {"unchecked": "numbers in SI units"}
 plain = unchecked("numbers in SI units")
@@ -281,7 +282,7 @@ class Skate(Mechanism):
 
 def test_skate_runs_back_from_a_wall_on_a_circle(fmu: Callable[..., Path]) -> None:
     """The impulse acts along the blade alone, and turns v into -e v; the circles have radii v/ω and e v/ω."""
-    run, omega, e, wall = simulate(fmu(Skate), **RUN | {"stop_time": 1.0}), 1.2, 0.6, 0.5
+    run, omega, e, wall = simulate(fmu(Skate), **SHORT), 1.2, 0.6, 0.5
     hits = np.arcsin(wall * omega) / omega
     v = np.where(run.time < hits, 1.0, -e)
     x = np.where(run.time < hits, 0.0, wall * (1 + e)) + v * np.sin(omega * run.time) / omega
@@ -329,11 +330,13 @@ def written_out() -> type[Mechanism]:
 
 @pytest.mark.parametrize("fmi", ["2", pytest.param("3", marks=pytest.mark.slow)])
 def test_arrays_of_dry_friction(fmu: Callable[..., Path], fmi: str) -> None:
-    runs = [simulate(fmu(kind, fmi=fmi), **RUN, belt=operator("Ramp", rate=0.1)) for kind in (Blocks, written_out())]
+    run, other = (
+        simulate(fmu(kind, fmi=fmi), **RUN, belt=operator("Ramp", rate=0.1)) for kind in (Blocks, written_out())
+    )
     names = {f"slip{end}[{i}]": f"slip_{i}{end}" for end in ("", "_force", "_sticks") for i in (1, 2, 3)}
-    same_motion(*runs, names)
-    assert 0 < np.mean(runs[0]["slip_sticks"]) < 1
-    assert runs[0]["slip_force"].shape == (len(runs[0].time), 3)
+    same_motion(run, other, names)
+    assert 0 < np.mean(run["slip_sticks"]) < 1
+    assert run["slip_force"].shape == (len(run.time), 3)
 
 
 def test_equations_of_arrays_of_dry_friction() -> None:
@@ -401,9 +404,8 @@ class ByFeet(Mechanism):
 
 @pytest.mark.slow
 def test_feet_of_a_linkage_as_arrays_with_coefficients_of_their_own(fmu: Callable[..., Path]) -> None:
-    settings = RUN | {"stop_time": 1.0}
     names = {"move_x": "x", "gap_impulse[1]": "left_impulse", "gap_force[2]": "right_force", "slip[2]": "right_slip"}
-    same_motion(simulate(fmu(Table), **settings), simulate(fmu(ByFeet), **settings), names)
+    same_motion(simulate(fmu(Table), **SHORT), simulate(fmu(ByFeet), **SHORT), names)
 
 
 # ---- chains ----------------------------------------------------------------------------------------------------------
@@ -469,7 +471,8 @@ def test_masses_of_a_chain_rub_and_run_into_a_buffer(tmp_path: Path, fmi: Any, n
 
 def test_sensitivities_of_contacts_of_a_chain() -> None:
     settings: dict[str, Any] = {"by": ["bounce", "drag"], "record": "u[2]", "stop_time": 5.0, "step_size": 0.5}
-    same_derivatives(*(sensitivities(assemble(kind, 3), **settings) for kind in (Train, Row)), ("u[2]", "u[2]"))
+    chain, array = (sensitivities(assemble(kind, 3), **settings) for kind in (Train, Row))
+    same_derivatives(chain, array, ("u[2]", "u[2]"))
 
 
 class Rope(PendulumChain):
@@ -504,7 +507,7 @@ class Bobs(Mechanism):
 
     @plain
     def kinetic_energy(self) -> ca.SX:
-        return sum(ca.sumsqr(self.dot(column)) for column in self.bobs()) / 2
+        return sum((ca.sumsqr(self.dot(column)) for column in self.bobs()), ca.SX(0)) / 2
 
     @plain
     def potential_energy(self) -> ca.SX:
@@ -604,7 +607,7 @@ def test_contacts_beside_a_chain(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(options: dict[str, str], text: str) -> None:
+def test_arrays_that_do_not_fit_are_refused(options: dict[str, Any], text: str) -> None:
     with pytest.raises(ComponentError, match=text):
 
         class Wrong(Blocks):
@@ -614,7 +617,7 @@ def test_arrays_that_do_not_fit_are_refused(options: dict[str, str], text: str) 
             def gap(self) -> ca.SX:
                 return ca.diff(self.x)
 
-            @dry_friction("m/s", "sliding of the blocks", **{"static": "grip"} | options)
+            @dry_friction("m/s", "sliding of the blocks", **{"static": "grip", **options})
             def slip(self) -> ca.SX:
                 return self.dot(self.x)
 
