@@ -197,17 +197,18 @@ def test_balls_in_a_row_of_fmus(fmus: Callable[[str, Fmi], Path], shared_folder:
         _energy_is_closed(run, parts, 1e-9)
 
 
+def _by_fmpy(kind: Callable[..., Any], path: Path) -> tuple[Any, dict[str, int]]:
+    """FMPy's object of an FMU, and its value references by name."""
+    description = read_model_description(path)
+    slave = kind(
+        guid=description.guid, unzipDirectory=extract(path), modelIdentifier=path.stem, instanceName=path.stem.lower()
+    )
+    return slave, {variable.name: variable.valueReference for variable in description.modelVariables}
+
+
 def test_impulse_moves_what_it_acts_on(fmus: Callable[[str, Fmi], Path]) -> None:
     """A pendulum at θ of length 1 m: p jumps by -I ∂x/∂θ = -I cos θ, and the work is that of the mean rate."""
-    path = fmus("Pendulum", "2")
-    description = read_model_description(path)
-    slave = FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=extract(path),
-        modelIdentifier=path.stem,
-        instanceName="pendulum",
-    )
-    number = {variable.name: variable.valueReference for variable in description.modelVariables}
+    slave, number = _by_fmpy(FMU2Slave, fmus("Pendulum", "2"))
 
     def read(*names: str) -> list[float]:
         return slave.getReal([number[name] for name in names])
@@ -244,15 +245,7 @@ def test_python_fmu_refuses_impulses(tmp_path: Path) -> None:
 
 def test_impulse_is_an_event_in_event_mode(fmus: Callable[[str, Fmi], Path]) -> None:
     """FMI 3.0: an impulse that is set in event mode acts when discrete states are updated."""
-    path = fmus("Table", "3")
-    description = read_model_description(path)
-    slave = FMU3Slave(
-        guid=description.guid,
-        unzipDirectory=extract(path),
-        modelIdentifier=path.stem,
-        instanceName="table",
-    )
-    number = {variable.name: variable.valueReference for variable in description.modelVariables}
+    slave, number = _by_fmpy(FMU3Slave, fmus("Table", "3"))
     slave.instantiate(eventModeUsed=True)
     slave.enterInitializationMode()
     slave.exitInitializationMode()

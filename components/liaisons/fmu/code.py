@@ -439,8 +439,11 @@ def _impulse_rows(model: Model) -> list[str]:
 
 def _reaction_rows(model: Model) -> list[str]:
     """Return a C initializer for each prescribed rate that jumps in reaction to impulses of its operator."""
-    inputs = index_ranges(model.flat().inputs)
-    output = {v.name: i for i, v in enumerate(model.flat().outputs)}
+    if not model.contacts:  # then none does, and a long chain need not be flattened
+        return []
+    flat = model.flat()
+    inputs = index_ranges(flat.inputs)
+    output = {v.name: i for i, v in enumerate(flat.outputs)}
     memory = {name: i for i, name in enumerate(model.memory)}
     return [
         _initializer(

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.hermite import upper_coefficients
+from liaisons.base.port_names import impulse_name
 from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import SystemComponent
@@ -60,6 +61,15 @@ def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
         if ending and all(other in variables for other in names):
             found.append([(part.name, other) for other in names])
     return found
+
+
+def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableReference]:
+    """Sum of the impulses of each of its contacts -> force of the contact, which acts alike."""
+    sums: dict[VariableReference, VariableReference] = {}
+    for *_, (owner, impacts) in contact_variables(part):
+        name, _, element = impacts.rpartition("_impacts")
+        sums[owner, f"{name}_impulse{element}"] = owner, f"{name}_force{element}"
+    return sums
 
 
 def accumulated(
@@ -182,12 +192,9 @@ def sums_of_missing(
         if not connection.back or connection.source.place in solved:
             continue
         moved, mover = connection.source.part, connection.target.part
-        name, force, element = connection.source.name.rpartition("_force")
-        if force and (impulse := f"{name}_impulse{element}") in moved.fmu.variables:
+        if (impulse := impulse_name(connection.source.name)) in moved.fmu.variables:
             connections[moved.name, impulse] = connection
-        for name, ending, element in (n.rpartition("_impacts") for n in mover.fmu.variables):
-            if ending:
-                connections[mover.name, f"{name}_impulse{element}"] = connection
+        connections |= dict.fromkeys(contact_impulses(mover), connection)
     return {**_not_handed_on(simulation, solved, received), **connections}
 
 

@@ -25,7 +25,7 @@ from liaisons.cosim.arrays import Vector, as_indices
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.messages import logger
-from liaisons.cosim.running.contacts import contact_variables
+from liaisons.cosim.running.contacts import contact_impulses, contact_variables
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
@@ -317,7 +317,5 @@ def sums_of(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[Vari
     """Sums of impulses that change in an impact in which these ports take part -> forces that act alike."""
     sums = {port.impulse.source.place: (port.moved, port.impulse.source.force or "") for port in ports}
     for name in dict.fromkeys(name for port in ports for name in (port.moved, port.mover)):
-        for _, _, _, (_, impacts) in contact_variables(simulation.parts[name]):
-            head, _, element = impacts.rpartition("_impacts")
-            sums[name, f"{head}_impulse{element}"] = name, f"{head}_force{element}"
+        sums |= contact_impulses(simulation.parts[name])
     return sums
