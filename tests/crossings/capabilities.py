@@ -226,6 +226,40 @@ def try_adapted_steps(workshop: Workshop, kind: str) -> None:
     follows({before + name: result[before + name][ends] for name in exact}, exact, SUBJECTS[kind].bound, before)
 
 
+def try_start(workshop: Workshop, kind: str) -> None:
+    """Step by step as at once, again from a saved state, and anew from another start value."""
+    (system, before), subject = workshop.system(kind), SUBJECTS[kind]
+    whole, (by, value) = system.simulate(**RUN), subject.by
+    with system.start(**RUN) as run:
+        state = run.save()
+        for k in range(1, len(T)):
+            run.step()
+            state = run.save() if k == len(T) // 2 else state
+        stepped = run.result
+        assert {name: [*stepped[name]] for name in whole.names} == {name: [*whole[name]] for name in whole.names}
+        run.restore(state)
+        while run.time < STOP - STEP / 2:
+            run.step()
+        again = run.result
+        assert {name: [*again[name]] for name in whole.names} == {name: [*whole[name]] for name in whole.names}
+        run.reset({before + by: 1.01 * value})
+        while run.time < STOP - STEP / 2:
+            run.step()
+        follows(run.result, subject.signals(**{by: 1.01 * value}), subject.bound, before)
+
+
+def try_verify(workshop: Workshop, kind: str) -> None:
+    """Errors of a coarse run are what half the steps change, or twice that: those of first order are halved.
+
+    Errors that are far below the tolerance are those of FMUs, whose own steps may be the same.
+    """
+    (system, before), subject = workshop.system(kind), SUBJECTS[kind]
+    result = system.simulate(stop_time=STOP, step_size=2 * STEP, tolerance=1e-5, verify=True)
+    for name, exact in subject.signals(T[::2]).items():
+        error, change = np.max(np.abs(result[before + name] - exact)), np.max(result.error(before + name))
+        assert error <= 2.2 * change + 1e-10 * max(1.0, np.max(np.abs(exact))), f"{name} is off by {error:.2g}"
+
+
 def subject_and_values(workshop: Workshop, kind: str) -> tuple[Any, dict[str, Any]]:
     """What a function of one subject takes: a class, a file or a system, and its start values."""
     subject, made = SUBJECTS[kind], workshop.made(kind)
