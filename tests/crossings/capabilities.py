@@ -47,7 +47,7 @@ from liaisons.language.component import Component
 from liaisons.library import fmu_file
 from liaisons.pictures.frames import frames
 
-PUSHED = ("mass", "Pendulum")  # parts of systems that are acted on
+PUSHED = ("mass", "Pendulum", "second", "ball")  # parts of systems that are acted on
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
 WITHIN_A_STEP = 1e-5  # a rate of 0.3 m/s taken up within h = 8 ms: 0.3 h²/12, and what the motion makes of it
 RUN: dict[str, Any] = {"stop_time": STOP, "step_size": STEP, "tolerance": 1e-10}
@@ -480,6 +480,8 @@ EQUATIONS = {  # a line of each, by hand
     "regulator": "value˙ = rate",
     "sampled": "filtered",
     "system": "ẋ_mass = p_x,mass/m_mass",
+    "two_way": "ẋ_second = p_x,second/m_second",
+    "collision": "ẋ_table = p_x,table/m_table",
     "held": "ẋ",
 }
 
@@ -494,7 +496,8 @@ def try_modelica(workshop: Workshop, kind: str) -> None:
     rumoca = pytest.importorskip("rumoca")
     subject, made = SUBJECTS[kind], workshop.made(kind)
     if isinstance(made, System):
-        text, model = modelica(made.with_start_values(subject.start_values)), "ShakenMassSystem.ShakenMass"
+        name = made.name.title().replace(" ", "")
+        text, model = modelica(made.with_start_values(subject.start_values)), f"{name}System.{name}"
     else:
         text, model = modelica(made), "Test"
         text += in_test_model(made, subject)
@@ -549,6 +552,8 @@ PATHS: dict[str, Callable[[Signals], Any]] = {  # of a point, or of an axis, in 
     "internal_states": lambda s: (s["q"], 0, 0),
     "prescribed_only": lambda _: (1 + 0.3 * T) * (np.cos(0.2 + 0.4 * T), 0 * T, np.sin(0.2 + 0.4 * T)),
     "system": lambda s: (s["mass.x"], 0, 0),
+    "two_way": lambda s: (s["second.x"], 0, 0),
+    "collision": lambda s: (0, 0, s["ball.height"] + 0.05),
     "held": lambda s: (s["Pendulum.pivot_x"] + np.sin(s["Pendulum.theta"]), 0, -np.cos(s["Pendulum.theta"])),
     "flattened": lambda s: (s["mass.x"], 0, 0),
 }
