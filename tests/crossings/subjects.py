@@ -314,7 +314,8 @@ def struck(t: NDArray, **starts: float) -> Signals:
     while True:
         s = np.linspace(1e-6, t[-1] - begin + 1e-6, 20001)
         below = np.flatnonzero(at(s)[0] < at(s)[2])
-        hit = brentq(lambda s: at(s)[0] - at(s)[2], *s[below[0] - 1 : below[0] + 1], xtol=1e-15) if below.size else np.inf
+        bracket = s[below[:1] + [-1, 0]] if below.size else ()
+        hit = brentq(lambda s: at(s)[0] - at(s)[2], *bracket, xtol=1e-15) if below.size else np.inf
         inside = (t >= begin) & (t <= begin + hit)
         rows[:, inside] = at(t[inside] - begin)[[0, 2]]
         if begin + hit >= t[-1]:
