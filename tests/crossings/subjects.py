@@ -314,8 +314,10 @@ def struck(t: NDArray, **starts: float) -> Signals:
     while True:
         s = np.linspace(1e-6, t[-1] - begin + 1e-6, 20001)
         below = np.flatnonzero(at(s)[0] < at(s)[2])
-        bracket = s[below[:1] + [-1, 0]] if below.size else ()
-        hit = brentq(lambda s: at(s)[0] - at(s)[2], *bracket, xtol=1e-15) if below.size else np.inf
+        hit = np.inf
+        if below.size:
+            low, high = s[below[0] - 1], s[below[0]]
+            hit = float(brentq(lambda s: at(s)[0] - at(s)[2], low, high, xtol=1e-15))  # pyright: ignore[reportArgumentType]
         inside = (t >= begin) & (t <= begin + hit)
         rows[:, inside] = at(t[inside] - begin)[[0, 2]]
         if begin + hit >= t[-1]:
