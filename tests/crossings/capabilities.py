@@ -245,7 +245,7 @@ def try_start(workshop: Workshop, kind: str) -> None:
         run.reset({before + by: 1.01 * value})
         while run.time < STOP - STEP / 2:
             run.step()
-        follows(run.result, subject.signals(**{by: 1.01 * value}), subject.bound, before)
+        follows(run.result, subject.signals(T, **{by: 1.01 * value}), subject.bound, before)
 
 
 def try_verify(workshop: Workshop, kind: str) -> None:
@@ -255,7 +255,7 @@ def try_verify(workshop: Workshop, kind: str) -> None:
     """
     (system, before), subject = workshop.system(kind), SUBJECTS[kind]
     result = system.simulate(stop_time=STOP, step_size=2 * STEP, tolerance=1e-5, verify=True)
-    for name, exact in subject.signals(np.asarray(T[::2])).items():
+    for name, exact in subject.signals(T[::2]).items():
         error, change = np.max(np.abs(result[before + name] - exact)), np.max(result.error(before + name))
         assert error <= 2.2 * change + 1e-10 * max(1.0, np.max(np.abs(exact))), f"{name} is off by {error:.2g}"
 
