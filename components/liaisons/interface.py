@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar, cast, final
 
 import numpy as np
@@ -23,6 +24,7 @@ from liaisons.base.folders import process_folder
 from liaisons.base.knots import Join, knots
 from liaisons.base.project import ProjectError
 from liaisons.cosim.structure.components import Solver
+from liaisons.errors import SimulationError
 from liaisons.library import Target, component, flattening, fmu_file, is_target
 
 if TYPE_CHECKING:
@@ -89,7 +91,8 @@ def show(
 ) -> live.LivePage:
     """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
 
-    :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system.
+    :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system,
+        of which :meth:`System.flatten` makes one FMU where a port takes forces back.
     :param further: components to be shown beside it, ``show("Pendulum", "DoublePendulum")``; and, last, the path.
     :param path: of the page; default: ``NAME.html`` in the working directory.
     :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own;
@@ -107,8 +110,16 @@ def show(
     target = subject if isinstance(subject, cosim.System) else fmu_file(subject)
     if beside:
         target = _together([target, *map(fmu_file, cast("list[Target]", beside))])
-    page = None if path is None else as_path("show: path", path)
-    return live.write_live_page(target, page, merged("show", start_values, keywords))
+    page, starts = None if path is None else as_path("show: path", path), merged("show", start_values, keywords)
+    if starts or isinstance(target, Path) or not (two_way := [c for c in target.connections if c.back or c.impulsive]):
+        return live.write_live_page(target, page, starts)
+    with TemporaryDirectory() as folder:  # a page steps FMUs one after the other, so that forces would be late
+        try:
+            whole = flattening.flatten(target, folder)
+        except SimulationError as error:
+            words = f"show: {target.name}: a force goes back by {two_way[0]}, so that its page is one FMU, by flatten()"
+            raise SimulationError(f"{words}: {error}") from error
+        return live.write_live_page(whole, page or live.default_page_path(target), {})
 
 
 def _together(subjects: list[Path | cosim.System]) -> cosim.System:

@@ -47,7 +47,7 @@ from liaisons.language.component import Component
 from liaisons.library import fmu_file
 from liaisons.pictures.frames import frames
 
-PUSHED = ("mass", "Pendulum")  # parts of systems that are acted on
+PUSHED = ("mass", "Pendulum", "second", "ball")  # parts of systems that are acted on
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
 WITHIN_A_STEP = 1e-5  # a rate of 0.3 m/s taken up within h = 8 ms: 0.3 h²/12, and what the motion makes of it
 RUN: dict[str, Any] = {"stop_time": STOP, "step_size": STEP, "tolerance": 1e-10}
@@ -224,6 +224,40 @@ def try_adapted_steps(workshop: Workshop, kind: str) -> None:
     ends = np.isclose(result.time / SAMPLE, np.round(result.time / SAMPLE)) if kind == "held" else slice(None)
     exact = SUBJECTS[kind].signals(result.time[ends])
     follows({before + name: result[before + name][ends] for name in exact}, exact, SUBJECTS[kind].bound, before)
+
+
+def try_start(workshop: Workshop, kind: str) -> None:
+    """Step by step as at once, again from a saved state, and anew from another start value."""
+    (system, before), subject = workshop.system(kind), SUBJECTS[kind]
+    whole, (by, value) = system.simulate(**RUN), subject.by
+    with system.start(**RUN) as run:
+        state = run.save()
+        for k in range(1, len(T)):
+            run.step()
+            state = run.save() if k == len(T) // 2 else state
+        stepped = run.result
+        assert {name: [*stepped[name]] for name in whole.names} == {name: [*whole[name]] for name in whole.names}
+        run.restore(state)
+        while run.time < STOP - STEP / 2:
+            run.step()
+        again = run.result
+        assert {name: [*again[name]] for name in whole.names} == {name: [*whole[name]] for name in whole.names}
+        run.reset({before + by: 1.01 * value})
+        while run.time < STOP - STEP / 2:
+            run.step()
+        follows(run.result, subject.signals(T, **{by: 1.01 * value}), subject.bound, before)
+
+
+def try_verify(workshop: Workshop, kind: str) -> None:
+    """Errors of a coarse run are what half the steps change, or twice that: those of first order are halved.
+
+    Errors that are far below the tolerance are those of FMUs, whose own steps may be the same.
+    """
+    (system, before), subject = workshop.system(kind), SUBJECTS[kind]
+    result = system.simulate(stop_time=STOP, step_size=2 * STEP, tolerance=1e-5, verify=True)
+    for name, exact in subject.signals(T[::2]).items():
+        error, change = np.max(np.abs(result[before + name] - exact)), np.max(result.error(before + name))
+        assert error <= 2.2 * change + 1e-10 * max(1.0, np.max(np.abs(exact))), f"{name} is off by {error:.2g}"
 
 
 def subject_and_values(workshop: Workshop, kind: str) -> tuple[Any, dict[str, Any]]:
@@ -446,6 +480,8 @@ EQUATIONS = {  # a line of each, by hand
     "regulator": "value˙ = rate",
     "sampled": "filtered",
     "system": "ẋ_mass = p_x,mass/m_mass",
+    "two_way": "ẋ_second = p_x,second/m_second",
+    "collision": "ẋ_table = p_x,table/m_table",
     "held": "ẋ",
 }
 
@@ -460,7 +496,8 @@ def try_modelica(workshop: Workshop, kind: str) -> None:
     rumoca = pytest.importorskip("rumoca")
     subject, made = SUBJECTS[kind], workshop.made(kind)
     if isinstance(made, System):
-        text, model = modelica(made.with_start_values(subject.start_values)), "ShakenMassSystem.ShakenMass"
+        name = made.name.title().replace(" ", "")
+        text, model = modelica(made.with_start_values(subject.start_values)), f"{name}System.{name}"
     else:
         text, model = modelica(made), "Test"
         text += in_test_model(made, subject)
@@ -515,6 +552,8 @@ PATHS: dict[str, Callable[[Signals], Any]] = {  # of a point, or of an axis, in 
     "internal_states": lambda s: (s["q"], 0, 0),
     "prescribed_only": lambda _: (1 + 0.3 * T) * (np.cos(0.2 + 0.4 * T), 0 * T, np.sin(0.2 + 0.4 * T)),
     "system": lambda s: (s["mass.x"], 0, 0),
+    "two_way": lambda s: (s["second.x"], 0, 0),
+    "collision": lambda s: (0, 0, s["ball.height"] + 0.05),
     "held": lambda s: (s["Pendulum.pivot_x"] + np.sin(s["Pendulum.theta"]), 0, -np.cos(s["Pendulum.theta"])),
     "flattened": lambda s: (s["mass.x"], 0, 0),
 }

@@ -15,6 +15,7 @@ import numpy as np
 from equations import equations
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from liaisons import (
     ActiveCoordinate,
@@ -247,6 +248,22 @@ def shaken_mass(_: Path) -> System:
     return system
 
 
+def pulled_masses(_: Path) -> System:
+    """An oscillator that is the support of another one, and feels its force."""
+    system = System("pulled masses")
+    first, second = system.add("first", Oscillator), system.add("second", Oscillator)
+    system.connect(first["x"], second["support"])
+    return system
+
+
+def struck_table(_: Path) -> System:
+    """A ball that falls on a table on a spring: two FMUs that share an impulse."""
+    system = System("struck table")
+    ball, table = system.add("ball", BouncingBall, mass=0.1), system.add("table", Oscillator)
+    system.connect(table["x"], ball["table"])
+    return system
+
+
 @cache
 def held_pendulum(_: Path) -> System:
     """A pendulum held upright by its pivot, sampled five times a communication step."""
@@ -275,6 +292,40 @@ def held(t: NDArray, **starts: float) -> Signals:
 def shaken(t: NDArray, **starts: float) -> Signals:
     exact = Oscillator.exact(t, x_0=starts["mass.x_0"], amplitude=0.2, angular_frequency=1.7)
     return {"mass.x": exact["x"]}
+
+
+def pulled(t: NDArray, **starts: float) -> Signals:
+    """x'' = -K x from rest, by the eigenvectors of K."""
+    squares, modes = np.linalg.eigh([[2.0, -1.0], [-1.0, 1.0]])
+    x = (modes * (modes.T @ [starts["first.x_0"], 0.0])) @ np.cos(np.outer(np.sqrt(squares), t))
+    return {"second.x": x[1], "first.x": x[0]}
+
+
+def struck(t: NDArray, **starts: float) -> Signals:
+    """Parabolas and cosines between impacts, whose instants are roots; momentum is kept, by Newton's rule."""
+    e, masses, g = starts["ball.bounce"], np.array([starts.get("ball.mass", 0.1), 1.0]), 9.81
+    begin, y = 0.0, np.array([starts["ball.height_0"], 0.0, 0.0, 0.0])
+    rows = np.empty((2, t.size))
+
+    def at(s: NDArray | float) -> NDArray:
+        ball = [y[0] + y[1] * s - g * s**2 / 2, y[1] - g * s]
+        return np.array([*ball, y[2] * np.cos(s) + y[3] * np.sin(s), y[3] * np.cos(s) - y[2] * np.sin(s)])
+
+    while True:
+        s = np.linspace(1e-6, t[-1] - begin + 1e-6, 20001)
+        below = np.flatnonzero(at(s)[0] < at(s)[2])
+        hit = np.inf
+        if below.size:
+            low, high = s[below[0] - 1], s[below[0]]
+            hit = float(brentq(lambda s: at(s)[0] - at(s)[2], low, high, xtol=1e-15))  # pyright: ignore[reportArgumentType]
+        inside = (t >= begin) & (t <= begin + hit)
+        rows[:, inside] = at(t[inside] - begin)[[0, 2]]
+        if begin + hit >= t[-1]:
+            return {"ball.height": rows[0], "table.x": rows[1]}
+        y = at(hit)
+        impulse = (1 + e) * (y[1] - y[3]) / np.sum(1 / masses)
+        y[[1, 3]] += np.array([-1.0, 1.0]) * impulse / masses
+        begin += hit
 
 
 def chained(t: NDArray, **starts: Any) -> Signals:
@@ -332,6 +383,12 @@ SUBJECTS: dict[str, Subject] = {
     ),
     "foreign_model_exchange": Subject(None, pushed, ("u", 0.3), put_together=foreign_model_exchange),
     "system": Subject(None, shaken, ("mass.x_0", 0.1), put_together=shaken_mass),
+    "two_way": Subject(  # its port is interpolated at steps of 50 ms, without being solved between them
+        None, pulled, ("first.x_0", 0.4), starts={"second.x_0": 0.0}, put_together=pulled_masses, bound=2e-8
+    ),
+    "collision": Subject(
+        None, struck, ("ball.bounce", 0.9), starts={"ball.height_0": 1.0, "table.x_0": 0.0}, put_together=struck_table
+    ),
     "held": Subject(None, held, ("Pendulum.theta_0", np.pi + 0.1), put_together=held_pendulum, bound=HELD),
     "flattened": Subject(
         None, shaken, ("mass.x_0", 0.1), put_together=lambda folder: shaken_mass(folder).flatten(folder)

@@ -589,6 +589,35 @@ def test_a_system_runs_as_its_simulation(
 
 
 @in_a_browser
+def test_a_page_whose_forces_go_back_is_that_of_one_fmu(browser: Any, tmp_path: Path) -> None:
+    system = System("two ways")
+    upper = system.add("upper", "Oscillator", x_0=0.3)
+    lower = system.add("lower", "Pendulum", mass=2.0, theta_0=0.5)
+    system.connect(upper["x"], lower["pivot_x"])
+    page = show(system, path=tmp_path / "page.html").path
+    with tools.opened(browser, page) as live:
+        reached = live.run_for(2.0)
+        result = system.simulate(live.time, 0.005, coupling="implicit", tolerance=1e-10)
+    for name in ("upper.x", "lower.theta"):
+        assert reached[name] == pytest.approx(result[name][-1], abs=1e-7), name  # the page's tolerance is 1e-8
+
+
+def test_a_page_whose_forces_go_back_to_a_foreign_fmu_is_refused(fmu: Fmu, tmp_path: Path) -> None:
+    foreign = changed(
+        fmu(catalogue()["Oscillator"]),
+        tmp_path / "Other.fmu",
+        lambda n, c: c.replace(b'modelName="Oscillator"', b'modelName="Other"') if n == "modelDescription.xml" else c,
+    )
+    system = System("two ways")
+    upper, lower = system.add("upper", foreign), system.add("lower", "Pendulum")
+    system.connect(upper["x"], lower["pivot_x"])
+    words = r"^show: two ways: a force goes back by lower\.pivot_x_force -> upper\.x_load, [^\n]*'Other'"
+    with pytest.raises(SimulationError, match=words):
+        show(system, path=tmp_path / "page.html")
+    assert not (tmp_path / "page.html").exists()
+
+
+@in_a_browser
 def test_what_is_fed_by_a_later_component_extrapolates(fmu: Fmu, tmp_path: Path) -> None:
     system = System("loop")
     swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.3)

@@ -58,7 +58,10 @@ def composition(whole: Composition, prefix: str = "") -> list[str]:
         parts.append(f"{prefix}{component.__name__}.{face} {part}({modification(values)});")
     if sources:
         target, source = sources.popitem()
-        raise ComponentError(f"{whole.name}: {source} -> {target} connects no flanges, and is not said in Modelica")
+        reason = "connects no flanges, and is not said in Modelica"
+        if target.endswith("_impulse"):
+            reason = "hands impulses on, which flanges do not; import the FMU that flatten() makes"
+        raise ComponentError(f"{whole.name}: {source} -> {target} {reason}")
     return model(f"model {whole.name}", [*parts, *fixed], joined, experiment=whole.experiment)
 
 

@@ -71,6 +71,8 @@ _TOGETHER = 1e-9
 """Time from an impact to a communication point below which they are one, relative to a step."""
 _MOST_IMPACTS = 1000
 """Most impacts of several FMUs in a communication step."""
+_TINY = 1e-6
+"""Longest step to a break, relative to the longest step of a run; such steps are not halved."""
 _LATE = 1e-3
 """Lateness of which there is no warning [s]: what clocks and schedulers resolve."""
 
@@ -630,6 +632,11 @@ class Run:
         return bus.values
 
     @property
+    def instants(self) -> Vector:
+        """Ends of all steps that were made [s], those to breaks and the start time included, shape (points,)."""
+        return self._loop.times[: self._loop.done].copy()
+
+    @property
     def result(self) -> Result:
         """The result so far, with all warnings."""
         with collected_warnings() as last:
@@ -781,15 +788,19 @@ def performed(
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
             raise Interrupted(f"{reached}; .result of this exception has the result so far", run.concluded()) from None
         result = run.concluded()
-        return _with_differences(simulation, result) if verify else result
+        return _with_differences(simulation, result, run.instants) if verify else result
 
 
-def _with_differences(simulation: Simulation, result: Result) -> Result:
-    """Simulate once more at half the steps; returns the result with the differences as its errors."""
-    middles = (result.time[:-1] + result.time[1:]) / 2
-    times = np.insert(result.time, np.arange(1, len(result.time)), middles)
+def _with_differences(simulation: Simulation, result: Result, instants: Vector) -> Result:
+    """Simulate once more at half the steps; returns the result with the differences as its errors.
+
+    :param instants: ends of the steps [s], breaks included: steps that samples have divided are halved, too.
+    """
+    sizes = np.diff(instants)
+    middles = instants[:-1] + sizes / 2
+    times = np.union1d(result.time, middles[sizes > _TINY * np.max(sizes, initial=0.0)])
     with Run(replace(simulation, times=times.tolist(), error_tolerance=None, adapts=False)) as run:
         run.start()
         run.finish()
         fine = run.recorded_result()
-    return replace(result, errors=np.abs(result.values - fine.values[:, ::2]))
+    return replace(result, errors=np.abs(result.values - fine.values[:, np.searchsorted(times, result.time)]))
