@@ -18,11 +18,11 @@ from typing import final
 
 import casadi as ca
 
-from liaisons.expressions.operations import OPERATIONS, Instruction
+from liaisons.expressions.operations import Instruction
 
-_SUMS = (OPERATIONS[ca.OP_ADD], OPERATIONS[ca.OP_SUB])
-_CYCLES = {OPERATIONS[code]: 4 for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE)}
-_CYCLES |= {OPERATIONS[code]: 15 for code in (ca.OP_DIV, ca.OP_INV, ca.OP_SQRT)} | {OPERATIONS[ca.OP_NEG]: 1}
+_SUMS = (ca.OP_ADD, ca.OP_SUB)
+_CYCLES = dict.fromkeys((ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE), 4)
+_CYCLES |= dict.fromkeys((ca.OP_DIV, ca.OP_INV, ca.OP_SQRT), 15) | {ca.OP_NEG: 1}
 _CALL = 60  # of an elementary function
 _LONG = 1000  # cycles after which the late input is ready
 
@@ -129,7 +129,7 @@ class Reassociation:
         """Add a quotient; of a divisor that is ready long before, a product with its reciprocal."""
         reciprocal = Instruction.of(ca.OP_INV, divisor)
         by_division, inverted = Instruction.of(ca.OP_DIV, dividend, divisor), self._latency(reciprocal)
-        if max(inverted, self._ready[dividend]) + _CYCLES[OPERATIONS[ca.OP_MUL]] >= self._latency(by_division):
+        if max(inverted, self._ready[dividend]) + _CYCLES[ca.OP_MUL] >= self._latency(by_division):
             return self._add_operation(by_division)
         return self._add_operation(Instruction.of(ca.OP_MUL, *sorted((dividend, self._add_operation(reciprocal)))))
 
@@ -151,7 +151,7 @@ class Reassociation:
 
 def _absorbed_nodes(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
     """Return the sums used in one other sum only, and the products used in one other sum or product only."""
-    uses = Counter(argument for node in nodes if node.operation for argument in node.arguments)
+    uses = Counter(argument for node in nodes if node.operation is not None for argument in node.arguments)
     uses.update(number for entries in outputs for number in entries)
     inner: set[int] = set()
     for user in nodes:

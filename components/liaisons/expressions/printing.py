@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
+from liaisons.expressions.operations import OPERATIONS
 from liaisons.expressions.programs import Program, program
 
 
@@ -90,7 +91,7 @@ def _part(
     for number in calculated:
         node = code.nodes[number]
         assert node.operation is not None
-        declare(number, node.operation.c.format(*(names[argument] for argument in node.arguments)))
+        declare(number, OPERATIONS[node.operation].format(*(names[argument] for argument in node.arguments)))
     return [*lines, *(f"{target} = {names[number]};" for number, target in writes)]
 
 

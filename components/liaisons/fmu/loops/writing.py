@@ -155,7 +155,7 @@ class _Link:
         arrays = {i: array for i, (array, since) in plans.kept.items() if since < index}
         needed, read = plans.needed_nodes(plan.targets, arrays)
         nodes = [plans.nodes[i] for i in sorted(needed)]
-        quotients = Counter(node.arguments[1] for node in nodes if _is_quotient(node))
+        quotients = Counter(node.arguments[1] for node in nodes if node.is_a(ca.OP_DIV))
         self.lines: list[str] = []
         self._writer, self._texts = writer, {i: f"{arrays[i]}[i]" for i in sorted(read)}
         self._divisors = {i for i, count in quotients.items() if count > 1 or not plans.each[i]}
@@ -186,7 +186,7 @@ class _Link:
         node, leaf = self._writer.plans.nodes[number], self._writer.plans.leaf(number)
         if leaf:
             return leaf.text
-        if _is_quotient(node) and node.arguments[1] in self._divisors:
+        if node.is_a(ca.OP_DIV) and node.arguments[1] in self._divisors:
             dividend, divisor = node.arguments
             return f"({self.operand(dividend)} * {self._inverse(divisor)})"
         return _operation_text(node, self.operand)
@@ -207,7 +207,7 @@ def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iter
     for node in nodes:
         if node.operation is not None:
             for k, number in enumerate(node.arguments):
-                uses[number] += node.operation.c.count(f"{{{k}}}")
+                uses[number] += OPERATIONS[node.operation].count(f"{{{k}}}")
     return uses
 
 
@@ -215,8 +215,9 @@ def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
     """Return an operation, or a constant, as an operand."""
     if node.operation is None:
         return literal(0.0 if node.constant is None else node.constant)
-    text = node.operation.c.format(*map(text_of, node.arguments))
-    return text if node.operation.c[0].isalpha() else f"({text})"  # a call needs no brackets
+    pattern = OPERATIONS[node.operation]
+    text = pattern.format(*map(text_of, node.arguments))
+    return text if pattern[0].isalpha() else f"({text})"  # a call needs no brackets
 
 
 def _without_brackets(text: str) -> str:
@@ -227,8 +228,3 @@ def _without_brackets(text: str) -> str:
 def _is_short(text: str) -> bool:
     """Return whether an operand is a name or a number."""
     return text.replace(".", "").isalnum() or text.isidentifier()
-
-
-def _is_quotient(node: Instruction) -> bool:
-    """Return whether an operation is a division."""
-    return node.operation is OPERATIONS[ca.OP_DIV]
