@@ -76,7 +76,7 @@ def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
 def perform(code: int, operands: Sequence[X]) -> X:
     """Return CasADi's operation of a code on one or two expressions."""
     first, *second = operands
-    return type(first).binary(code, first, *second) if second else type(first).unary(code, first)
+    return type(first).binary(code, first, second[0]) if second else type(first).unary(code, first)
 
 
 OPERATIONS: dict[int, str] = {

@@ -350,7 +350,7 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
         "drawn": scalar_count(model.drawn),
         "variable_rows": len(model.variables),  # without the time
         "impulses": sum(len(sums) for _, sums in _impulse_ranges(model)) + len(_reaction_rows(model)),
-        **{table.count: len(table.rows) for table in tables if table.count},
+        **{table.size: len(table.rows) for table in tables if table.size},
     }
     return {
         "name": _c_string(model.name),
@@ -372,7 +372,7 @@ class _Table(NamedTuple):
     """A table in C: the member of the struct ``Model``, that of the number of rows, the type of a row, and all rows."""
 
     member: str
-    count: str
+    size: str
     kind: str
     rows: Sequence[str]
 
