@@ -36,7 +36,7 @@ LANES, REPEATS = 256, 100
 NAMES = {
     "all passes": nullcontext,
     "no sums of products (sums)": lambda: patch.object(Expansions, "shortened", lambda *_: None),
-    "no reordering (heights)": lambda: patch.object(importlib.import_module(Program.__module__), "_PASSES", 0),
+    "no common factors (factors)": lambda: patch.object(importlib.import_module(Program.__module__), "_PASSES", 0),
     "no shorter forms (rewriting)": lambda: patch.object(Builder, "perform", _as_it_is),
 }
 ALL, *WITHOUT = NAMES

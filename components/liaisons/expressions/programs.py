@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.expressions.algebra import stack
-from liaisons.expressions.instruction_scheduling import Reassociation
+from liaisons.expressions.common_factors import Factored
 from liaisons.expressions.operations import Instruction, interpret, perform
 from liaisons.expressions.value_numbering import Builder
 
@@ -55,13 +55,10 @@ class Program:
         return [np.array(table).reshape(-1, *trailing) for table in function.call([ca.DM(table) for table in tables])]
 
 
-def program(
-    inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False, late: int | None = None
-) -> Program:
+def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
     """Return the optimised program from columns of symbols to columns of expressions.
 
     :param reciprocals: whether a divisor of several numbers is inverted once, and multiplied by.
-    :param late: index of the input that is known last, after everything that depends on the others alone.
     :raises ComponentError: for an operation that has no counterpart in C, such as a call of another function.
     """
     function = ca.Function("statements", list(inputs), [ca.densify(ca.SX(expression)) for expression in outputs])
@@ -71,8 +68,8 @@ def program(
     if reciprocals:
         short = _with_reciprocals(short)
     for _ in range(_PASSES):
-        fast = Reassociation(short.nodes, short.outputs, late)
-        short = _pruned(fast.nodes, fast.outputs)
+        factored = Factored(short.nodes, short.outputs)
+        short = _pruned(factored.nodes, factored.outputs)
     return short
 
 
