@@ -24,7 +24,7 @@ from _measure import Row, command, interleaved
 from numpy.typing import NDArray
 
 from liaisons.base.compiler import compile_library, host
-from liaisons.expressions import Program, c_statements, program
+from liaisons.expressions import OPERATIONS, Program, c_statements, program
 from liaisons.expressions.sum_factoring import Expansions
 from liaisons.expressions.value_numbering import Builder
 from liaisons.fmu import build
@@ -36,7 +36,7 @@ LANES, REPEATS = 256, 100
 NAMES = {
     "all passes": nullcontext,
     "no sums of products (sums)": lambda: patch.object(Expansions, "shortened", lambda *_: None),
-    "no reordering (heights)": lambda: patch.object(importlib.import_module(Program.__module__), "_PASSES", 0),
+    "no common factors (factors)": lambda: patch.object(importlib.import_module(Program.__module__), "_PASSES", 0),
     "no shorter forms (rewriting)": lambda: patch.object(Builder, "perform", _as_it_is),
 }
 ALL, *WITHOUT = NAMES
@@ -137,7 +137,8 @@ def _evaluated(found: Program, values: Sequence[NDArray], kind: type) -> NDArray
     arrays, numbers = [array.astype(kind) for array in values], []
     for node in found.nodes:
         if node.operation is not None:
-            numbers.append(node.operation.numpy(*(numbers[number] for number in node.arguments)))
+            text = OPERATIONS[node.operation].format(*(f"x[{number}]" for number in node.arguments))
+            numbers.append(eval(text, vars(np) | {"x": numbers}))
         elif node.constant is not None:
             numbers.append(kind(node.constant))
         else:

@@ -16,7 +16,6 @@ from liaisons.cosim.description.model_description import parse
 from liaisons.cosim.description.start_values import start_values
 from liaisons.fmu.code import model_code
 from liaisons.fmu.description import model_description
-from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.documentation.page import index_page
 from liaisons.mechanics import Model, assemble
 from liaisons.models import OscillatorChain
@@ -39,7 +38,7 @@ def scalars(n: int) -> bytes:
 @cache
 def described(n: int) -> Fmu:
     """The FMU that the model description in FMI 3.0 describes, without a file."""
-    description = parse(io.BytesIO(model_description3(chain(n), token="{}")), {})
+    description = parse(io.BytesIO(model_description(chain(n), "3", guid="{}")), {})
     values = dict.fromkeys(Fmu.__dataclass_fields__, 0)
     values |= {"path": Path("chain.fmu"), "experiment": DefaultExperiment(), "variables": description.variables}
     return Fmu(**values)  # type: ignore[arg-type]
@@ -56,8 +55,8 @@ WORK: dict[str, Callable[[int], object]] = {
     "code, FMI 2.0": lambda n: model_code(chain(n), "{}", "2"),
     "code, FMI 3.0": lambda n: model_code(chain(n), "{}", "3"),
     "description, FMI 2.0": scalars,
-    "description, FMI 3.0": lambda n: model_description3(chain(n), token="{}"),
-    "description, FMI 3.0, numbers": lambda n: model_description3(chain(n), token="{}", arrays=False),
+    "description, FMI 3.0": lambda n: model_description(chain(n), "3", guid="{}"),
+    "description, FMI 3.0, numbers": lambda n: model_description(chain(n), "3", guid="{}", arrays=False),
     "page": lambda n: index_page(chain(n)),
     "numbers": lambda n: chain(n).flat(),
     "reading, FMI 2.0": lambda n: parse(io.BytesIO(scalars(n)), {}),

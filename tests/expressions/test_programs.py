@@ -114,7 +114,7 @@ def test_every_operation_in_c(everything) -> None:
     np.testing.assert_allclose(by_c(*everything), by_casadi(*everything), **CLOSE)
 
 
-def test_every_operation_in_numpy(everything) -> None:
+def test_every_operation_by_casadi(everything) -> None:
     x, expressions, points = everything
     np.testing.assert_allclose(program([x], [expressions]).evaluate([points])[0], by_casadi(*everything), **CLOSE)
 
@@ -142,11 +142,13 @@ def test_right_hand_sides_of_the_catalogue(component) -> None:
     values = [random.uniform(0.5, 1.5, (function.numel_in(i), 5)) for i in range(function.n_in())]
     found = program(symbols, function.call(symbols, True, False)).evaluate(values)[0]
     for lane in range(5):
-        expected = np.array(function(*(value[:, lane] for value in values))).reshape(-1)
-        # Terms that cancel: some hundred roundings of numbers up to the largest one.
-        np.testing.assert_allclose(
-            found[:, lane], expected, rtol=1e-12, atol=1e-13 * (1 + np.max(np.abs(expected), initial=0))
+        expected, near = (
+            np.array(function(*(value[:, lane] * factor for value in values))).reshape(-1) for factor in (1, 1 + 1e-15)
         )
+        # Terms that cancel: some hundred roundings of numbers up to the largest one, and what two of the arguments do,
+        # of which the inverse mass of a Bricard linkage in some of these states, for instance, makes 1e-12.
+        size, condition = (np.max(np.abs(x), initial=0) for x in (expected, near - expected))
+        np.testing.assert_allclose(found[:, lane], expected, rtol=1e-12, atol=1e-13 * (1 + size) + 2 * condition)
 
 
 def test_outputs_may_stand_where_inputs_are_read() -> None:
@@ -194,8 +196,8 @@ def test_what_is_left_of_derivatives(expression: ca.SX, shortest: ca.SX, left: i
     np.testing.assert_allclose(found, by_casadi(X, shortest, values), rtol=0, atol=1e-14)
 
 
-def test_what_is_known_late_comes_last() -> None:
-    """As a tree: eight terms in three sums, one after the other; and a product waits for one multiplication only."""
+def test_sums_and_products_are_balanced_trees() -> None:
+    """Of eight terms, one of them a product: four levels."""
 
     def height(expression: ca.SX) -> int:
         found = program([X, Y], [expression])
@@ -206,24 +208,7 @@ def test_what_is_known_late_comes_last() -> None:
         return heights[found.outputs[0][0]]
 
     assert height(a + (b - (c + (d - (e + (f - (Y - a * b))))))) == 4
-    late = ca.exp(ca.exp(ca.exp(a)))
-    assert height(b * (c * (d * late))) == height(late) + 1
-    assert height(b - (c + (d - late))) == height(late) + 1
-
-
-def test_divisors_that_are_known_early_are_inverted() -> None:
-    """With y known last a division waits for it where a multiplication by a reciprocal would not."""
-    early, inverse = ca.vertsplit(ca.SX.sym("early", 2)), [ca.OP_INV, ca.OP_MUL]
-
-    def operations_of(expression: ca.SX, late: int | None) -> list[int]:
-        found = program([ca.vertcat(*early), Y], [expression], late=late)
-        codes = {operation: code for code, operation in OPERATIONS.items()}
-        return [codes[node.operation] for node in found.nodes if node.operation is not None]
-
-    assert operations_of(Y / early[0], late=1) == inverse
-    assert operations_of(Y / early[0], late=None) == [ca.OP_DIV]
-    assert operations_of(early[1] / early[0], late=1) == [ca.OP_DIV]
-    assert operations_of(early[1] / Y, late=1) == [ca.OP_DIV]
+    assert height(a * (b * (c * (d * (e * (f * Y)))))) == 3
 
 
 @pytest.mark.parametrize("links", [10, 2000])

@@ -18,7 +18,6 @@ from scipy.integrate import solve_ivp
 from liaisons.fmu import build
 from liaisons.fmu.code import model_code
 from liaisons.fmu.description import model_description
-from liaisons.fmu.description3 import model_description3
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
 from liaisons.models import PendulumChain, PlannedMotion, Satellite
@@ -28,7 +27,7 @@ OUTPUTS = ("x", "x_dot", "p", "p_dot", "anchor_force", "kinetic_energy", "work",
 
 
 def description3(model: Model) -> ElementTree.Element:
-    return ElementTree.fromstring(model_description3(model, token=GUID))
+    return ElementTree.fromstring(model_description(model, "3", guid=GUID))
 
 
 # ---- description -------------------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ import liaisons
 from liaisons.errors import BuildError
 from liaisons.fmu import build
 from liaisons.fmu.description import model_description
-from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.origin import provenance
 from liaisons.mechanics import Model, assemble
 from liaisons.models import Constant, OscillatorChain
@@ -28,7 +27,7 @@ GUID = "{00000000-0000-0000-0000-000000000001}"
 
 def described(model: Model, target: str = "fmi2") -> ElementTree.Element:
     if target == "fmi3":
-        return ElementTree.fromstring(model_description3(model, token=GUID))
+        return ElementTree.fromstring(model_description(model, "3", guid=GUID))
     backend = "python" if target == "python" else "native"
     return ElementTree.fromstring(model_description(model, guid=GUID, backend=backend))
 

@@ -27,8 +27,7 @@ from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
 GUID = "{00000000-0000-0000-0000-000000000000}"
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wno-unused-parameter"]
 ROUNDING = 1e-12
-"""Of some hundred terms of order 1, summed in another order and divided by multiplying with inverses; relative to the
-largest number of a result."""
+"""Of some hundred terms of order 1, summed in another order; relative to the largest number of a result."""
 
 
 class PendulumRow(Chain):

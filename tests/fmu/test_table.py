@@ -163,6 +163,12 @@ def test_a_bad_table_is_refused_in_one_line(planned: Library, tmp_path: Path, ca
     assert message.startswith(words)
 
 
+def test_the_file_of_start_values_is_closed(planned: Library, tmp_path: Path) -> None:
+    """Looked up where Linux lists the open files of a process."""
+    assert with_table(planned, tmp_path, knots(10)).pointer
+    assert tmp_path / "starts.txt" not in [path.resolve() for path in Path("/proc/self/fd").glob("*")]
+
+
 def test_other_components_take_no_table(library: Callable[..., Library], tmp_path: Path) -> None:
     instance = with_table(library(Sinusoid), tmp_path, knots(10))
     assert not instance.pointer

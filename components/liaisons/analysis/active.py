@@ -25,10 +25,10 @@ from liaisons.analysis.quantity import (
     require_coordinates,
     require_free_coordinates,
     require_independent,
-    require_smooth,
     rotational_products,
 )
 from liaisons.analysis.submersions import (
+    PURPOSE,
     dynamic_lift,
     fibre_hamiltonian,
     horizontal_lift,
@@ -268,11 +268,8 @@ def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str,
 def _adapted_equations(source: Source) -> Equations:
     """Equations of a mechanism with active coordinates, free of constraints and contacts, which are refused."""
     equations = equations_of(source)
-    require_independent(equations, "the geometry of active constraints")
-    require_smooth(equations, "the geometry of active constraints")
-    if not equations.mechanism.actives:
-        raise ComponentError(f"{equations.name}: it has no active coordinate; declare one as ActiveCoordinate")
-    return equations
+    require_independent(equations, PURPOSE)
+    return submersion_of(equations)
 
 
 def changes_round_loop(

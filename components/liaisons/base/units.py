@@ -164,9 +164,12 @@ def _exponent_text(power: int | Fraction) -> str:
 
 
 _RATE = {ANY: ANY, "m/s": "m/s2", "rad/s": "rad/s2", "s": "1", "J": "W", "1/s": "1/s2"}
-_FORCE = {"m": "N", "rad": "N.m", "1": "J"}
-_MOMENTUM = {"m": "kg.m/s", "rad": "kg.m2/s", "1": "J.s"}
-_MULTIPLIER = {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"}
+_QUOTIENTS = {
+    "J": {"m": "N", "rad": "N.m", "1": "J"},
+    "J.s": {"m": "kg.m/s", "rad": "kg.m2/s", "1": "J.s"},
+    "W": {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"},
+}
+"""Usual names of quotients, by numerator and denominator."""
 
 
 def rate(name: str) -> str:
@@ -176,20 +179,20 @@ def rate(name: str) -> str:
 
 def force(name: str) -> str:
     """Unit of the generalised force on a coordinate with this unit: force × coordinate is an energy."""
-    return _FORCE.get(name) or _quotient_name("J", name)
+    return _quotient_name("J", name)
 
 
 def momentum(name: str) -> str:
     """Unit of the momentum ∂L/∂q̇ of a coordinate with this unit: momentum × rate is an energy."""
-    return _MOMENTUM.get(name) or _quotient_name("J.s", name)
+    return _quotient_name("J.s", name)
 
 
 def multiplier_unit(name: str) -> str:
     """Unit of the Lagrange multiplier of a constraint on rates in this unit: their product is a power."""
-    return _MULTIPLIER.get(name) or _quotient_name("W", name)
+    return _quotient_name("W", name)
 
 
 def _quotient_name(numerator: str, name: str) -> str:
     """Name of the quotient of two units."""
     top, slash, bottom = name.partition("/")
-    return f"{numerator}.{bottom}/{top}" if slash else f"{numerator}/{top}"
+    return _QUOTIENTS[numerator].get(name) or f"{numerator}{slash and '.'}{bottom}/{top}"

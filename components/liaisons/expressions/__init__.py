@@ -1,4 +1,4 @@
-r"""Straight-line code: scalar CasADi expressions as lists of operations, printed as C or evaluated by NumPy.
+r"""Straight-line code: scalar CasADi expressions as lists of operations, printed as C or evaluated.
 
 Each operation is one statement with one temporary, so that the body of a loop over lanes (members of an ensemble, links
 of a chain) is free of calls that a compiler cannot vectorise::
@@ -20,8 +20,8 @@ array.
 
 from __future__ import annotations
 
-from liaisons.expressions.operations import OPERATIONS, Instruction, Operation
+from liaisons.expressions.operations import OPERATIONS, Instruction
 from liaisons.expressions.printing import c_parts, c_statements, literal
 from liaisons.expressions.programs import Program, program
 
-__all__ = ["OPERATIONS", "Instruction", "Operation", "Program", "c_parts", "c_statements", "literal", "program"]
+__all__ = ["OPERATIONS", "Instruction", "Program", "c_parts", "c_statements", "literal", "program"]

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
+from liaisons.expressions.operations import OPERATIONS
 from liaisons.expressions.programs import Program, program
 
 
@@ -29,18 +30,16 @@ def c_parts(
     *,
     spill: str,
     most: int,
-    late: int | None = None,
 ) -> tuple[list[list[str]], int]:
     """Return C99 statements in parts for functions of their own, as compile time is superlinear in their number.
 
     :param spill: where a number is stored that a later part needs: ``"w[{}]"``.
     :param most: operations in a part, at most.
-    :param late: as in :func:`program`.
     :returns: lines of each part, at least one, and the count of stored numbers.  An output is written by the part that
         knows it, so with several parts it must lie elsewhere than the inputs.
     """
     symbols, expressions = [column for column, _ in inputs], [column for column, _ in outputs]
-    code = program(symbols, expressions, reciprocals=True, late=late)
+    code = program(symbols, expressions, reciprocals=True)
     calculated = [number for number, node in enumerate(code.nodes) if node.operation is not None]
     count = max(1, -(-len(calculated) // most))
     part_of = {number: i * count // len(calculated) for i, number in enumerate(calculated)}
@@ -90,7 +89,7 @@ def _part(
     for number in calculated:
         node = code.nodes[number]
         assert node.operation is not None
-        declare(number, node.operation.c.format(*(names[argument] for argument in node.arguments)))
+        declare(number, OPERATIONS[node.operation].format(*(names[argument] for argument in node.arguments)))
     return [*lines, *(f"{target} = {names[number]};" for number, target in writes)]
 
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import casadi as ca
 
-from liaisons.expressions.operations import interpret
+from liaisons.expressions.operations import interpret, perform
 from liaisons.expressions.rows import Carry, Each, RowProgram, Sum, Vector, key, keys, scalars
 
 _BRANCHES = 10
@@ -54,15 +54,11 @@ class _Row:
         symbols = ca.symvar(expressions)
         function = ca.Function("expressions", symbols, [ca.cse(expressions)])
 
-        def operation(code: int, operands: list[ca.MX]) -> ca.MX:
-            first, *second = operands
-            return ca.MX.binary(code, first, second[0]) if second else ca.MX.unary(code, first)
-
         (values,) = interpret(
             function,
             entry=lambda i, _: self._values[key(symbols[i])],
             constant=ca.MX,
-            operation=operation,
+            operation=perform,
         )
         return values
 

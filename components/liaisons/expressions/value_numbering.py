@@ -19,8 +19,6 @@ from liaisons.expressions.sum_factoring import Expansions, Monomial, ScaledNode
 
 _LARGEST_POWER = 16  # integer powers up to here are products; more would cost accuracy
 _LARGEST_SCALE = 2.0**16
-_ODD = {ca.OP_SIN, ca.OP_TAN, ca.OP_ASIN, ca.OP_ATAN, ca.OP_SINH, ca.OP_TANH, ca.OP_ASINH, ca.OP_ATANH, ca.OP_ERF}
-_EVEN = {ca.OP_COS, ca.OP_COSH, ca.OP_FABS}
 
 
 @final
@@ -81,10 +79,6 @@ class Builder:
             )
         if code in self._rewritten:
             return self._with_bounded_scale(self._rewritten[code](*arguments))
-        scale, x = arguments[0]
-        if scale < 0 and code in _ODD | _EVEN:
-            sign, core = self.perform(code, [(-scale, x)])
-            return (sign if code in _EVEN else -sign), core
         return 1.0, self._add_operation(code, *map(self.node, arguments))
 
     def _with_bounded_scale(self, number: ScaledNode) -> ScaledNode:

@@ -26,7 +26,6 @@ from liaisons.errors import BackEndError, BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
 from liaisons.fmu.description import model_description
-from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
 from liaisons.fmu.origin import with_provenance
@@ -81,12 +80,8 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
     """Build an FMU of generated C, unless the file is up to date."""
     path = output / f"{model.name}.fmu"
     sources = source_files(model, _NO_GUID, fmi, arrays=arrays)
-    if fmi == "2":
-        description = model_description(model, guid=_NO_GUID, backend="native")
-    else:
-        description = model_description3(model, token=_NO_GUID, arrays=arrays)
     members = {
-        _DESCRIPTION: description,
+        _DESCRIPTION: model_description(model, fmi, guid=_NO_GUID, arrays=arrays),
         **extra_members(model, fmi if arrays else "2"),  # names of numbers, as in FMI 2.0
         **{f"sources/{name}": content for name, content in sources.items()},
     }

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import resources
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -90,8 +90,9 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
     code, reals = function_code(functions)
     motions = [[function.name() for function in pair] for pair in rates] or [_MOTION] * len(_ACTIVITIES)
     most = _MOST_WITH_TABLE if model.table else _MOST
+    tables = _tables(model)
     fields = {
-        **_struct_members(model, guid),
+        **_struct_members(model, guid, tables),
         **({} if arrays else {"by_number": 1}),
         "coupled": rates[-1][1].numel_out(0) if rates else coupled_count(model),
         "most_arguments": max([most, *(function.sz_arg() for function in functions)]),
@@ -119,7 +120,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) 
             *_lookup_calls(model, row_functions),
             *(line for name, statements in booking.items() for line in function_definition(name, statements)),
             *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
-            *_c_arrays(model),
+            *(line for table in tables for line in table.definition),
             "const Model model = {",
             *(f"    .{name} = {value}," for name, value in fields.items()),
             "};",
@@ -335,13 +336,9 @@ def _variable_sizes(model: Model, vector: str) -> list[int]:
 # ---- tables: one row a variable, however many numbers it holds --------------------------------------------------
 
 
-def _struct_members(model: Model, guid: str) -> dict[str, object]:
-    """Return the members of the struct ``Model``: texts, numbers and names of tables."""
-    tables = ("variables", "starts", "active", "state", "dimensions", "condition_texts")
-    return {
-        "name": _c_string(model.name),
-        "guid": _c_string(guid),
-        "tolerance": _c_number(model.experiment.tolerance),
+def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[str, object]:
+    """Return the members of the struct ``Model``: texts, numbers and names of tables; those left out are 0."""
+    numbers = {
         "parameters": scalar_count(model.parameters),
         "inputs": scalar_count(model.inputs),
         "outputs": scalar_count((*model.outputs, *model.drawn)),
@@ -349,44 +346,82 @@ def _struct_members(model: Model, guid: str) -> dict[str, object]:
         "memory": model.start.numel_out(1),
         "events": 1 if model.table and model.table.has_events else model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,
-        "start_conditions": len(model.condition_texts),
-        "variable_rows": len(model.variables),
-        "start_rows": len(_differing_starts(model)),
-        "active_rows": len(model.active),
-        "state_rows": len(model.states),
-        "dimension_rows": len(model.dimensions),
-        **dict(zip(tables, tables, strict=True)),
-        **({"columns": model.table.columns} if model.table else {}),
-        **({"drawn": scalar_count(model.drawn)} if model.drawn else {}),
-        **({"jumps": "jumps"} if jump_table(model) else {}),
-        **(_contact_members(model, model.contact) if model.contact else {}),
-        **_impulse_members(model),
+        "columns": model.table.columns if model.table else 0,
+        "drawn": scalar_count(model.drawn),
+        "variable_rows": len(model.variables),  # without the time
+        "impulses": sum(len(sums) for _, sums in _impulse_ranges(model)) + len(_reaction_rows(model)),
+        **{table.size: len(table.rows) for table in tables if table.size},
     }
-
-
-def _contact_members(model: Model, contact: ca.Function) -> dict[str, object]:
-    """Return the members of the struct ``Model`` that contacts need."""
-    gaps = sum(not contact.friction for contact in model.contacts)
-    counts = {
-        "gaps": gaps,
-        "frictions": len(model.contacts) - gaps,
-        "operators": len(impulsive_operators(model)),
-        "indicators": len(model.contacts),
-    }
-    starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
-    rows = (f".{name} = {start}" for name, start in zip((*contact.name_out(), "count"), starts, strict=True))
     return {
-        **counts,
-        "rows": _initializer(*rows),
-        **{name: name for name in ("gap", "friction", "operator", "indicator")},
+        "name": _c_string(model.name),
+        "guid": _c_string(guid),
+        "tolerance": _c_number(model.experiment.tolerance),
+        **{name: number for name, number in numbers.items() if number},
+        **{table.member: table.member for table in tables},
+        **({"rows": _contact_offsets(model.contact)} if model.contact else {}),
     }
 
 
-def _contact_arrays(model: Model) -> list[str]:
-    """Return C arrays of unilateral liaisons and dry frictions, with their slots in the memory."""
+def _contact_offsets(contact: ca.Function) -> str:
+    """Return the C initializer with the first row of each result in the stacked results of contacts."""
+    starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
+    return _initializer(*map(".{} = {}".format, (*contact.name_out(), "count"), starts))
+
+
+class _Table(NamedTuple):
+    """A table in C: the member of the struct ``Model``, that of the number of rows, the type of a row, and all rows."""
+
+    member: str
+    size: str
+    kind: str
+    rows: Sequence[str]
+
+    @property
+    def definition(self) -> list[str]:
+        """Definition of a static C array, as lines."""
+        return [f"static const {self.kind} {self.member}[] = {{", *(f"    {row}," for row in self.rows), "};", ""]
+
+
+def _tables(model: Model) -> list[_Table]:
+    """Return all tables that have rows."""
+    inputs, row = index_ranges(model.inputs), {variable.name: i for i, variable in enumerate(model.variables)}
+    active = []
+    for a in model.active:
+        firsts = (inputs[name].start for name in (a.value, a.rate, a.acceleration))
+        mismatch = mismatch_index(model, a)
+        active.append(_initializer(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
+    tables = [
+        _Table("variables", "", "Variable", _variable_rows(model)),
+        _Table("starts", "start_rows", "Start", [_initializer(i, _c_number(x)) for i, x in _differing_starts(model)]),
+        _Table("active", "active_rows", "Active", active),
+        _Table("jumps", "", "unsigned char", [", ".join(map(str, flags)) for flags in jump_table(model)]),
+        _Table("state", "state_rows", "State", [_initializer(row[s.name], row[s.derivative]) for s in model.states]),
+        _Table(
+            "dimensions",
+            "dimension_rows",
+            "Dimension",
+            [_initializer(_c_string(d.name), d.count) for d in model.dimensions],
+        ),
+        _Table("condition_texts", "start_conditions", "char *const", [*map(_c_string, model.condition_texts)]),
+        *_contact_tables(model),
+        _Table(
+            "impulse",
+            "impulse_rows",
+            "ImpulseInput",
+            [_initializer(sums.start, load, len(sums)) for load, sums in _impulse_ranges(model)],
+        ),
+        _Table("reaction", "reaction_rows", "Reaction", _reaction_rows(model)),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def _contact_tables(model: Model) -> Iterator[_Table]:
+    """Yield tables of unilateral liaisons and dry frictions, with their slots in the memory."""
+    if not model.contacts:  # then a long chain need not be flattened
+        return
     slot = {name: i for i, name in enumerate(model.memory)}
     gaps = [c for c in model.contacts if not c.friction]
-    named = [c.name for c in gaps]
+    normals = {c.name: i for i, c in enumerate(gaps)}
     first = scalar_count((*model.parameters, *model.inputs))
     index = {v.name: i for i, v in enumerate(model.flat().outputs)}
 
@@ -398,31 +433,16 @@ def _contact_arrays(model: Model) -> list[str]:
     ends = ("closed", "rests_from", "impulse", "impacts")
     gap_rows = [_initializer(_c_string(c.name), *(slot[c.variable(end)] for end in ends), loss(c.name)) for c in gaps]
     friction_rows = [
-        _initializer(
-            _c_string(c.name),
-            slot[c.variable("direction")],
-            named.index(c.normal) if c.normal else -1,
-            loss(c.name),
-        )
+        _initializer(_c_string(c.name), slot[c.variable("direction")], normals.get(c.normal, -1), loss(c.name))
         for c in model.contacts
         if c.friction
     ]
-    return [
-        *_c_array("Gap", "gap", gap_rows),
-        *_c_array("DryFriction", "friction", friction_rows),
-        *_c_array("size_t", "operator", [str(slot[f"{name}_impulse"]) for name in impulsive_operators(model)]),
-        *_c_array("size_t", "indicator", [str(first + index[name]) for name in model.flat().indicators]),
-    ]
-
-
-def _impulse_members(model: Model) -> dict[str, object]:
-    """Return the members of the struct ``Model`` that inputs of impulses need."""
-    impulses, reactions = _impulse_rows(model), _reaction_rows(model)
-    counts: dict[str, object] = {"impulse_rows": len(impulses), "reaction_rows": len(reactions)}
-    counts["impulses"] = sum(len(indices) for *_, indices in _impulse_ranges(model)) + len(reactions)
-    tables = {"impulse": impulses, "reaction": reactions}
-    used: dict[str, object] = {name: count for name, count in counts.items() if count}
-    return used | {name: name for name, rows in tables.items() if rows}
+    yield _Table("gap", "gaps", "Gap", gap_rows)
+    yield _Table("friction", "frictions", "DryFriction", friction_rows)
+    yield _Table(
+        "operator", "operators", "size_t", [str(slot[f"{name}_impulse"]) for name in impulsive_operators(model)]
+    )
+    yield _Table("indicator", "indicators", "size_t", [str(first + index[name]) for name in model.flat().indicators])
 
 
 def _impulse_ranges(model: Model) -> list[tuple[int, range]]:
@@ -432,14 +452,9 @@ def _impulse_ranges(model: Model) -> list[tuple[int, range]]:
     return [(load, sums) for load, sums in pairs if sums is not None]
 
 
-def _impulse_rows(model: Model) -> list[str]:
-    """Return a C initializer for each load with a sum of impulses."""
-    return [_initializer(sums.start, load, len(sums)) for load, sums in _impulse_ranges(model)]
-
-
 def _reaction_rows(model: Model) -> list[str]:
     """Return a C initializer for each prescribed rate that jumps in reaction to impulses of its operator."""
-    if not model.contacts:  # then none does, and a long chain need not be flattened
+    if not model.contacts:  # then none does
         return []
     flat = model.flat()
     inputs = index_ranges(flat.inputs)
@@ -456,39 +471,7 @@ def _reaction_rows(model: Model) -> list[str]:
     ]
 
 
-def _c_arrays(model: Model) -> list[str]:
-    """Return all C arrays that core.h declares."""
-    inputs, jumps = index_ranges(model.inputs), jump_table(model)
-    row = {variable.name: i for i, variable in enumerate(model.variables)}
-    active = []
-    for a in model.active:
-        firsts = (inputs[name].start for name in (a.value, a.rate, a.acceleration))
-        mismatch = mismatch_index(model, a)
-        active.append(_initializer(*firsts, len(inputs[a.value]), "NO_MISMATCH" if mismatch < 0 else mismatch))
-    return [
-        *_c_array("Variable", "variables", _variable_initializers(model)),
-        *_c_array(
-            "Start", "starts", [_initializer(index, _c_number(value)) for index, value in _differing_starts(model)]
-        ),
-        *_c_array("Active", "active", active),
-        *(_c_array("unsigned char", "jumps", [", ".join(map(str, row)) for row in jumps]) if jumps else []),
-        *_c_array("State", "state", [_initializer(row[s.name], row[s.derivative]) for s in model.states]),
-        *_c_array("Dimension", "dimensions", [_initializer(_c_string(d.name), d.count) for d in model.dimensions]),
-        *_c_array("char *const", "condition_texts", [_c_string(text) for text in model.condition_texts]),
-        *(_contact_arrays(model) if model.contact else []),
-        *(_c_array("ImpulseInput", "impulse", rows) if (rows := _impulse_rows(model)) else []),
-        *(_c_array("Reaction", "reaction", rows) if (rows := _reaction_rows(model)) else []),
-    ]
-
-
-def _c_array(kind: str, name: str, rows: Sequence[str]) -> list[str]:
-    """Return the definition of a static C array."""
-    # C has no arrays without elements; the tables that have none are never read.
-    nothing = "0" if kind == "size_t" or kind.endswith("const") else "{0}"
-    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
-
-
-def _variable_initializers(model: Model) -> list[str]:
+def _variable_rows(model: Model) -> list[str]:
     """Return a C initializer for each variable."""
     variables = (*model.variables, TIME)
     indices, states, activities = index_ranges(variables), index_ranges(shown_states(model)), _effects_of_inputs(model)

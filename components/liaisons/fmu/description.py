@@ -1,14 +1,15 @@
-"""modelDescription.xml of FMI 2.0, and the elements that FMI 3.0 shares with it.
+"""modelDescription.xml of FMI 2.0, where arrays are shown number by number, and of FMI 3.0.
 
-Arrays are shown number by number.  A variable's value reference is its index in ModelStructure, see
-:mod:`liaisons.fmu.layout`.  Dependencies are the sparsity patterns of the Jacobians, so they are complete by
-construction; of very many numbers they are left out, which FMI defines as "all".
+A variable's value reference is its index in ModelStructure of FMI 2.0, see :mod:`liaisons.fmu.layout`.  Dependencies
+are the sparsity patterns of the Jacobians, so they are complete by construction; of very many numbers they are left
+out, which FMI defines as "all".
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain, repeat
+from dataclasses import replace
+from itertools import chain
 from typing import Literal
 
 import casadi as ca
@@ -19,8 +20,10 @@ from liaisons.base import units
 from liaisons.base.version import __version__
 from liaisons.fmu.dependencies import (
     decided_at_events,
+    initial_dependencies,
     initial_outputs,
     jacobian_sparsity,
+    running_dependencies,
     running_outputs,
     shown_states,
     states_that_jump,
@@ -28,8 +31,8 @@ from liaisons.fmu.dependencies import (
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
     RECONSTRUCTION,
+    TIME,
     Fmi,
-    Setting,
     first_reference,
     index_ranges,
     scalar_count,
@@ -64,6 +67,17 @@ _CO_SIMULATION: dict[str, str] = {
 _CO_SIMULATION_IN_PYTHON: dict[str, str] = dict.fromkeys(
     ("needsExecutionTool", "canHandleVariableCommunicationStepSize", *_BOTH), "true"
 )
+_MODEL_EXCHANGE3 = dict.fromkeys(
+    ("canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives", "providesAdjointDerivatives"),
+    "true",
+)
+_CO_SIMULATION3: dict[str, str] = {
+    "canHandleVariableCommunicationStepSize": "true",
+    "maxOutputDerivativeOrder": "1",
+    **dict.fromkeys(("providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate", "hasEventMode"), "true"),
+    **_MODEL_EXCHANGE3,
+}
+_TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Size": "UInt64"}
 LOG_CATEGORIES = {
     "logStatusWarning": "what works differently from what was asked for",
     "logStatusDiscard": "values and steps that were refused, and why",
@@ -76,53 +90,58 @@ def source_names(fmi: Fmi) -> tuple[str, ...]:
     return (*_SOURCES, f"fmi{fmi}.c")
 
 
-def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
-    """Return modelDescription.xml of FMI 2.0, the same bytes for the same arguments.
+def model_description(
+    model: Model, fmi: Fmi = "2", *, guid: str, backend: Backend = "native", arrays: bool = True
+) -> bytes:
+    """Return modelDescription.xml, the same bytes for the same arguments.
 
     :param guid: that of the binary, ``"{...}"``.
-    :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports.
+    :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports of FMI 2.0.
+    :param arrays: False: in FMI 3.0, too, elements of arrays are variables, and structural sizes constants.
     """
-    attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": str(len(model.contacts))}
-    return document(element("fmiModelDescription", attributes, _root_children(model, backend)))
-
-
-def _root_children(model: Model, backend: Backend) -> Iterator[str]:
-    """Yield the lines of the root's children."""
-    if backend == "native":
-        no_step_events = {} if model.indicators else {"completedIntegratorStepNotNeeded": "true"}
-        kinds = {"ModelExchange": no_step_events | _MODEL_EXCHANGE, "CoSimulation": _CO_SIMULATION}
-        for kind, capabilities in kinds.items():
-            files = chain.from_iterable(element("File", {"name": name}) for name in source_names("2"))
-            yield from element(kind, {"modelIdentifier": model.name, **capabilities}, element("SourceFiles", {}, files))
-    else:
-        yield from element("CoSimulation", {"modelIdentifier": model.name, **_CO_SIMULATION_IN_PYTHON})
-    yield from unit_definitions(model.variables)
-    if backend == "native":  # pythonfmu's wrapper gives what is fatal no category: who asks for categories misses it
-        yield from log_categories()
-    yield from default_experiment(model)
-    yield from element("ModelVariables", {}, _model_variables(model, backend))
-    yield from element("ModelStructure", {}, _model_structure(model))
-
-
-# ---- elements of both versions of FMI --------------------------------------------------------------------------
-
-
-def root_attributes(model: Model, version: str, **token: str) -> dict[str, str]:
-    """Return the attributes of the root: name, description and origin of a model.
-
-    :param token: ``guid`` in FMI 2.0, ``instantiationToken`` in FMI 3.0.
-    """
-    return {
-        "fmiVersion": version,
+    attributes = {
+        "fmiVersion": f"{fmi}.0",
         "modelName": model.name,
-        **token,
+        "guid" if fmi == "2" else "instantiationToken": guid,
         "description": model.description,
         "generationTool": f"liaisons {__version__}",
         "variableNamingConvention": "structured",
+        **({"numberOfEventIndicators": str(len(model.contacts))} if fmi == "2" else {}),
     }
+    model = model if arrays else replace(model.flat(), programs=())
+    return document(element("fmiModelDescription", attributes, _root_children(model, fmi, backend)))
 
 
-def unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
+def _root_children(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
+    """Yield the lines of the root's children."""
+    for kind, capabilities in _interfaces(model, fmi, backend).items():
+        files = chain.from_iterable(element("File", {"name": name}) for name in source_names("2"))
+        sources = element("SourceFiles", {}, files) if (fmi, backend) == ("2", "native") else ()
+        yield from element(kind, {"modelIdentifier": model.name, **capabilities}, sources)
+    yield from _unit_definitions((*model.variables, *[TIME] * (fmi == "3")))
+    if backend == "native":  # pythonfmu's wrapper gives what is fatal no category: who asks for categories misses it
+        yield from _log_categories()
+    yield from _default_experiment(model)
+    yield from element("ModelVariables", {}, _model_variables(model, fmi, backend))
+    yield from element("ModelStructure", {}, _model_structure(model, fmi))
+
+
+def _interfaces(model: Model, fmi: Fmi, backend: Backend) -> dict[str, dict[str, str]]:
+    """Return the capabilities of the interfaces of an FMU, by their elements."""
+    if backend == "python":
+        return {"CoSimulation": _CO_SIMULATION_IN_PYTHON}
+    if fmi == "2":
+        no_step_events = {} if model.indicators else {"completedIntegratorStepNotNeeded": "true"}
+        return {"ModelExchange": no_step_events | _MODEL_EXCHANGE, "CoSimulation": _CO_SIMULATION}
+    instants = {"mightReturnEarlyFromDoStep": "true"} if model.events.numel_out(0) or model.indicators else {}
+    completes = {"needsCompletedIntegratorStep": "true"} if model.indicators else {}
+    return {"ModelExchange": completes | _MODEL_EXCHANGE3, "CoSimulation": _CO_SIMULATION3 | instants}
+
+
+# ---- elements ----------------------------------------------------------------------------------------------------
+
+
+def _unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
     """Yield the units of variables, with base units and display units."""
     names = sorted({variable.unit for variable in variables} - {units.ANY})
     if names:
@@ -137,25 +156,20 @@ def _unit_definition(name: str) -> Iterator[str]:
     yield from element("Unit", {"name": name}, chain(base, *display))
 
 
-def log_categories() -> Iterator[str]:
+def _log_categories() -> Iterator[str]:
     """Yield the categories of log messages."""
     lines = (element("Category", {"name": name, "description": text}) for name, text in LOG_CATEGORIES.items())
     yield from element("LogCategories", {}, chain.from_iterable(lines))
 
 
-def default_experiment(model: Model) -> Iterator[str]:
+def _default_experiment(model: Model) -> Iterator[str]:
     """Yield times, step size and tolerance of the default experiment."""
     e = model.experiment
     values = {"startTime": 0.0, "stopTime": e.stop_time, "tolerance": e.tolerance, "stepSize": e.step_size}
     yield from element("DefaultExperiment", {name: repr(float(value)) for name, value in values.items()})
 
 
-def integer_attributes(setting: Setting) -> dict[str, str]:
-    """Return range and start value of a setting."""
-    return {"min": "0", "max": str(setting.most), "start": str(setting.start)}
-
-
-def size_attributes(size: Dimension, reference: int, causality: str, variability: str) -> dict[str, str]:
+def _size_attributes(size: Dimension, reference: int, causality: str, variability: str) -> dict[str, str]:
     """Return the general attributes of a structural size."""
     return {
         "name": size.name,
@@ -167,7 +181,7 @@ def size_attributes(size: Dimension, reference: int, causality: str, variability
     }
 
 
-def general_attributes(variable: Variable, reference: int) -> dict[str, str]:
+def _general_attributes(variable: Variable, reference: int) -> dict[str, str]:
     """Return the attributes that variables of all types have."""
     # min and max include the bounds; a bound that is excluded can only be described.
     domain = f" ({variable.domain()})" if variable.strict else ""
@@ -183,7 +197,7 @@ def general_attributes(variable: Variable, reference: int) -> dict[str, str]:
     return attributes
 
 
-def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
+def _real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
     """Return unit, range and nominal value of a variable; none of integers and Booleans.
 
     :param nominal: where it declares none; 1 is FMI's default.
@@ -201,7 +215,7 @@ def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
     return attributes | {name: repr(float(value)) for name, value in numbers.items() if value is not None}
 
 
-def start_attribute(variable: Variable) -> dict[str, str]:
+def _start_attribute(variable: Variable) -> dict[str, str]:
     """Return the attribute of the start value; of an array one number stands for all elements."""
     if variable.start is None:
         return {}
@@ -209,7 +223,7 @@ def start_attribute(variable: Variable) -> dict[str, str]:
     return {"start": " ".join(repr(float(value)) for value in values)}
 
 
-def nominals(model: Model) -> dict[str, list[float]]:
+def _nominals(model: Model) -> dict[str, list[float]]:
     """Return nominal values of the states at the default start, by name; 1 where there is none."""
     u, k = start_vectors(model)
     y, _ = model.start.call([ca.DM(0), u, k])
@@ -218,7 +232,7 @@ def nominals(model: Model) -> dict[str, list[float]]:
     return {state.name: [next(usable) for _ in range(state.count)] for state in shown_states(model)}
 
 
-def model_structure_groups(
+def _model_structure_groups(
     model: Model,
     titles: Sequence[str],
     attribute: str,
@@ -266,56 +280,86 @@ def model_structure_groups(
 # ---- variables -------------------------------------------------------------------------------------------------
 
 
-def _model_variables(model: Model, backend: Backend) -> Iterator[str]:
-    """Yield the variables, arrays element by element."""
-    references_of = _value_references(model)
-    sizes = nominals(model)
+def _model_variables(model: Model, fmi: Fmi, backend: Backend) -> Iterator[str]:
+    """Yield the structural sizes, the variables, the time in FMI 3.0, and the settings."""
+    sizes = size_references(model)
+    sized = {variable.dimension for variable in model.variables} if fmi == "3" else set()
+    kind, numbers = ("Integer", ("start",)) if fmi == "2" else ("Size", ("min", "max", "start"))
+    for size in model.dimensions:
+        causality = ("structuralParameter", "fixed") if size in sized else ("local", "constant")
+        attributes = _size_attributes(size, sizes[size.name], *causality)
+        yield from _variable_element(fmi, kind, attributes, dict.fromkeys(numbers, str(size.count)))
+    references, nominals = _value_references(model, fmi), _nominals(model)
     jumping = states_that_jump(model) | states_moved_along(model) if backend == "native" else set()
-    references = size_references(model)
-    for dimension in model.dimensions:
-        attributes = size_attributes(dimension, references[dimension.name], "local", "constant")
-        yield from _scalar_variable(attributes, "Integer", {"start": str(dimension.count)})
     for variable in model.variables:
-        reinit = {"reinit": "true"} if variable.name in jumping else {}
-        common = real_attributes(variable, 1.0)
-        columns = references_of[variable.name], variable.elements(), sizes.get(variable.name, repeat(1.0))
-        for i, (reference, scalar, size) in enumerate(zip(*columns, strict=False)):
-            real = common if size == 1 else real_attributes(variable, size)
-            real = real | start_attribute(scalar) | reinit
+        more = {"reinit": "true"} if variable.name in jumping else {}
+        if fmi == "3" and variable.variability == "continuous":
+            more["intermediateUpdate"] = "true"
+        own = nominals.get(variable.name, [1.0])
+        common, alike = _real_attributes(variable, max(own)) | more, fmi == "3" or len({*own}) == 1
+        shape = [*_shape(variable.dimension, sizes)] if fmi == "3" and variable.dimension else []
+        scalars = variable.elements() if fmi == "2" else (variable,)
+        for i, (reference, scalar) in enumerate(zip(references[variable.name], scalars, strict=True)):
+            of_kind = common if alike else _real_attributes(variable, own[i]) | more
+            of_kind = of_kind | _start_attribute(scalar)
             if variable.derivative_of:
-                real["derivative"] = str(references_of[variable.derivative_of][i])
-            yield from _scalar_variable(general_attributes(scalar, reference), variable.type, real)
-    for reference, setting in settings(model, "2").items():
+                of_kind["derivative"] = str(references[variable.derivative_of][i])
+            yield from _variable_element(fmi, variable.type, _general_attributes(scalar, reference), of_kind, shape)
+    if fmi == "3":
+        attributes = _general_attributes(TIME, references[TIME.name].start) | {"causality": "independent"}
+        del attributes["initial"]
+        yield from _variable_element(fmi, "Real", attributes, _real_attributes(TIME, 1.0))
+    for reference, setting in settings(model, fmi).items():
         if backend == "native" or setting is RECONSTRUCTION:
-            yield from _scalar_variable(
-                general_attributes(setting.variable, reference), "Integer", integer_attributes(setting)
-            )
+            attributes = _general_attributes(setting.variable, reference)
+            numbers = {"min": "0", "max": str(setting.most), "start": str(setting.start)}
+            yield from _variable_element(fmi, "Integer", attributes, numbers)
 
 
-def _value_references(model: Model) -> dict[str, range]:
-    """Return the value references of each variable's elements."""
+def _variable_element(
+    fmi: Fmi, kind: str, attributes: Mapping[str, str], of_kind: Mapping[str, str], shape: Iterable[str] = ()
+) -> Iterator[str]:
+    """Return the lines of a variable's element, with attributes of all kinds and those of its kind."""
+    if fmi == "2":
+        return element("ScalarVariable", attributes, element(kind, of_kind))
+    return element(_TYPES[kind], {**attributes, **of_kind}, shape)
+
+
+def _shape(size: Dimension, references: Mapping[str, int]) -> Iterator[str]:
+    """Yield the size of an array: the reference of a structural size, or a fixed number."""
+    known = size.name in references
+    number = {"valueReference": str(references[size.name])} if known else {"start": str(size.count)}
+    yield from element("Dimension", number)
+
+
+def _value_references(model: Model, fmi: Fmi) -> dict[str, range]:
+    """Return the value references of each variable: in FMI 2.0 of its elements; in FMI 3.0 one, also of the time."""
     first = first_reference(model)
+    if fmi == "3":
+        return {v.name: range(i, i + 1) for i, v in enumerate((*model.variables, TIME), first)}
     ranges = index_ranges(model.variables)
     return {name: range(first + indices.start, first + indices.stop) for name, indices in ranges.items()}
-
-
-def _scalar_variable(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]) -> Iterator[str]:
-    """Yield a ScalarVariable with the element of its type."""
-    yield from element("ScalarVariable", attributes, element(kind, of_kind))
 
 
 # ---- model structure -------------------------------------------------------------------------------------------
 
 
-def _model_structure(model: Model) -> Iterator[str]:
-    """Yield the groups of unknowns in ModelStructure."""
+def _model_structure(model: Model, fmi: Fmi) -> Iterator[str]:
+    """Yield the unknowns in ModelStructure; in FMI 2.0 in groups."""
+    references, states = _value_references(model, fmi), shown_states(model)
+    if fmi == "3":
+        running = (TIME, *states, *model.inputs, *model.parameters), csr_array(running_dependencies(model))
+        starting = (TIME, *model.inputs, *model.parameters), csr_array(initial_dependencies(model))
+        titles = ("Output", "ContinuousStateDerivative", "InitialUnknown", "EventIndicator")
+        groups = _model_structure_groups(
+            model, titles, "valueReference", references, running=running, starting=starting
+        )
+        yield from chain.from_iterable(groups)
+        return
     sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
-    states, parameters, inputs = shown_states(model), model.parameters, model.inputs
-    running = (*states, *inputs), jacobian_sparsity(running_outputs(model), (1, 2)) if sparse else None
-    starting = (*parameters, *inputs), jacobian_sparsity(initial_outputs(model), (2, 1)) if sparse else None
-    groups = model_structure_groups(
-        model, ["Unknown"] * 3, "index", _value_references(model), running=running, starting=starting
-    )
+    running = (*states, *model.inputs), jacobian_sparsity(running_outputs(model), (1, 2)) if sparse else None
+    starting = (*model.parameters, *model.inputs), jacobian_sparsity(initial_outputs(model), (2, 1)) if sparse else None
+    groups = _model_structure_groups(model, ["Unknown"] * 3, "index", references, running=running, starting=starting)
     for title, lines in zip(("Outputs", "Derivatives", "InitialUnknowns"), groups, strict=True):
         if lines:
             yield from element(title, {}, lines)

@@ -21,9 +21,6 @@ _ZEROS = 100
 
 _DECLARATION = "const double "
 
-_STATES = 1
-"""Index among the arguments.  States are the results of the stage before, the other arguments are older."""
-
 
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
     """Return C definitions of functions, each name once, as lines, and the size of the work space that they need.
@@ -71,7 +68,6 @@ def _straight_line_code(function: ca.Function) -> tuple[list[str], int]:
         written,
         spill="reals[{}]",
         most=_LONGEST,
-        late=_STATES,
     )
     parts = [_joined_declarations(part) for part in parts]
     if len(parts) == 1:

@@ -9,13 +9,13 @@ from itertools import chain
 
 import casadi as ca
 
-from liaisons.expressions import OPERATIONS, Instruction
+from liaisons.expressions import Instruction
 from liaisons.expressions import program as operations
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.rows import Carry, RowProgram, Vector, key, scalars, substituted
 from liaisons.fmu.loops.loop_fusion import FusedLoop, LoopFusion
 
-CHEAP = {OPERATIONS[code] for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE)}
+CHEAP = {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE}
 """Operations that cost no more than storing a number and reading it again."""
 
 AtLink = tuple[bool, int]
@@ -220,7 +220,7 @@ class LoopPlans:
         """Assign work space to nodes that later loops use and that are carried, expensive or named."""
         times = Counter(chain.from_iterable(self.needed_nodes(plan.targets, ())[0] for plan in self.plans))
         operation = [node.operation for node in self.nodes]
-        shared = {i for i, count in times.items() if count > 1 and operation[i]}
+        shared = {i for i, count in times.items() if count > 1 and operation[i] is not None}
         shared = {i for i in shared if operation[i] not in CHEAP or i in named}
         calculated: dict[int, int] = {}  # by which loop
         for index, plan in enumerate(self.plans):

@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-import casadi as ca
-
 from liaisons.expressions import OPERATIONS, Instruction, literal
 from liaisons.expressions.rows import RowProgram
 from liaisons.fmu.loops.plans import LoopPlan, LoopPlans, operands
@@ -63,7 +61,6 @@ class _Writer:
     def __init__(self, plans: LoopPlans) -> None:
         self.plans = plans
         self._texts: dict[int, str] = {}
-        self._inverses: dict[int, str] = {}
         self._pending: list[str] = []
         ends = [x for _, x in plans.ends]
         for plan in plans.plans:
@@ -109,14 +106,6 @@ class _Writer:
         loop = self._for_statement(index, plan) if plan.links else []
         return [*self.take_pending(), *lines, *loop]
 
-    def single_inverse(self, number: int) -> str:
-        """Return the operand for 1/x of a single number, by which each link multiplies."""
-        if number not in self._inverses:
-            self._inverses[number] = f"r{number}"
-            divisor = self.single_operand(number)
-            self._pending.append(f"const double r{number} = 1.0 / {divisor};")
-        return self._inverses[number]
-
     def _for_statement(self, index: int, plan: LoopPlan) -> list[str]:
         """Return the ``for`` statement of a loop."""
         link = _Link(self, index, plan)
@@ -155,15 +144,12 @@ class _Link:
         arrays = {i: array for i, (array, since) in plans.kept.items() if since < index}
         needed, read = plans.needed_nodes(plan.targets, arrays)
         nodes = [plans.nodes[i] for i in sorted(needed)]
-        quotients = Counter(node.arguments[1] for node in nodes if _is_quotient(node))
         self.lines: list[str] = []
         self._writer, self._texts = writer, {i: f"{arrays[i]}[i]" for i in sorted(read)}
-        self._divisors = {i for i, count in quotients.items() if count > 1 or not plans.each[i]}
-        self._inverses: set[int] = set()
         self._use_counts = _use_counts(
             nodes,
             [*(x for _, x in plan.rows), *(x for _, x, _ in plan.sums)],
-            [*self._divisors, *(x for _, _, x in plan.carried), *(x for _, x in plans.stored_arrays(index))],
+            [*(x for _, _, x in plan.carried), *(x for _, x in plans.stored_arrays(index))],
         )
         for number in sorted(needed | read):
             text = self._texts[number] if number in read else self._expression_text(number)
@@ -183,22 +169,8 @@ class _Link:
 
     def _expression_text(self, number: int) -> str:
         """Return the text that calculates a node."""
-        node, leaf = self._writer.plans.nodes[number], self._writer.plans.leaf(number)
-        if leaf:
-            return leaf.text
-        if _is_quotient(node) and node.arguments[1] in self._divisors:
-            dividend, divisor = node.arguments
-            return f"({self.operand(dividend)} * {self._inverse(divisor)})"
-        return _operation_text(node, self.operand)
-
-    def _inverse(self, number: int) -> str:
-        """Return the operand for 1/x of a number, whose definition is added once."""
-        if not self._writer.plans.each[number]:
-            return self._writer.single_inverse(number)
-        if number not in self._inverses:
-            self._inverses.add(number)
-            self.lines.append(f"const double r{number} = 1.0 / {self.operand(number)};")
-        return f"r{number}"
+        leaf = self._writer.plans.leaf(number)
+        return leaf.text if leaf else _operation_text(self._writer.plans.nodes[number], self.operand)
 
 
 def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
@@ -207,7 +179,7 @@ def _use_counts(nodes: Iterable[Instruction], once: Iterable[int], several: Iter
     for node in nodes:
         if node.operation is not None:
             for k, number in enumerate(node.arguments):
-                uses[number] += node.operation.c.count(f"{{{k}}}")
+                uses[number] += OPERATIONS[node.operation].count(f"{{{k}}}")
     return uses
 
 
@@ -215,8 +187,9 @@ def _operation_text(node: Instruction, text_of: Callable[[int], str]) -> str:
     """Return an operation, or a constant, as an operand."""
     if node.operation is None:
         return literal(0.0 if node.constant is None else node.constant)
-    text = node.operation.c.format(*map(text_of, node.arguments))
-    return text if node.operation.c[0].isalpha() else f"({text})"  # a call needs no brackets
+    pattern = OPERATIONS[node.operation]
+    text = pattern.format(*map(text_of, node.arguments))
+    return text if pattern[0].isalpha() else f"({text})"  # a call needs no brackets
 
 
 def _without_brackets(text: str) -> str:
@@ -227,8 +200,3 @@ def _without_brackets(text: str) -> str:
 def _is_short(text: str) -> bool:
     """Return whether an operand is a name or a number."""
     return text.replace(".", "").isalnum() or text.isidentifier()
-
-
-def _is_quotient(node: Instruction) -> bool:
-    """Return whether an operation is a division."""
-    return node.operation is OPERATIONS[ca.OP_DIV]
