@@ -410,13 +410,9 @@ class SampledMechanism:
         slopes = np.array(self._slopes(reference[: len(self.names)], *sigma.T))[:, 1:]
         return slopes[:, self.rows] @ (self.sizes[:, None] * directions)
 
-    def forces(self, y: Array, sigma: Array) -> Array:
-        """Operator forces λ and, beside them, the effective mass Θ: (moves, 1 + moves)."""
-        return np.array(self._forces_and_mass(self.full_state(y), *sigma.T))
-
     @cached_property
-    def _forces_and_mass(self) -> ca.Function:
-        """Function of state, σ, σ̇ and σ̈ for :meth:`forces`."""
+    def forces_and_mass(self) -> ca.Function:
+        """Function (state, σ, σ̇, σ̈) -> operator forces λ and, beside them, the effective mass Θ: (moves, 1 + moves)."""
         columns = ca.horzcat(self.symbols.forces, self.symbols.mass)
         return ca.Function("forces", self.symbols.arguments, [ca.densify(columns)])
 
