@@ -68,7 +68,11 @@ def refuse_invariants(problem: Problem) -> None:
         return
     values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
     for k in range(1, 6):
-        trajectory = _halton_ellipse(problem, _INTERVALS, k) if problem.is_loop else _random_transfer(problem, k)
+        trajectory = (
+            _halton_ellipse(problem, _INTERVALS, k)
+            if problem.is_loop
+            else _integrated_transfer(problem, _INTERVALS, k, is_arbitrary=True)
+        )
         values = np.hstack([values, np.array(end.function(trajectory.knots[:, -1]))])
         spread = np.ptp(values, axis=1)
         off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
@@ -240,35 +244,22 @@ def _ellipse(
     return _with_integrated_states(problem, trajectory, motion)
 
 
-def _random_transfer(problem: Problem, k: int) -> CollocatedTrajectory:
-    """A motion from the start, small or large, to a random end at a random rate."""
-    trajectory, change = (
-        _trajectory_at_rest(problem, _INTERVALS, k),
-        np.random.default_rng(k).normal(size=len(problem.moves)),
-    )
-    return _transfer_with_waves(
-        problem, trajectory, _EXTENSION * trajectory.durations[0], 1 + k, 10.0 ** (k % 3) * change
-    )
-
-
-def _integrated_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    """A motion of σ from start to end with the k-th waves, and integrated states."""
-    trajectory = _trajectory_at_rest(problem, intervals, k)
-    return _transfer_with_waves(problem, trajectory, trajectory.durations[0], k)
-
-
-def _transfer_with_waves(
-    problem: Problem, trajectory: CollocatedTrajectory, T: float, k: int, by: Array | None = None
+def _integrated_transfer(
+    problem: Problem, intervals: int, k: int, *, is_arbitrary: bool = False
 ) -> CollocatedTrajectory:
-    """A motion of σ from start to end, or by a change, with the k-th waves; it rests after the time T."""
+    """A motion of σ from start to end with the k-th waves, or to an arbitrary end in motion, and integrated states."""
+    trajectory, rng = _trajectory_at_rest(problem, intervals, k), np.random.default_rng(k)
     start = by_name(problem.states, problem.initial_state)
     sigma = zip(problem.moves, problem.initial_sigma, strict=True)
     begin = {name: start.get(name, value) for name, value in sigma}
     first = np.array([*begin.values()])
     change = np.array([problem.terminal_state.get(name, x) for name, x in begin.items()]) - first
     size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max())
-    waves = size * np.random.default_rng(k).normal(size=(change.size, 3)) / np.arange(1, 4) ** 2
-    change, w = change if by is None else by, 2 * np.pi * np.arange(1, 4) / T
+    waves = size * rng.normal(size=(change.size, 3)) / np.arange(1, 4) ** 2
+    T = trajectory.durations[0]
+    if is_arbitrary:
+        change, T = 10.0 ** (k % 3) * rng.normal(size=change.size), _EXTENSION * T
+    w = 2 * np.pi * np.arange(1, 4) / T
 
     def motion(t: float) -> tuple[Array, Array, Array]:
         """σ, σ̇ and σ̈."""

@@ -357,8 +357,13 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
         whole("a number", number, PlanError)
     m, n, c, path = interval_count(arcs), len(problem.states), len(problem.controls), problem.path
     points, rows = m * DEGREE, len(path.labels)
-    shapes = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
-    columns = {name: _finite_array(name, trajectory[name], shape) for name, shape in shapes.items()}
+    of_trajectory = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
+    multipliers = (len(problem.end.labels),)
+    shapes = {"cost": (), "hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": multipliers}
+    columns, values = (
+        {name: _finite_array(name, part[name], shape) for name, shape in shapes.items()}
+        for part, shapes in ((trajectory, of_trajectory), (document, shapes))
+    )
     if not arcs or not (columns["durations"] > 0).all():
         raise PlanError("it has to have arcs with durations > 0")
     (low, high), T = problem.duration, columns["durations"].sum()
@@ -367,11 +372,9 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     for i, bound in (active for arc in arcs for active in arc.active_bounds):
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
-    shapes = {"hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": (len(problem.end.labels),)}
-    values: dict[str, Any] = {name: _finite_array(name, document[name], shape) for name, shape in shapes.items()}
     return Solution(
         trajectory=CollocatedTrajectory(arcs, **columns),
-        cost=float(_finite_array("cost", document["cost"], ())),
+        cost=float(values.pop("cost")),
         status=str(document["status"]),
         finished=document["finished"] in (1, True),
         starts=document["starts"],

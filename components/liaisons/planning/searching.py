@@ -451,12 +451,8 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
         nearest = rejected[0]
         reached = problem.end_values(_integrated_knots(problem, nearest, from_start=True)[:, -1])
         off = end.violation(reached)
-        rows = (
-            np.flatnonzero(off > LIMITS.integration_difference)
-            if (off > LIMITS.integration_difference).any()
-            else np.arange(off.size)
-        )
-        names = ", ".join(end.labels[i] for i in rows) or "what has to close"
+        missed = [label for label, x in zip(end.labels, off, strict=True) if x > LIMITS.integration_difference]
+        names = ", ".join(missed or end.labels) or "what has to close"
         return (
             f"{problem.name}: the end was not reached: what {', '.join(problem.moves)} can do does not lead there, "
             f"and what meshes say of {names} the equations do not follow"

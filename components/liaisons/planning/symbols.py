@@ -71,10 +71,8 @@ class GoalSymbols:
     @property
     def moved(self) -> dict[str, ca.SX]:
         """Symbols of σ, σ̇ and σ̈ by the names of the FMU's variables."""
-        columns = zip(
-            map(ca.vertsplit, self.motion), zip(*map(motion_names, self.goal.moves), strict=True), strict=True
-        )
-        return {name: x for symbols, names in columns for name, x in zip(names, symbols, strict=True)}
+        names = [(i, motion_names(move)) for i, move in enumerate(self.goal.moves)]
+        return {name: x[i] for i, triple in names for name, x in zip(triple, self.motion, strict=True)}
 
     @property
     def model_arguments(self) -> tuple[Any, ...]:
@@ -165,10 +163,9 @@ class GoalSymbols:
 
     def scaled_jacobian(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
         """Derivatives of an expression by symbols that are divided by their sizes."""
-        columns = zip(self.arguments, (self.state_sizes, *self.motion_sizes), strict=True)
-        pairs = [pair for column, sizes in columns for pair in zip(ca.vertsplit(column), sizes, strict=True)]
-        sizes = {symbol.name(): float(value) for symbol, value in pairs}
-        return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[x.name()] for x in ca.vertsplit(symbols)]))
+        names, chosen = ([x.name() for x in ca.vertsplit(ca.vertcat(*xs))] for xs in (self.arguments, [symbols]))
+        sizes = by_name(names, np.concatenate([self.state_sizes, *self.motion_sizes]))
+        return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[name] for name in chosen]))
 
     def dependencies(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
         """Sparsity of the Jacobian (rows, symbols) in numbers at nearby states, for terms may cancel.
