@@ -224,31 +224,29 @@ def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floa
     rows, steps = [*cases.names, *(state.name for state in cases.model.states)], cases.steps()
     points = np.linspace(cases.time[0], cases.time[-1], (len(cases.time) - 1) * steps + 1)
 
-    def run(tolerance: float) -> tuple[Floats, dict[int, str]]:
-        """Outputs and states, (rows, times, cases), and reasons of failures."""
-        records, failures = np.empty((len(cases.time), count, len(rows))), dict[int, str]()
+    tolerances = [model.experiment.tolerance / _TIGHTER] * estimate + [0.0]
+    records, reasons = np.empty((len(tolerances), len(cases.time), count, len(rows))), dict[int, str]()
 
-        def run_chunk(chunk: slice) -> None:
-            members = Members(model, len(values[chunk]))
+    def run_chunk(chunk: slice) -> None:
+        """Step some members with each tolerance, last with that of the model; reasons of failures are of that."""
+        members = Members(model, len(values[chunk]))
+        for record, tolerance in zip(records, tolerances, strict=True):
             members.start(names, values[chunk], time=points[0], tolerance=tolerance)
-            records[0, chunk] = members.read(rows)
-            for k in range(1, len(records)):
+            record[0, chunk] = members.read(rows)
+            for k in range(1, len(record)):
                 members.step(points[(k - 1) * steps : k * steps + 1])
-                records[k, chunk] = members.read(rows)
-            failures.update((chunk.start + i, reason) for i, reason in members.failures().items())
+                record[k, chunk] = members.read(rows)
+        reasons.update((chunk.start + i, reason) for i, reason in members.failures().items())
 
-        cases.in_threads(run_chunk, count, _MEMBERS)
-        return records.transpose(2, 0, 1), failures
-
-    (fine, reasons), recorded = run(0.0), len(cases.names)
+    cases.in_threads(run_chunk, count, _MEMBERS)
+    (*tighter, fine), recorded = records.transpose(0, 3, 1, 2), len(cases.names)
     varied = [i for i, array in enumerate(cases.arrays.values()) if array.ndim]
     failures: Failures = {}
     for case, reason in reasons.items():
         own = ", ".join(f"{names[i]} = {values[case, i]:g}" for i in varied)
         failures[case] = int(np.argmax(np.isnan(fine[0, :, case]))), f"{own}: {reason}"
     errors = None
-    if estimate:
-        exact, _ = run(model.experiment.tolerance / _TIGHTER)
+    for exact in tighter:
         changes = np.max(np.where(np.isnan(exact) & ~np.isnan(fine), np.inf, np.abs(fine - exact)), axis=1)
         diverges = changes[recorded:] > _LARGEST_DIFFERENCE * np.max(np.abs(fine[recorded:]), axis=1)
         errors = np.where(diverges.any(axis=0), np.inf, changes[:recorded])

@@ -79,13 +79,13 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         lanes, clock = dict(zip(self._names, ca.vertsplit(each), strict=True)), ca.SX.sym("clock")
         followed = ca.vertcat(*(lanes[name] for name in moved), clock)
         columns = each[self._fixed], once, ca.vertcat(y, followed)
-        expressions = [found.rates, found.outputs, found.conditions, y if found.projected is None else found.projected]
+        expressions = [found.rates, found.outputs, found.conditions, found.projected]
         rates, readings, conditions, projected = ca.substitute(expressions, [t], [clock])
         equations = replace(
             found,
             symbols=(t, *columns),
             rates=ca.vertcat(rates, *(lanes[name] for port in task.ports for name in port[1:]), 1),
-            projected=None if found.projected is None else ca.vertcat(projected, followed),
+            projected=ca.vertcat(projected, followed),
         )
         step = compiled(equations, METHODS["rk8"], self._shared)
         starts = program([each, once], [ca.vertcat(found.start, *(lanes[name] for name in moved), 0)])

@@ -361,7 +361,7 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     multipliers = (len(problem.end.labels),)
     shapes = {"cost": (), "hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": multipliers}
     columns, values = (
-        {name: _finite_array(name, part[name], shape) for name, shape in shapes.items()}
+        dict[str, Any]((name, _finite_array(name, part[name], shape)) for name, shape in shapes.items())
         for part, shapes in ((trajectory, of_trajectory), (document, shapes))
     )
     if not arcs or not (columns["durations"] > 0).all():
