@@ -15,6 +15,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import expm
 
 from liaisons.base.hermite import coefficients
 from liaisons.errors import PlanError, suggestion
@@ -446,25 +447,10 @@ def _powers(part: Any, H: ca.MX | float) -> Any:
 
 def _correction_step(H: float, period: float, count: int) -> Step:
     """M and N of (x, x', x'') -> M (x, x', x'') + N w, a step of corrections with d x''/dt = (w - x'') / period."""
-    left = np.exp(-H / period)
-    gone = period * (1 - left)
-    delay = period * (H - gone)
-    M = np.array(
-        [
-            [1, H, delay],
-            [0, 1, gone],
-            [0, 0, left],
-        ]
-    )
-    N = np.array(
-        [
-            [H**2 / 2 - delay],
-            [H - gone],
-            [1 - left],
-        ]
-    )
-    one: Any = np.eye(count)
-    return np.kron(M, one), np.kron(N, one)
+    flow = np.diag([1.0, 1.0, 1 / period], 1)  # of x, x', x'' and w
+    flow[2, 2] = -1 / period
+    step = np.kron(expm(H * flow)[:3], np.eye(count))
+    return step[:, : 3 * count], step[:, 3 * count :]
 
 
 def in_directions(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:

@@ -172,8 +172,7 @@ def _path_rows(symbols: GoalSymbols) -> list[Row]:
     rows: dict[str, Row] = {}
     for name, value in values_by_element(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():
         pair = value if isinstance(value, (tuple, list, np.ndarray)) else shown(value)
-        low, high = value_range(owner, "bounds", name, pair)
-        rows[name] = Row(name, symbols.signals[name], low, high)
+        rows[name] = Row(name, symbols.signals[name], *value_range(owner, "bounds", name, pair))
     domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}
     domains |= {s.name: s for s in symbols.component.coordinates}
     start_sizes = by_name(symbols.goal.moves, map(float, symbols.initial_sigma_sizes))

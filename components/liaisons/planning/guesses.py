@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import count, pairwise
+from itertools import count, pairwise, product
 from typing import Any
 
 import numpy as np
@@ -193,8 +193,6 @@ def _halton_ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTraje
     phases = 2 * np.pi * u[:, 2]
     if _has_sigma_start(problem):
         centres = problem.initial_state[problem.indices(problem.moves)]
-    else:
-        phases -= np.angle(anchor_weights(c) @ (radii * np.exp(1j * phases)))
     return _ellipse(problem, _trajectory_at_rest(problem, intervals, k), centres, radii, phases)
 
 
@@ -204,15 +202,8 @@ def _opposite_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTr
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
     for offset, radius, sense in ((widths, 0.16, 1), (-between, 0.45, -1), (widths, 0.8, -1), (between, 0.45, 1)):
-        phases, extremal = _circle_phases(sense, len(widths))
-        centre = middles + np.where(widths < np.pi, 0, offset)
-        yield _ellipse(problem, _trajectory_at_rest(problem, intervals), centre, radius * widths, phases - extremal)
-
-
-def _circle_phases(sense: int, size: int) -> tuple[Array, float]:
-    """Phases of the coordinates on a circle, and the phase at which their weighted sum is extremal."""
-    phases: Any = sense * np.pi / 2 * np.arange(size)
-    return phases, float(np.angle(anchor_weights(size) @ np.exp(1j * phases)))
+        phases, centre = sense * np.pi / 2 * np.arange(len(widths)), middles + np.where(widths < np.pi, 0, offset)
+        yield _ellipse(problem, _trajectory_at_rest(problem, intervals), centre, radius * widths, phases)
 
 
 def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
@@ -220,20 +211,26 @@ def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTraj
     trajectory, start = _trajectory_at_rest(problem, intervals), problem.initial_state[problem.indices(problem.moves)]
     middles, _ = _sigma_ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
-    is_begun = _has_sigma_start(problem)
-    for centre in [start] if is_begun else [start, middles, start + turns, start - turns]:
-        for radius in (0.25, 0.5, 0.9, 1.4):
-            for sense in (1, -1):
-                phases, extremal = _circle_phases(sense, len(start))
-                for first in (0.0, np.pi / 2, np.pi, -np.pi / 2) if is_begun else (extremal,):
-                    yield _ellipse(problem, trajectory, centre, np.full(len(start), radius), phases - first)
+    centres, begins = [start, middles, start + turns, start - turns], [0.0]
+    if _has_sigma_start(problem):
+        centres, begins = [start], [0.0, np.pi / 2, np.pi, -np.pi / 2]
+    for centre, radius, sense, begin in product(centres, (0.25, 0.5, 0.9, 1.4), (1, -1), begins):
+        phases = sense * np.pi / 2 * np.arange(len(start)) - begin
+        yield _ellipse(problem, trajectory, centre, np.full(len(start), radius), phases)
 
 
 def _ellipse(
     problem: Problem, trajectory: CollocatedTrajectory, centre: Array, radius: Array, phases: Any
 ) -> CollocatedTrajectory:
-    """One round of σ on an ellipse, which passes through ``centre`` if the goal has values of σ at the start."""
-    w, shift = 2 * np.pi / trajectory.durations[0], np.cos(phases) if _has_sigma_start(problem) else 0.0
+    """One round of σ on an ellipse about ``centre``, from where a weighted sum of σ is extremal.
+
+    If the goal has values of σ at the start, it passes through ``centre`` instead.
+    """
+    w, shift = 2 * np.pi / trajectory.durations[0], 0.0
+    if _has_sigma_start(problem):
+        shift = np.cos(phases)
+    else:
+        phases = phases - np.angle(anchor_weights(len(phases)) @ (radius * np.exp(1j * phases)))
 
     def motion(t: float) -> tuple[Array, Array, Array]:
         """σ, σ̇ and σ̈."""

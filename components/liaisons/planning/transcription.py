@@ -319,13 +319,14 @@ def _constrained_program(
     """
     program = _collocated_program(problem, guess)
     opti = program.opti
-    opti.subject_to([program.residuals == 0, *_constraints(problem, guess, program)])
+    constraints = [program.residuals == 0, *_constraints(problem, guess, program)]
     end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
     if soft:
         opti.minimize(ca.sumsqr(end - ca.fmin(ca.fmax(end, problem.end.low), problem.end.high)))
     else:
-        opti.subject_to([*_row_constraints(problem.end, end)])
+        constraints += _row_constraints(problem.end, end)
         opti.minimize(program.cost)
+    opti.subject_to(constraints)
     return program
 
 
