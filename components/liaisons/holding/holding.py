@@ -36,7 +36,7 @@ from liaisons.holding.feedback import (
     spectral_radius,
     transition_matrix,
 )
-from liaisons.holding.observing import observe
+from liaisons.holding.observers import observe
 from liaisons.holding.sampling import SampledMechanism, in_directions
 from liaisons.holding.subjects import SETTINGS, planned_motion, sampled_subject
 from liaisons.language import Orientation

@@ -253,7 +253,8 @@ class _Program:
     knots: Any
     inner: Any
     controls: Any
-    after: Any  # states at the start of each phase but the first
+    later: list[int]  # first points of the phases but the first
+    after: Any  # states there
     impulses: Any  # of the contacts there
     residuals: Any  # of the equations at the collocation points, and at the ends of the intervals
     cost: Any
@@ -336,13 +337,13 @@ def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Progra
     first = 0
     for k, arc in enumerate(guess.arcs):
         yield from _path_constraints(problem.phase(k), arc, first, program)
+        yield from _degree_constraints(problem.phase(k), arc, first, program)
         first += arc.intervals
-    yield from _junction_constraints(problem, guess.arcs, program)
+    yield from _junction_constraints(problem, program)
     yield from _row_constraints(problem.start, problem.start.function(program.knots[:, 0]))
     for i in problem.closed:
         yield program.knots[i, -1] == program.knots[i, 0]
     yield from _phase_constraint(problem, program)
-    yield from _degree_constraints(problem, guess.arcs, program)
 
 
 def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | None:
@@ -435,6 +436,7 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         knots=knots,
         inner=inner,
         controls=controls,
+        later=later,
         after=after,
         impulses=impulses,
         residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - begin - gained @ to_ends),
@@ -450,14 +452,13 @@ def _nearest_impulses(rows: Rows, before: Array, after: Array, controls: Array) 
     return np.asarray(np.linalg.lstsq(matrix, -rest, rcond=None)[0], dtype=float)
 
 
-def _junction_constraints(problem: Problem, arcs: Sequence[Arc], program: _Program) -> Iterator[ca.MX]:
+def _junction_constraints(problem: Problem, program: _Program) -> Iterator[ca.MX]:
     """States before and after the start of each phase but the first, impulses and controls obey its conditions."""
-    later = phase_points(problem, arcs)[1:]
-    for k, (rows, (_, inside)) in enumerate(zip(problem.junctions, later, strict=True)):
-        first = inside.start
+    for k, (rows, first) in enumerate(zip(problem.junctions, program.later, strict=True)):
         controls = program.controls[:, first : first + DEGREE] @ TO_POWERS[0]
         before = program.knots[:, first // DEGREE]
-        yield from _row_constraints(rows, rows.function(before, program.after[:, k], program.impulses[:, k], controls))
+        values = rows.function(before, program.after[:, k], program.impulses[:, k], controls)
+        yield from _row_constraints(rows, values)
 
 
 def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
@@ -566,23 +567,21 @@ def _phase_constraint(problem: Problem, program: _Program) -> Iterator[ca.MX]:
     yield ca.dot(anchor_weights(len(problem.moves)), rates) == 0
 
 
-def _degree_constraints(problem: Problem, arcs: Sequence[Arc], program: _Program) -> Iterator[ca.MX]:
-    """The degree of the controls is lower by one if the cost depends on states only.
+def _degree_constraints(problem: Problem, arc: Arc, first: int, program: _Program) -> Iterator[ca.MX]:
+    """The degree of the controls in an arc is lower by one if the cost depends on states only.
 
     Otherwise the controls are not unique: multiples of the Legendre polynomial of degree ``DEGREE``, which vanishes at
     all points, cost nothing if they alternate from interval to interval.
+
+    :param first: interval of the arc.
     """
-    leading = TO_POWERS[-1]
-    first = 0
-    for k, arc in enumerate(arcs):
-        cost = problem.phase(k).cost
-        inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
-        first += arc.intervals
-        held = [problem.path.labels[i] for i, _ in arc.active_bounds]
-        on_states_only = [cost.jac_sparsity(0, i).nnz() > 0 for i in (0, 1)] == [True, False]
-        if on_states_only and set(held) <= set(problem.moves):  # else all may be needed to hold the row
-            for i in (i for i, name in enumerate(problem.moves) if name not in held):
-                yield leading[None, :] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0
+    inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
+    held = {problem.path.labels[i] for i, _ in arc.active_bounds}
+    on_states_only = [problem.cost.jac_sparsity(0, i).nnz() > 0 for i in (0, 1)] == [True, False]
+    if on_states_only and held <= set(problem.moves):  # else all may be needed to hold the row
+        for i, name in enumerate(problem.moves):
+            if name not in held:
+                yield TO_POWERS[None, -1] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0
 
 
 def anchor_weights(count: int) -> Array:
