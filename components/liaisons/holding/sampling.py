@@ -19,11 +19,11 @@ from scipy.linalg import expm
 
 from liaisons.base.hermite import coefficients
 from liaisons.errors import PlanError, suggestion
-from liaisons.expressions.algebra import closure, stack
+from liaisons.expressions.algebra import closure
 from liaisons.holding.feedback import Step, image, spectral_radius
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
-from liaisons.planning.goals import Array, Goal, by_name, motion_names, unit_quaternion
+from liaisons.planning.goals import Array, Goal, by_name, motion_names
 from liaisons.planning.symbols import GoalSymbols, goal_symbols
 from liaisons.planning.transcription import runge_kutta
 
@@ -55,7 +55,7 @@ class SampledMechanism:
         longest: float,
         extents: Mapping[str, float] | None = None,
     ) -> None:
-        self.symbols = symbols = _with_unit_quaternions(goal_symbols(goal))
+        self.symbols = symbols = goal_symbols(goal)
         self.interpolate = interpolate
         self.name, self.moves = symbols.name, goal.moves
         starts, start = symbols.start_parameters, symbols.start
@@ -65,8 +65,7 @@ class SampledMechanism:
         self.sigma[:, 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
         self._default_time, self._longest_radian = time, longest
         self._extents = extents or {}
-        first = ca.Function("start", symbols.arguments, [symbols.initial_state])
-        self.start = np.array(first(symbols.declared_state, *self.sigma.T)).ravel()
+        self.start = symbols.first_state
         self.state_indices = self._coupled_states()
         self.names = [symbols.state_names[i] for i in self.state_indices]
         self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
@@ -418,24 +417,10 @@ class SampledMechanism:
         return ca.Function("forces", self.symbols.arguments, [ca.densify(columns)])
 
 
-def _with_unit_quaternions(symbols: GoalSymbols) -> GoalSymbols:
-    """The same symbols, with unit quaternions as start values of orientations."""
-    parameters, start = dict(symbols.parameters), symbols.start
-    for name, axes in symbols.quaternions.items():
-        if name in start:
-            unit = unit_quaternion(f"{symbols.name}: {name}", start[name])
-            parameters |= by_name((symbols.start_parameters[axis] for axis in axes), map(float, unit))
-    return replace(symbols, parameters=parameters)
-
-
 def _projected(symbols: GoalSymbols) -> ca.SX:
     """All states of a mechanism, projected onto the constraints."""
     project = symbols.model.project
-    if project is None:
-        return symbols.state
-    inputs = stack((symbols.inputs | symbols.moved).values())
-    parameters = stack(symbols.parameters.values())
-    return project(0, ca.vertcat(symbols.state, 0, 0), inputs, parameters)
+    return symbols.state if project is None else project(*symbols.model_arguments[:4])
 
 
 def _powers(part: Any, H: ca.MX | float) -> Any:

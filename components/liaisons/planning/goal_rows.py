@@ -125,10 +125,7 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
     """Rows of the state, of σ and of σ̇ at the start: values and ranges of the goal, others as declared."""
     if is_expression(symbols.goal.start):
         return _vanishing_rows(symbols, "start", symbols.goal.start)
-    owner, start, rows = symbols.name, dict(symbols.start), []
-    for name, axes in symbols.quaternions.items():
-        if name in start:
-            start |= by_name(axes, unit_quaternion(f"{owner}: {name}", start[name]).tolist())
+    owner, start, rows = symbols.name, symbols.start, []
     for i, name in enumerate(symbols.state_names):
         symbol, parameter = symbols.state[i], symbols.start_parameters.get(name, "")
         if name not in start and not parameter:
