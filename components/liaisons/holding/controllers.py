@@ -24,9 +24,9 @@ from liaisons.holding.observers import Observer, add_mechanism, normal_verdict
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
-from liaisons.library import Target, component, fmu_file, model
+from liaisons.library import Target, fmu_file
 from liaisons.models import regulator
-from liaisons.planning.goals import Array, by_name, chain_size, motion_names
+from liaisons.planning.goals import Array, by_name, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 
@@ -85,6 +85,7 @@ class Controller:
     moves: tuple[str, ...]
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
+    ports: tuple[str, ...]  # inputs of the mechanism that are free
     states: tuple[str, ...]  # that are read: the mechanism's, σ if it is held, σ̇, σ̈
     trajectory: ReferenceTrajectory
     gains: Array  # (times, moves, states); after the end the last ones
@@ -296,11 +297,8 @@ class Controller:
         :param first: the first force tried; unless given a thousandth of one whose work is a typical kinetic energy.
         :raises PlanError: if the port is no free input, or a number is not finite and greater than 0.
         """
-        inputs = model(component(self.component), **chain_size(self.component, self.values)).flat().inputs
-        moved = {name for move in self.moves for name in motion_names(move)}
-        ports = [v.name for v in inputs if v.name not in moved]
-        if port not in ports:
-            raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
+        if port not in self.ports:
+            raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, self.ports)}")
         positive("survives: duration", duration, PlanError)
         ends = self.trajectory.after == "ends"
         settled = self.duration if ends else max(self.duration, duration) + self._settling

@@ -371,6 +371,7 @@ def _controller(
         moves=sampled.moves,
         step_size=H,
         free=sampled.free,
+        ports=tuple(sampled.ports),
         states=sampled.states,
         trajectory=trajectory,
         gains=np.array(

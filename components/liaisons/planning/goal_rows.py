@@ -125,22 +125,17 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
     """Rows of the state, of σ and of σ̇ at the start: values and ranges of the goal, others as declared."""
     if is_expression(symbols.goal.start):
         return _vanishing_rows(symbols, "start", symbols.goal.start)
-    owner, start, rows = symbols.name, symbols.start, []
-    for i, name in enumerate(symbols.state_names):
-        symbol, parameter = symbols.state[i], symbols.start_parameters.get(name, "")
-        if name not in start and not parameter:
-            rows.append(Row(name, symbol - symbols.initial_state[i]))
-            continue
-        value = start[name] if name in start else symbols.parameters[parameter]
-        if value is not None:
-            rows.append(Row(name, symbol, *value_range(owner, "start", name, value)))
-    for i, move in enumerate(symbols.goal.moves):
-        default = None if move in symbols.goal.closed else symbols.initial_sigma[i]
-        defaults = (default, None)
-        for name, column, otherwise in zip(motion_names(move)[:2], symbols.motion[:2], defaults, strict=True):
-            value = start.get(name, otherwise)
-            if value is not None:
-                rows.append(Row(name, column[i], *value_range(owner, "start", name, value)))
+    goal, names, starts = symbols.goal, symbols.state_names, symbols.start_parameters
+    values: dict[str, Any] = {name: symbols.parameters[starts[name]] for name in names if name in starts}
+    moved = [name for move in goal.moves for name in motion_names(move)[:2]]
+    sigma = by_name(goal.moves, symbols.initial_sigma)
+    values |= {name: None if name in goal.closed else sigma.get(name) for name in moved} | dict(symbols.start)
+    others, rows = by_name(names, ca.vertsplit(symbols.state - symbols.initial_state)), []
+    for name in (*names, *moved):
+        if name not in values:
+            rows.append(Row(name, others[name]))
+        elif values[name] is not None:
+            rows.append(Row(name, symbols.signals[name], *value_range(symbols.name, "start", name, values[name])))
     return rows
 
 
