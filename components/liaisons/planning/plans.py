@@ -164,7 +164,7 @@ class Plan:
         """
         finite("time_limit", time_limit, PlanError)
         clock, solution = Clock(time_limit), relative(self.problem, self.solution)
-        return verdicts(self.problem.relative, solution, self.replay(), clock)
+        return verdicts(solution, self.replay(), clock)
 
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals of the replay: moved and free coordinates, unless names are given."""
@@ -248,7 +248,7 @@ class Plan:
                 raise PlanError(
                     f"{path}: {name} is a function, which no file holds; write it as text, 'pivot_x_ddot**2'"
                 )
-        solution = {k: v for k, v in vars(self.solution).items() if k != "trajectory"}
+        solution = {k: v for k, v in vars(self.solution).items() if k not in {"problem", "trajectory"}}
         document = {"goal": goal, "track": vars(self.solution.trajectory), "solution": solution}
         text = json.dumps(document, default=_json_value, indent=1)
         with replacing(path) as part:
@@ -373,6 +373,7 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
     return Solution(
+        problem=problem,
         trajectory=CollocatedTrajectory(arcs, **columns),
         cost=float(values.pop("cost")),
         status=str(document["status"]),

@@ -181,6 +181,7 @@ class Clock:
 class Solution:
     """A solution of the nonlinear program, or the last iterate."""
 
+    problem: Problem
     trajectory: CollocatedTrajectory
     cost: float
     status: str  # of IPOPT
@@ -228,6 +229,7 @@ def _scaled(problem: Problem, target: Problem, solution: Solution, power: int) -
         time = low / float(trajectory.durations.sum())  # target the last digit
     return replace(
         solution,
+        problem=target,
         trajectory=CollocatedTrajectory(
             arcs=tuple(
                 replace(arc, active_bounds=tuple(held(*row) for row in arc.active_bounds)) for arc in trajectory.arcs
@@ -300,6 +302,7 @@ def solve(
     if equalities and not soft:
         multipliers[equalities] = -duals[-len(equalities) :]
     return Solution(
+        problem=problem,
         trajectory=trajectory,
         cost=float(opti.debug.value(program.cost)),
         status=status,
@@ -346,13 +349,13 @@ def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Progra
     yield from _phase_constraint(problem, program)
 
 
-def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | None:
+def curvature(solution: Solution, clock: Clock) -> Array | None:
     """Eigenvalues of the reduced Hessian at a solution, ascending; None where there are none, or IPOPT leaves it.
 
     The Hessian is that of the Lagrangian, in the L2 norm of the controls: states follow from controls by the linearised
     equations, and its directions are those in which active constraints do not change.
     """
-    trajectory = solution.trajectory
+    problem, trajectory = solution.problem, solution.trajectory
     opti = _constrained_program(problem, trajectory).opti
     if _run_ipopt(opti, near=True, most=_MOST_ITERATIONS, clock=clock, barrier=1e-5) not in _SUCCESSES:
         return None
