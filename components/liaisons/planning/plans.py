@@ -298,8 +298,8 @@ def _even_step(end: float, longest: float) -> float:
 
 def _value_and_derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
     """Value, first and second derivative at times after the starts of the intervals k, (3, n)."""
-    polynomials = [polynomial, polynomial.derivative(), polynomial.derivative().derivative()]
-    return np.array([sum(c * local**n for n, c in enumerate(p.c[::-1, k])) + 0 * local for p in polynomials])
+    derivatives = (polynomial.derivative(order).c[::-1, k] for order in range(3))
+    return np.array([sum(c * local**n for n, c in enumerate(powers)) + 0 * local for powers in derivatives])
 
 
 def _json_value(value: Any) -> Any:

@@ -206,30 +206,30 @@ class Solution:
 
 def in_si(problem: Problem, solution: Solution) -> Solution:
     """A solution of the relative problem in SI units."""
-    return _scaled(problem, problem, solution, 1)
+    return _scaled(problem, solution, 1)
 
 
 def relative(problem: Problem, solution: Solution) -> Solution:
     """A solution in SI units as one of the relative problem."""
-    return _scaled(problem, problem.relative, solution, -1)
+    return _scaled(problem.relative, solution, -1)
 
 
-def _scaled(problem: Problem, target: Problem, solution: Solution, power: int) -> Solution:
-    """A solution multiplied by a power of the scales, with the active bounds of the other problem."""
-    scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
+def _scaled(problem: Problem, solution: Solution, power: int) -> Solution:
+    """A solution multiplied by a power of the scales, as that of a problem, with the active bounds of this."""
+    scales, path = problem.scales, solution.problem.path
     X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
 
     def held(i: int, bound: float) -> tuple[int, float]:
-        """The active bound as the other problem has it."""
-        return i, float(target.path.low[i] if bound == path.low[i] else target.path.high[i])
+        """The active bound as the problem has it."""
+        return i, float(problem.path.low[i] if bound == path.low[i] else problem.path.high[i])
 
-    trajectory, (low, high) = solution.trajectory, target.duration
+    trajectory, (low, high) = solution.trajectory, problem.duration
     if low == high:
-        time = low / float(trajectory.durations.sum())  # target the last digit
+        time = low / float(trajectory.durations.sum())  # to the last digit
     return replace(
         solution,
-        problem=target,
+        problem=problem,
         trajectory=CollocatedTrajectory(
             arcs=tuple(
                 replace(arc, active_bounds=tuple(held(*row) for row in arc.active_bounds)) for arc in trajectory.arcs
