@@ -130,10 +130,10 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
     moved = [name for move in goal.moves for name in motion_names(move)[:2]]
     sigma = by_name(goal.moves, symbols.initial_sigma)
     values |= {name: None if name in goal.closed else sigma.get(name) for name in moved} | dict(symbols.start)
-    others, rows = by_name(names, ca.vertsplit(symbols.state - symbols.initial_state)), []
+    implied, rows = by_name(names, ca.vertsplit(symbols.state - symbols.initial_state)), []
     for name in (*names, *moved):
         if name not in values:
-            rows.append(Row(name, others[name]))
+            rows.append(Row(name, implied[name]))
         elif values[name] is not None:
             rows.append(Row(name, symbols.signals[name], *value_range(symbols.name, "start", name, values[name])))
     return rows

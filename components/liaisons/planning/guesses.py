@@ -134,22 +134,16 @@ def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTr
     controls = np.array([moves.get(name, 0.0) * profile for name in problem.moves])
     if problem.control_order == 0:
         controls += problem.initial_sigma[:, None]
-    rng = np.random.default_rng(k)
     size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max()) / T**problem.control_order
-    shake = size * np.array([_random_waves(rng, points) for _ in problem.moves])
+    w = np.pi * np.arange(1, 4)[:, None]
+    sines, cosines = np.random.default_rng(k).normal(size=(len(problem.moves), 2, 3)).swapaxes(0, 1) / w.T
+    shake = size * (sines @ np.sin(w * points) + cosines @ np.cos(w * points))
     return replace(trajectory, knots=states(knots), inner=states(points), controls=controls + shake)
 
 
 def _smooth_step(u: Any, T: float) -> tuple[Any, Any, Any]:
     """Value, rate [1/s] and acceleration [1/s²] of the quintic from 0 to 1 that rests at both ends."""
     return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2
-
-
-def _random_waves(rng: np.random.Generator, u: Array) -> Array:
-    """Sum of three sines and cosines with random amplitudes, at fractions u of the duration."""
-    a, b = rng.normal(size=(2, 3))
-    k = np.pi * np.arange(1, 4)
-    return a / k @ np.sin(np.outer(k, u)) + b / k @ np.cos(np.outer(k, u))
 
 
 def _closed_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:

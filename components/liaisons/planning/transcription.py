@@ -124,9 +124,9 @@ class CollocatedTrajectory:
             """Rows at other times; at a break those before it."""
             own_times = times / scale * breaks[-1]
             interval = np.searchsorted(breaks[1:-1], own_times)
-            places = (own_times - breaks[interval]) / np.diff(breaks)[interval]
+            fractions = (own_times - breaks[interval]) / np.diff(breaks)[interval]
             points = interval[:, None] * DEGREE + np.arange(DEGREE)
-            return (rows[:, points] * (places[:, None] ** POWERS @ TO_POWERS)).sum(axis=-1)
+            return (rows[:, points] * (fractions[:, None] ** POWERS @ TO_POWERS)).sum(axis=-1)
 
         knots, inner = (resampled(self.inner, times) for times in (blank.breaks, blank.instants))
         return replace(blank, knots=knots, inner=inner, controls=resampled(self.controls, blank.instants))
