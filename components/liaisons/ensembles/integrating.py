@@ -20,6 +20,7 @@ from liaisons.ensembles.methods import METHODS, Tableau
 from liaisons.ensembles.right_hand_sides import (
     INTEGRALS,
     check_record,
+    domain_gaps,
     operator_models,
     right_hand_side,
     settable,
@@ -320,10 +321,7 @@ def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Flo
     texts: dict[int, str] = {}
     for name, array in arrays.items():
         variable, values = variables[name], np.broadcast_to(array, count)
-        less = np.less if variable.strict else np.less_equal
-        low = -np.inf if variable.minimum is None else variable.minimum
-        high = np.inf if variable.maximum is None else variable.maximum
-        allowed = np.isfinite(values) & less(low, values) & less(values, high)
+        allowed = np.all([np.isfinite(values), *(gap > 0 for gap in domain_gaps(variable, values))], axis=0)
         for case in np.flatnonzero(~allowed).tolist():
             texts.setdefault(case, f"{name} = {values[case]:g}: must be {variable.domain() or 'finite'}")
     return texts

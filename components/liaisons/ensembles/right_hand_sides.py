@@ -217,8 +217,9 @@ def right_hand_side(
     projected = y if model.project is None else _scalars(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
     conditions, begun = (_scalars(model.conditions, *point, memory)[0] for point in ((t, y, u, k), at_start))
-    domains = [(v, bound) for v in model.inputs for bound in domain_gaps(v, inputs[v.name]) if v.name not in symbol_of]
-    conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
+    moving_inputs = [v for v in model.inputs if v.name not in symbol_of and not inputs[v.name].is_constant()]
+    domains = [(v, gap) for v in moving_inputs for gap in domain_gaps(v, inputs[v.name])]
+    conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(gap for _, gap in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
 
     before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
@@ -343,11 +344,11 @@ def _event_instants(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:
     return _scalars(model.events, *(k, t)[: model.events.n_in()])[0]
 
 
-def domain_gaps(variable: Variable, value: ca.SX) -> list[ca.SX]:
-    """Expressions that are > 0 while a variable is in its domain; none if it does not move."""
+def domain_gaps(variable: Variable, value: Any) -> list[Any]:
+    """Expressions or numbers that are > 0 while a variable is in its domain."""
     gaps = [value - variable.minimum] if variable.minimum is not None else []
     gaps += [variable.maximum - value] if variable.maximum is not None else []
-    return [gap if variable.strict else gap >= 0 for gap in gaps if not gap.is_constant()]
+    return [gap if variable.strict else gap >= 0 for gap in gaps]
 
 
 def _scalars(function: ca.Function, *arguments: Any) -> list[ca.SX]:
