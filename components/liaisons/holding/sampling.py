@@ -434,7 +434,7 @@ def _correction_step(H: float, period: float, count: int) -> Step:
     """M and N of (x, x', x'') -> M (x, x', x'') + N w, a step of corrections with d x''/dt = (w - x'') / period."""
     flow = np.diag([1.0, 1.0, 1 / period], 1)  # of x, x', x'' and w
     flow[2, 2] = -1 / period
-    step = np.kron(expm(H * flow)[:3], np.eye(count))
+    step: Any = np.kron(expm(H * flow)[:3], np.eye(count))
     return step[:, : 3 * count], step[:, 3 * count :]
 
 
