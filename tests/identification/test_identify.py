@@ -452,7 +452,7 @@ def test_time_that_is_over(segments: int) -> None:
     with pytest.raises(IdentificationError, match="time_limit has passed; give other start values") as error:
         identify("Pendulum", pendulum(), unknown=["length", "theta_0"], time_limit=1e-9, **options)
     assert error.value.fit.values["length"] == 2.0
-    assert error.value.fit.estimate.objective.deadline == np.inf  # what was reached can be looked at
+    assert error.value.fit.estimate.problem.deadline == np.inf  # what was reached can be looked at
 
 
 def test_a_time_offset_alone() -> None:

@@ -345,7 +345,8 @@ def test_what_acts_on_a_bounded_force_shares_it() -> None:
     trajectory, limits = regulator.trajectory, regulator.correction_limits
     least, most = limits["lowest"].T, limits["highest"].T
     for (x, sigma), low, high in zip(trajectory.points, least, most, strict=True):
-        forces, masses = np.hsplit(sampled.forces(x[: len(sampled.names)], sigma), [1])
+        point = sampled.full_state(x[: len(sampled.names)]), *sigma.T
+        forces, masses = np.hsplit(np.array(sampled.forces_and_mass(*point)), [1])
         assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
 
 

@@ -19,7 +19,6 @@ from liaisons.ensembles.kernel import (
     combine_code,
     head_code,
     move_code,
-    projection,
     step_code,
 )
 from liaisons.ensembles.right_hand_sides import RightHandSide
@@ -453,7 +452,7 @@ def source(equations: RightHandSide, purpose: Purpose) -> str:
     t, k, s, y = equations.symbols
     point, variables = argument_columns(equations, star=""), ca.vertcat(t, k, y)
     lines, numbers = list[str](), 1
-    for name, value in (("rates", equations.rates), ("project", projection(equations))):
+    for name, value in (("rates", equations.rates), ("project", equations.projected)):
         if purpose == "tangents":
             seeds = [(ca.SX.sym("d", column.numel()), f"*d{array}") for column, array in (*point[:2], point[3])]
             late = ca.densify(ca.jtimes(value, variables, ca.vertcat(*(column for column, _ in seeds))))

@@ -20,6 +20,7 @@ from liaisons.ensembles.methods import METHODS, Tableau
 from liaisons.ensembles.right_hand_sides import (
     INTEGRALS,
     check_record,
+    domain_gaps,
     operator_models,
     right_hand_side,
     settable,
@@ -224,31 +225,29 @@ def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floa
     rows, steps = [*cases.names, *(state.name for state in cases.model.states)], cases.steps()
     points = np.linspace(cases.time[0], cases.time[-1], (len(cases.time) - 1) * steps + 1)
 
-    def run(tolerance: float) -> tuple[Floats, dict[int, str]]:
-        """Outputs and states, (rows, times, cases), and reasons of failures."""
-        records, failures = np.empty((len(cases.time), count, len(rows))), dict[int, str]()
+    tolerances = [model.experiment.tolerance / _TIGHTER] * estimate + [0.0]
+    records, reasons = np.empty((len(tolerances), len(cases.time), count, len(rows))), dict[int, str]()
 
-        def run_chunk(chunk: slice) -> None:
-            members = Members(model, len(values[chunk]))
+    def run_chunk(chunk: slice) -> None:
+        """Step some members with each tolerance, last with that of the model; reasons of failures are of that."""
+        members = Members(model, len(values[chunk]))
+        for record, tolerance in zip(records, tolerances, strict=True):
             members.start(names, values[chunk], time=points[0], tolerance=tolerance)
-            records[0, chunk] = members.read(rows)
-            for k in range(1, len(records)):
+            record[0, chunk] = members.read(rows)
+            for k in range(1, len(record)):
                 members.step(points[(k - 1) * steps : k * steps + 1])
-                records[k, chunk] = members.read(rows)
-            failures.update((chunk.start + i, reason) for i, reason in members.failures().items())
+                record[k, chunk] = members.read(rows)
+        reasons.update((chunk.start + i, reason) for i, reason in members.failures().items())
 
-        cases.in_threads(run_chunk, count, _MEMBERS)
-        return records.transpose(2, 0, 1), failures
-
-    (fine, reasons), recorded = run(0.0), len(cases.names)
+    cases.in_threads(run_chunk, count, _MEMBERS)
+    (*tighter, fine), recorded = records.transpose(0, 3, 1, 2), len(cases.names)
     varied = [i for i, array in enumerate(cases.arrays.values()) if array.ndim]
     failures: Failures = {}
     for case, reason in reasons.items():
         own = ", ".join(f"{names[i]} = {values[case, i]:g}" for i in varied)
         failures[case] = int(np.argmax(np.isnan(fine[0, :, case]))), f"{own}: {reason}"
     errors = None
-    if estimate:
-        exact, _ = run(model.experiment.tolerance / _TIGHTER)
+    for exact in tighter:
         changes = np.max(np.where(np.isnan(exact) & ~np.isnan(fine), np.inf, np.abs(fine - exact)), axis=1)
         diverges = changes[recorded:] > _LARGEST_DIFFERENCE * np.max(np.abs(fine[recorded:]), axis=1)
         errors = np.where(diverges.any(axis=0), np.inf, changes[:recorded])
@@ -322,10 +321,7 @@ def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Flo
     texts: dict[int, str] = {}
     for name, array in arrays.items():
         variable, values = variables[name], np.broadcast_to(array, count)
-        less = np.less if variable.strict else np.less_equal
-        low = -np.inf if variable.minimum is None else variable.minimum
-        high = np.inf if variable.maximum is None else variable.maximum
-        allowed = np.isfinite(values) & less(low, values) & less(values, high)
+        allowed = np.all([np.isfinite(values), *(gap > 0 for gap in domain_gaps(variable, values))], axis=0)
         for case in np.flatnonzero(~allowed).tolist():
             texts.setdefault(case, f"{name} = {values[case]:g}: must be {variable.domain() or 'finite'}")
     return texts

@@ -75,10 +75,10 @@ def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: 
 
     :param keeps: whether ``step`` has an argument for the states at the stages and before the projection.
     """
-    point, projects = argument_columns(equations), keeps or equations.projected is not None
+    point, projects = argument_columns(equations), keeps or not ca.is_equal(equations.projected, equations.symbols[3])
     most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
     lines = [*c_function("rates", point, [(equations.rates, "*f")], most)]
-    lines += c_function("project", point, [(projection(equations), "*f")], most) if projects else ()
+    lines += c_function("project", point, [(equations.projected, "*f")], most) if projects else ()
     lines.append(f"static void step({_STEP}{', double *restrict kept' if keeps else ''})\n{{")
     lines.append(f"    double time, f[S * N * D]{'' if keeps else ', at[N * D]'};")
     for stage, row in enumerate(tableau.rows):
@@ -97,11 +97,6 @@ def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: 
 def argument_columns(equations: RightHandSide, star: str = "*") -> list[Column]:
     """Symbols and array names of t, k, s and y; k and y with D numbers an entry, or one if ``star`` is empty."""
     return list(zip(equations.symbols, ("t", f"{star}k", "s", f"{star}y"), strict=True))
-
-
-def projection(equations: RightHandSide) -> ca.SX:
-    """The state projected onto the constraints; the state itself where there are none."""
-    return equations.symbols[3] if equations.projected is None else equations.projected
 
 
 def move_code(tableau: Tableau) -> Iterator[str]:

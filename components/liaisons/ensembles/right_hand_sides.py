@@ -60,7 +60,7 @@ class RightHandSide:
     :param symbols: t, lanes, shared and y, what expressions are made of.
     :param start: y at the start, of lanes and shared alone.
     :param rates: of y.
-    :param projected: y put back onto constraints; None: no need.
+    :param projected: y put back onto constraints; y itself where there are none.
     :param outputs: what is recorded.
     :param conditions: must stay > 0.
     :param condition_texts: one a condition.
@@ -75,7 +75,7 @@ class RightHandSide:
     symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
     start: ca.SX
     rates: ca.SX
-    projected: ca.SX | None
+    projected: ca.SX
     outputs: ca.SX
     conditions: ca.SX
     condition_texts: tuple[str, ...]
@@ -214,11 +214,12 @@ def right_hand_side(
     remembered = _scalars(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
     outputs = _scalars(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
     rates = _scalars(model.derivatives, t, y, u, k, memory)[0]
-    projected = None if model.project is None else _scalars(model.project, t, y, u, k)[0]
+    projected = y if model.project is None else _scalars(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
     conditions, begun = (_scalars(model.conditions, *point, memory)[0] for point in ((t, y, u, k), at_start))
-    domains = [(v, bound) for v in model.inputs for bound in domain_gaps(v, inputs[v.name]) if v.name not in symbol_of]
-    conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
+    moving_inputs = [v for v in model.inputs if v.name not in symbol_of and not inputs[v.name].is_constant()]
+    domains = [(v, gap) for v in moving_inputs for gap in domain_gaps(v, inputs[v.name])]
+    conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(gap for _, gap in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
 
     before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
@@ -260,7 +261,7 @@ def _reduced(whole: RightHandSide) -> RightHandSide | None:
         symbols=(*whole.symbols[:3], y[needed]),
         start=whole.start[needed],
         rates=whole.rates[needed],
-        projected=None if whole.projected is None else whole.projected[needed],
+        projected=whole.projected[needed],
         landed=None if landed is None or ca.is_equal(landed[needed], y[needed], 1) else landed[needed],
         sizes=whole.sizes[needed],
         contacts=contacts and replace(contacts, pushed=contacts.pushed[needed], restored=contacts.restored[needed]),
@@ -320,7 +321,7 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
         symbols=(*whole.symbols[:3], ca.vertcat(y, sums)),
         start=ca.vertcat(whole.start, still),
         rates=ca.vertcat(whole.rates, still),
-        projected=None if whole.projected is None else ca.vertcat(whole.projected, sums),
+        projected=ca.vertcat(whole.projected, sums),
         landed=None if whole.landed is None else ca.vertcat(whole.landed, sums),
         sizes=ca.vertcat(whole.sizes, still + 1),
         contacts=columns,
@@ -343,11 +344,11 @@ def _event_instants(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:
     return _scalars(model.events, *(k, t)[: model.events.n_in()])[0]
 
 
-def domain_gaps(variable: Variable, value: ca.SX) -> list[ca.SX]:
-    """Expressions that are > 0 while a variable is in its domain; none if it does not move."""
+def domain_gaps(variable: Variable, value: Any) -> list[Any]:
+    """Expressions or numbers that are > 0 while a variable is in its domain."""
     gaps = [value - variable.minimum] if variable.minimum is not None else []
     gaps += [variable.maximum - value] if variable.maximum is not None else []
-    return [gap if variable.strict else gap >= 0 for gap in gaps if not gap.is_constant()]
+    return [gap if variable.strict else gap >= 0 for gap in gaps]
 
 
 def _scalars(function: ca.Function, *arguments: Any) -> list[ca.SX]:

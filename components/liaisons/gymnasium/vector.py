@@ -74,21 +74,21 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         """Derive equations in which moved coordinates, and the time of each copy, are states."""
         task, moved = self.task, self._moved
         outputs = [variable.name for variable in model.outputs]
-        found = right_hand_side(model, {}, lanes=self._names, shared=self._common, record=outputs)
-        t, each, once, y = found.symbols
+        original = right_hand_side(model, {}, lanes=self._names, shared=self._common, record=outputs)
+        t, each, once, y = original.symbols
         lanes, clock = dict(zip(self._names, ca.vertsplit(each), strict=True)), ca.SX.sym("clock")
         followed = ca.vertcat(*(lanes[name] for name in moved), clock)
         columns = each[self._fixed], once, ca.vertcat(y, followed)
-        expressions = [found.rates, found.outputs, found.conditions, y if found.projected is None else found.projected]
+        expressions = [original.rates, original.outputs, original.conditions, original.projected]
         rates, readings, conditions, projected = ca.substitute(expressions, [t], [clock])
         equations = replace(
-            found,
+            original,
             symbols=(t, *columns),
             rates=ca.vertcat(rates, *(lanes[name] for port in task.ports for name in port[1:]), 1),
-            projected=None if found.projected is None else ca.vertcat(projected, followed),
+            projected=ca.vertcat(projected, followed),
         )
         step = compiled(equations, METHODS["rk8"], self._shared)
-        starts = program([each, once], [ca.vertcat(found.start, *(lanes[name] for name in moved), 0)])
+        starts = program([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])
 
         def advance(size: float) -> Floats:
             blocks, fixed = packs(self._states, fill="edge"), packs(self._values[self._fixed], fill="edge")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from liaisons.holding.controllers import Controller
 from liaisons.holding.holding import hold
-from liaisons.holding.observers import Observer
-from liaisons.holding.observing import observe
+from liaisons.holding.observers import Observer, observe
 
 __all__ = ["Controller", "Observer", "hold", "observe"]

@@ -24,9 +24,9 @@ from liaisons.holding.observers import Observer, add_mechanism, normal_verdict
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.language.operator import TRIPLE
-from liaisons.library import Target, component, fmu_file, model
+from liaisons.library import Target, fmu_file
 from liaisons.models import regulator
-from liaisons.planning.goals import Array, by_name, chain_size, motion_names
+from liaisons.planning.goals import Array, by_name, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 
@@ -74,41 +74,30 @@ class ReferenceTrajectory:
 
 @final
 @dataclass(frozen=True, eq=False)
-class LinearPrediction:
-    """Prediction of deviations, to first order, over one step or over the whole reference trajectory."""
-
-    loop: Array  # matrix of the closed loop, in the directions
-    directions: Array  # of deviations at the start (states, directions)
-    final_directions: Array  # the same at the end
-    reach: Array  # (directions, ·) basis of the controllable ones
-    conserved: tuple[str, ...]  # states, or sums of them, that no input changes
-    returns: bool  # whether the trajectory ends where it starts, up to the mechanism's orientation
-    cost: tuple[Array, Array, Array] | None = None  # B, Q and R at an equilibrium whose deviations are controllable
-
-    def multipliers(self, matrix: Array) -> NDArray[np.complex128]:
-        """Eigenvalues of a matrix, greatest first; its singular values unless the trajectory returns."""
-        if not self.returns:
-            return np.linalg.svd(matrix, compute_uv=False).astype(complex)
-        eigenvalues = np.linalg.eigvals(matrix).astype(complex)
-        return eigenvalues[np.argsort(-np.abs(eigenvalues), kind="stable")]
-
-
-@final
-@dataclass(frozen=True, eq=False)
 class Controller:
-    """A mechanism with sampled feedback, from :func:`liaisons.hold`: once a step w = -gains (x - x_0)."""
+    """A mechanism with sampled feedback, from :func:`liaisons.hold`: once a step w = -gains (x - x_0).
+
+    To first order deviations, divided by sizes, are predicted over one step, or over the whole trajectory.
+    """
 
     name: str  # of the component
     component: Target
     moves: tuple[str, ...]
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
+    ports: tuple[str, ...]  # inputs of the mechanism that are free
     states: tuple[str, ...]  # that are read: the mechanism's, σ if it is held, σ̇, σ̈
     trajectory: ReferenceTrajectory
     gains: Array  # (times, moves, states); after the end the last ones
     correction_limits: Mapping[str, Array]  # bounds of corrections by names of a Regulator: (moves, times)
-    prediction: LinearPrediction
-    sizes: Array  # of the states, by which the prediction is divided
+    loop: Array  # matrix of the closed loop, in the directions
+    directions: Array  # of deviations at the start (states, directions)
+    final_directions: Array  # the same at the end
+    reach: Array  # (directions, ·) basis of the controllable ones
+    conserved: tuple[str, ...]  # states, or sums of them, that no input changes
+    returns: bool  # whether the trajectory ends where it starts, up to the mechanism's orientation
+    cost: tuple[Array, Array, Array] | None  # B, Q and R at an equilibrium whose deviations are controllable
+    sizes: Array  # of the states, by which deviations are divided
     energy: float  # kinetic energy of a motion by these sizes in the time below [J]
     time: float  # in which states change by their sizes [s]
     values: Mapping[str, float]  # of parameters, as given
@@ -122,33 +111,25 @@ class Controller:
         return float(self.trajectory.times[-1]) or self.step_size
 
     @property
-    def loop(self) -> Array:
-        """Matrix of deviations, divided by sizes, over one step or the whole trajectory."""
-        return self.prediction.loop
-
-    @property
-    def conserved(self) -> tuple[str, ...]:
-        """States, or sums of them, that no input changes."""
-        return self.prediction.conserved
-
-    @property
-    def returns(self) -> bool:
-        """Whether the trajectory ends where it starts, up to the mechanism's orientation."""
-        return self.prediction.returns
-
-    @property
     def floquet_multipliers(self) -> NDArray[np.complex128]:
         """Eigenvalues of the closed loop over one step or one round, greatest first; 1 for conserved quantities.
 
         For a plan that does not return the singular values: factors of deviations from start to end.
         """
-        return self.prediction.multipliers(self.loop)
+        return self._multipliers(self.loop)
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
         """Multipliers of the closed loop in the controllable directions; all lie inside the unit circle."""
-        reach = self.prediction.reach
-        return self.prediction.multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
+        reach = self.reach
+        return self._multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
+
+    def _multipliers(self, matrix: Array) -> NDArray[np.complex128]:
+        """Eigenvalues of a matrix, greatest first; its singular values unless the trajectory returns."""
+        if not self.returns:
+            return np.linalg.svd(matrix, compute_uv=False).astype(complex)
+        eigenvalues = np.linalg.eigvals(matrix).astype(complex)
+        return eigenvalues[np.argsort(-np.abs(eigenvalues), kind="stable")]
 
     def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
         """The mechanism connected with one regulator FMU for each moved coordinate.
@@ -316,11 +297,8 @@ class Controller:
         :param first: the first force tried; unless given a thousandth of one whose work is a typical kinetic energy.
         :raises PlanError: if the port is no free input, or a number is not finite and greater than 0.
         """
-        inputs = model(component(self.component), **chain_size(self.component, self.values)).flat().inputs
-        moved = {name for move in self.moves for name in motion_names(move)}
-        ports = [v.name for v in inputs if v.name not in moved]
-        if port not in ports:
-            raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
+        if port not in self.ports:
+            raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, self.ports)}")
         positive("survives: duration", duration, PlanError)
         ends = self.trajectory.after == "ends"
         settled = self.duration if ends else max(self.duration, duration) + self._settling
@@ -384,7 +362,7 @@ class Controller:
                 with ignored_warnings():  # of long steps: the matrix contains the sampling
                     runs.append(self._simulate(system.with_start_values(estimates), self.times(self.duration)))
             one, other = map(self.deviation, runs)
-            for points, k, D in (starts, 0, self.prediction.directions), (ends, -1, self.prediction.final_directions):
+            for points, k, D in (starts, 0, self.directions), (ends, -1, self.final_directions):
                 changes = [np.linalg.pinv(D) @ ((one - other)[:, k] / self.sizes)]
                 if self.observer:
                     first, second = (np.array([run[n.removesuffix("_0")][k] for n in names]) for run in runs)
@@ -407,7 +385,7 @@ class Controller:
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
         scale = max(_LEAST_SCALE, np.max(np.abs(self.loop)))
         error = float(np.max(np.abs(measured - self.loop)) / scale)
-        apart = _distance(self.floquet_multipliers, self.prediction.multipliers(measured))
+        apart = _distance(self.floquet_multipliers, self._multipliers(measured))
         why = "differences of 1e-5, solver tolerance 1e-11"
         claims = [
             verdict(f"{subject} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
@@ -436,7 +414,7 @@ class Controller:
         words = "multipliers of the loop are those of feedback and of the observer"
         why = "a root of the error where they coincide"
         claims.append(verdict(words, error=error, tolerance=1e-3, reason=why))
-        if self.prediction.cost is not None and not observer.model.uncertainty.unknown_forces:
+        if self.cost is not None and not observer.model.uncertainty.unknown_forces:
             expected, costs = self._costs(observer, [run for run, _ in runs])
             error = (np.mean(costs) - expected) / (np.std(costs) / np.sqrt(len(costs)))
             claims.append(normal_verdict(f"a step costs tr(S W) + tr(P Kᵀ(R + BᵀSB)K) = {expected:.4g}", error))
@@ -448,8 +426,8 @@ class Controller:
         The future cost of the first deviation of a run is subtracted, and that of its last added, so that the mean is
         the same without a steady state.
         """
-        assert self.prediction.cost is not None  # all is controllable
-        (B, Q, R), D, model = self.prediction.cost, self.prediction.directions, observer.model
+        assert self.cost is not None  # all is controllable
+        (B, Q, R), D, model = self.cost, self.directions, observer.model
         K = self.gains[0] / self.sizes[-len(self.moves) :, None] * self.sizes @ D
         S = solve_discrete_lyapunov(self.loop.T, Q + K.T @ R @ K)
         inverse, n = np.linalg.pinv(D), len(model.sampled.names)

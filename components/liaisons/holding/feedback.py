@@ -39,7 +39,7 @@ def reachable_subspace(A: Array, B: Array) -> tuple[Array, Array]:
 
 def image(projection: Array) -> Array:
     """Orthonormal basis of the image of a projection, whose singular values are 0, or 1 or more."""
-    vectors, sizes, _ = np.linalg.svd(projection)
+    vectors, sizes, _ = np.linalg.svd(projection, full_matrices=False)
     return vectors[:, sizes > 0.5]
 
 

@@ -19,11 +19,12 @@ import numpy as np
 from liaisons.base.arguments import finite, merged, named, positive, shown
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import PlanError
-from liaisons.holding.controllers import After, Controller, LinearPrediction, ReferenceTrajectory
+from liaisons.holding.controllers import After, Controller, ReferenceTrajectory
 from liaisons.holding.feedback import (
     RANK,
     Array,
     Step,
+    image,
     input_matrix,
     least_defects,
     named_sum,
@@ -35,7 +36,7 @@ from liaisons.holding.feedback import (
     spectral_radius,
     transition_matrix,
 )
-from liaisons.holding.observing import observe
+from liaisons.holding.observers import observe
 from liaisons.holding.sampling import SampledMechanism, in_directions
 from liaisons.holding.subjects import SETTINGS, planned_motion, sampled_subject
 from liaisons.language import Orientation
@@ -43,7 +44,7 @@ from liaisons.library import Target
 from liaisons.planning.goals import by_name, motion_names
 from liaisons.planning.plans import JUMP_LEAD, Plan
 
-_BOUND_NAMES = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
+_BOUND_NAMES = ("least", "most", "slowest", "fastest", "lowest", "highest")
 """Names that a Regulator has for the bounds of a correction, of its rate and of its acceleration."""
 _UNBOUNDED = 1e30
 _LEAST_GROWTH = 1 + 1e-6
@@ -192,8 +193,7 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
         )
     if U.size:
         fixed = np.eye(len(A))[:, constant]
-        changing, _, _ = np.linalg.svd(U - fixed @ (fixed.T @ U))
-        U = np.hstack([fixed, changing[:, : U.shape[1] - len(constant)]])
+        U = np.hstack([fixed, image(U - fixed @ (fixed.T @ U))])
         is_bounded = spectral_radius(U.T @ A @ U) < _LEAST_GROWTH
         free = [sampled.states.index(name) for name in sampled.free]
         target, missed = rest_targets(A, D[free], V, U)
@@ -202,11 +202,19 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
                 raise _uncontrollable_error(sampled, D, U[:, j])
         K -= K @ V @ target @ U.T
     _refuse_bounds(sampled, criterion.bounds, sigma)
-    cost = None if U.size else (B, Q, R)
-    conserved = _states_along(sampled, D, constant)
-    prediction = LinearPrediction(A - B @ K, D, D, V, conserved, returns=True, cost=cost)
-    gains = [K @ np.linalg.pinv(D)]
-    return _controller(sampled, H, trajectory, gains=gains, bounds=criterion.bounds, prediction=prediction)
+    return _controller(
+        sampled,
+        H,
+        trajectory,
+        gains=[K],
+        directions=[D],
+        bounds=criterion.bounds,
+        loop=A - B @ K,
+        reach=V,
+        conserved=_states_along(sampled, D, constant),
+        returns=True,
+        cost=None if U.size else (B, Q, R),
+    )
 
 
 # ---- a plan -------------------------------------------------------------------------------------------------------
@@ -244,18 +252,26 @@ def _hold_along(motion: Plan, sampled: SampledMechanism, H: float, criterion: _C
     if solution is None or after is None:
         raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
     gains, constant = [*solution[0], after], _constant_directions(steps)
-    loop = transition_matrix(steps, gains)
     fixed = np.eye(len(transition))[:, constant]
-    changing, sizes, _ = np.linalg.svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _states_along(sampled, D[0], constant)
-    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in changing[:, sizes > RANK].T)
+    conserved += tuple(_sum_of_states(sampled, D[-1], u) for u in image(U - fixed @ (fixed.T @ U)).T)
     _refuse_bounds(sampled, criterion.bounds)
     quantities = _quantities(sampled)
     planned_bounds = {name: pair for name, pair in motion.goal.bounds.items() if name in quantities}
     bounds = planned_bounds | dict(criterion.bounds)
-    gains = [K @ np.linalg.pinv(basis) for K, basis in zip(gains, D, strict=True)]
-    prediction = LinearPrediction(loop, D[0], D[-1], V, conserved, returns)
-    return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
+    return _controller(
+        sampled,
+        H,
+        trajectory,
+        gains=gains,
+        directions=D,
+        bounds=bounds,
+        loop=transition_matrix(steps, gains),
+        reach=V,
+        conserved=conserved,
+        returns=returns,
+        cost=None,
+    )
 
 
 def _reference_trajectory(
@@ -337,12 +353,13 @@ def _controller(
     trajectory: ReferenceTrajectory,
     *,
     gains: Sequence[Array],
+    directions: Sequence[Array],
     bounds: Mapping[str, Any],
-    prediction: LinearPrediction,
+    **prediction: Any,
 ) -> Controller:
     """The controller, with start values and limits of corrections.
 
-    :param gains: of states divided by sizes.
+    :param gains: at the knots, in coordinates of the directions of deviation there.
     """
     symbols = sampled.symbols
     starts = sampled.start_values
@@ -354,17 +371,25 @@ def _controller(
         moves=sampled.moves,
         step_size=H,
         free=sampled.free,
+        ports=tuple(sampled.ports),
         states=sampled.states,
         trajectory=trajectory,
-        gains=np.array([sampled.input_sizes[:, None] * K / sampled.sizes for K in gains]),
+        gains=np.array(
+            [
+                sampled.input_sizes[:, None] * (K @ np.linalg.pinv(D)) / sampled.sizes
+                for K, D in zip(gains, directions, strict=True)
+            ]
+        ),
         correction_limits=_correction_limits(sampled, trajectory, bounds),
-        prediction=prediction,
+        directions=directions[0],
+        final_directions=directions[-1],
         values=symbols.goal.values,
         sizes=sampled.sizes,
         energy=sampled.energy,
         time=sampled.time,
         starts=starts,
-        perturbations=_perturbations(sampled, trajectory, prediction.directions, starts),
+        perturbations=_perturbations(sampled, trajectory, directions[0], starts),
+        **prediction,
     )
 
 
@@ -397,7 +422,8 @@ def _correction_limits(
     :raises PlanError: if a force is bounded where the effective mass vanishes.
     """
     n, last = len(sampled.names), trajectory.times.size - 1
-    along = np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points])
+    points = ((sampled.full_state(x[:n]), *sigma.T) for x, sigma in trajectory.points)
+    along = np.array([sampled.forces_and_mass(*point) for point in points])
     forces, masses = along[:, :, 0], along[:, :, 1:]
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs}
     allowed |= bounds
@@ -430,10 +456,8 @@ def _correction_limits(
     ahead = np.add.outer(np.arange(last + 1), np.arange(SETTINGS.knots_ahead + 1))
     ahead = ahead % max(1, last) if trajectory.after == "repeats" else np.minimum(ahead, last)
     low, high = low[:, :, ahead].max(axis=3), high[:, :, ahead].min(axis=3)
-    limits: dict[str, Array] = {}
-    for order, (lowest, highest) in enumerate(_BOUND_NAMES):
-        limits |= {lowest: low[:, order], highest: high[:, order]}
-    return limits
+    limits = np.stack([low, high], axis=2).reshape(len(low), len(_BOUND_NAMES), -1)
+    return by_name(_BOUND_NAMES, limits.swapaxes(0, 1))
 
 
 def _finite_ends(pair: Sequence[float | None]) -> tuple[float, float]:
@@ -469,12 +493,8 @@ def _refuse_bounds(sampled: SampledMechanism, bounds: Mapping[str, Any], point: 
 
 def _constant_directions(steps: Sequence[Step]) -> list[int]:
     """Indices of the directions that no step and no input changes."""
-    rows = np.eye(len(steps[0][0]))
-
-    def is_constant(i: int) -> bool:
-        return all(np.allclose(A[i], rows[i]) and not B[i].any() for A, B in steps)
-
-    return [*filter(is_constant, range(len(rows)))]
+    rows = enumerate(np.eye(len(steps[0][0])))
+    return [i for i, row in rows if all(np.allclose(A[i], row) and not B[i].any() for A, B in steps)]
 
 
 def _states_along(sampled: SampledMechanism, directions: Array, chosen: Sequence[int]) -> tuple[str, ...]:

@@ -15,14 +15,15 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import expm
 
 from liaisons.base.hermite import coefficients
 from liaisons.errors import PlanError, suggestion
-from liaisons.expressions.algebra import closure, stack
+from liaisons.expressions.algebra import closure
 from liaisons.holding.feedback import Step, image, spectral_radius
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
-from liaisons.planning.goals import Array, Goal, by_name, motion_names, unit_quaternion
+from liaisons.planning.goals import Array, Goal, by_name, motion_names
 from liaisons.planning.symbols import GoalSymbols, goal_symbols
 from liaisons.planning.transcription import runge_kutta
 
@@ -54,7 +55,7 @@ class SampledMechanism:
         longest: float,
         extents: Mapping[str, float] | None = None,
     ) -> None:
-        self.symbols = symbols = _with_unit_quaternions(goal_symbols(goal))
+        self.symbols = symbols = goal_symbols(goal)
         self.interpolate = interpolate
         self.name, self.moves = symbols.name, goal.moves
         starts, start = symbols.start_parameters, symbols.start
@@ -64,8 +65,7 @@ class SampledMechanism:
         self.sigma[:, 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
         self._default_time, self._longest_radian = time, longest
         self._extents = extents or {}
-        first = ca.Function("start", symbols.arguments, [symbols.initial_state])
-        self.start = np.array(first(symbols.declared_state, *self.sigma.T)).ravel()
+        self.start = symbols.first_state
         self.state_indices = self._coupled_states()
         self.names = [symbols.state_names[i] for i in self.state_indices]
         self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
@@ -113,7 +113,7 @@ class SampledMechanism:
         lengths that at which the mass has the angles' moment of inertia.  Rates, accelerations and momenta follow with
         :attr:`time`.
         """
-        coordinates, momenta, _ = self._start_sizes
+        coordinates, momenta, _ = self._base_sizes
         of_names = [coordinates.get(name, momenta.get(name, 1.0)) for name in self.names]
         of_moves = np.array([coordinates[m] for m in self.moves])
         return np.concatenate([of_names, *(of_moves / self.time**n for n in range(3))])[self.rows]
@@ -121,7 +121,7 @@ class SampledMechanism:
     @property
     def energy(self) -> float:
         """Kinetic energy [J] of a motion by the size of a coordinate in :attr:`time`."""
-        return self._start_sizes[2]
+        return self._base_sizes[2]
 
     @property
     def input_sizes(self) -> Array:
@@ -131,7 +131,7 @@ class SampledMechanism:
     @cached_property
     def start_sizes(self) -> dict[str, float]:
         """Sizes of all variables with start values by name: coordinates, rates, σ, σ̇ and σ̈."""
-        coordinates, *_ = self._start_sizes
+        coordinates, *_ = self._base_sizes
         rates = {name: coordinates[coordinate] / self.time for name, coordinate in self._rate_coordinates.items()}
         return coordinates | rates | {f"{m}_ddot": coordinates[m] / self.time**2 for m in self.moves}
 
@@ -144,7 +144,7 @@ class SampledMechanism:
         return own | {f"{m}_dot": m for m in self.moves}
 
     @cached_property
-    def _start_sizes(self) -> tuple[dict[str, float], dict[str, float], float]:
+    def _base_sizes(self) -> tuple[dict[str, float], dict[str, float], float]:
         """Sizes of coordinates, σ and rotations; sizes of momenta; size of the energy [J]."""
         symbols, model, rates = self.symbols, self.symbols.model, self._rate_coordinates
         starts, states = symbols.start_parameters, symbols.state_names
@@ -376,7 +376,7 @@ class SampledMechanism:
         """Directions of deviation tangential to the constraints."""
         n, c = len(self.names), len(self.moves)
         slopes = np.array(self._projection(self.full_state(y), *sigma.T))[:, 1:]
-        of_moves = np.array([self._start_sizes[0][m] for m in self.moves])
+        of_moves = np.array([self._base_sizes[0][m] for m in self.moves])
         sizes = np.concatenate([self.sizes[:n], of_moves, of_moves / self.time])
         slopes *= sizes / sizes[:n, None]
         of_states = image(slopes[:, :n])
@@ -410,35 +410,17 @@ class SampledMechanism:
         slopes = np.array(self._slopes(reference[: len(self.names)], *sigma.T))[:, 1:]
         return slopes[:, self.rows] @ (self.sizes[:, None] * directions)
 
-    def forces(self, y: Array, sigma: Array) -> Array:
-        """Operator forces λ and, beside them, the effective mass Θ: (moves, 1 + moves)."""
-        return np.array(self._forces_and_mass(self.full_state(y), *sigma.T))
-
     @cached_property
-    def _forces_and_mass(self) -> ca.Function:
-        """Function of state, σ, σ̇ and σ̈ for :meth:`forces`."""
+    def forces_and_mass(self) -> ca.Function:
+        """Function (state, σ, σ̇, σ̈) -> operator forces λ and, beside them, the effective mass Θ: (moves, 1 + moves)."""
         columns = ca.horzcat(self.symbols.forces, self.symbols.mass)
         return ca.Function("forces", self.symbols.arguments, [ca.densify(columns)])
-
-
-def _with_unit_quaternions(symbols: GoalSymbols) -> GoalSymbols:
-    """The same symbols, with unit quaternions as start values of orientations."""
-    parameters, start = dict(symbols.parameters), symbols.start
-    for name, axes in symbols.quaternions.items():
-        if name in start:
-            unit = unit_quaternion(f"{symbols.name}: {name}", start[name])
-            parameters |= by_name((symbols.start_parameters[axis] for axis in axes), map(float, unit))
-    return replace(symbols, parameters=parameters)
 
 
 def _projected(symbols: GoalSymbols) -> ca.SX:
     """All states of a mechanism, projected onto the constraints."""
     project = symbols.model.project
-    if project is None:
-        return symbols.state
-    inputs = stack((symbols.inputs | symbols.moved).values())
-    parameters = stack(symbols.parameters.values())
-    return project(0, ca.vertcat(symbols.state, 0, 0), inputs, parameters)
+    return symbols.state if project is None else project(*symbols.model_arguments[:4])
 
 
 def _powers(part: Any, H: ca.MX | float) -> Any:
@@ -450,25 +432,10 @@ def _powers(part: Any, H: ca.MX | float) -> Any:
 
 def _correction_step(H: float, period: float, count: int) -> Step:
     """M and N of (x, x', x'') -> M (x, x', x'') + N w, a step of corrections with d x''/dt = (w - x'') / period."""
-    left = np.exp(-H / period)
-    gone = period * (1 - left)
-    delay = period * (H - gone)
-    M = np.array(
-        [
-            [1, H, delay],
-            [0, 1, gone],
-            [0, 0, left],
-        ]
-    )
-    N = np.array(
-        [
-            [H**2 / 2 - delay],
-            [H - gone],
-            [1 - left],
-        ]
-    )
-    one: Any = np.eye(count)
-    return np.kron(M, one), np.kron(N, one)
+    flow = np.diag([1.0, 1.0, 1 / period], 1)  # of x, x', x'' and w
+    flow[2, 2] = -1 / period
+    step: Any = np.kron(expm(H * flow)[:3], np.eye(count))
+    return step[:, : 3 * count], step[:, 3 * count :]
 
 
 def in_directions(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -114,7 +114,6 @@ def _round_down(value: float) -> float:
 def sampled_mechanism(motion: Plan) -> SampledMechanism:
     """The mechanism of a plan, with the start and the sizes that the plan has."""
     goal, T = motion.goal, motion.duration
-    bare = Goal(goal.component, goal.moves, (T, T), goal.values, {})
     symbols = goal_symbols(goal)
     first, starts = motion.sigma(0.0), motion.fmu_starts
     start: dict[str, Any] = {name: starts[parameter] for name, parameter in symbols.start_parameters.items()}
@@ -127,7 +126,7 @@ def sampled_mechanism(motion: Plan) -> SampledMechanism:
     extents = by_name(states, np.abs(trajectory.knots).max(axis=1))
     extents |= {m: float(np.abs(motion.sigma(trajectory.breaks)[m]).max()) for m in goal.moves}
     return SampledMechanism(
-        replace(bare, start=start),
+        Goal(goal.component, goal.moves, (T, T), goal.values, start),
         required,
         interpolate=True,
         time=T / SETTINGS.parts_without_motion,

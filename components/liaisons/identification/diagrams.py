@@ -166,10 +166,11 @@ def _fitted_curve(
     row = data.signals.index(name)
     times = np.linspace(data.times[0], data.times[-1], _CURVE_POINTS)
     dense = replace(experiment, measurements=replace(data, times=times), motion=experiment.motion.at(times))
-    signals, slopes = dense.forward(estimate.values)
-    variances = np.einsum("ti,ij,tj->t", slopes[row], np.nan_to_num(estimate.covariance), slopes[row])
+    branch = dense.branch(estimate.values)
+    signal, slopes = branch.signals[row], branch.derivatives[row]
+    variances = np.einsum("ti,ij,tj->t", slopes, np.nan_to_num(estimate.covariance), slopes)
     half = norm.ppf((1 + _BAND_PROBABILITY) / 2) * np.sqrt(variances + experiment.deviations[row] ** 2)
-    return times, signals[row], signals[row] - half, signals[row] + half
+    return times, signal, signal - half, signal + half
 
 
 def _draw_instants(above: Axes, below: Axes, data: Measurements, name: str, times: Floats) -> None:

@@ -33,11 +33,15 @@ class ParameterEstimate:
     :param at_bound: indices of unknowns that are at one of their bounds.
     """
 
-    problem: FittingProblem
     objective: Objective
     minimum: Minimum
     held: tuple[int, ...] = ()
     at_bound: tuple[int, ...] = ()
+
+    @property
+    def problem(self) -> FittingProblem:
+        """The subject, its measurements and its unknowns."""
+        return self.objective.problem
 
     @property
     def values(self) -> Floats:
@@ -77,11 +81,11 @@ class ParameterEstimate:
         if not self.has_noise_estimate:
             return covariance
         residuals, derivatives = self.linearization
-        slope, curvature = loss_derivatives(self.objective.loss, residuals)
+        slope, curvature = loss_derivatives(self.problem.loss, residuals)
         scale = np.linalg.norm(derivatives[:, own], axis=0)
         Q, R = np.linalg.qr(derivatives[:, own] / scale)  # JᵀJ would lose half of the digits
         root = np.linalg.inv(R) / scale[:, None]
-        if self.objective.loss != "linear":
+        if self.problem.loss != "linear":
             root = (
                 root @ np.linalg.inv(np.einsum("ri,r,rj->ij", Q, curvature, Q)) @ np.linalg.qr(Q * slope[:, None])[1].T
             )
@@ -135,18 +139,15 @@ class ParameterEstimate:
         several = len(self.fitted) > 1
         for i, (experiment, fitted) in enumerate(zip(self.objective.experiments, self.fitted, strict=True), start=1):
             data = experiment.measurements
-            rows = zip(data.signals, data.values, fitted, experiment.deviations, strict=True)
-            for name, measured, signal, level in rows:
-                present = np.isfinite(measured)
-                label = f"{name} ({i})" if several else name
-                grows_with = np.array([data.times[present], np.abs(signal[present])])
-                rounding = ROUNDING * float(np.abs(signal).max()) / level
-                yield label, (measured - signal)[present] / level, rounding, grows_with
+            of_signals = zip(data.signals, data.values, fitted, experiment.deviations, strict=True)
+            rows = [(*row, [data.times, np.abs(row[2])]) for row in of_signals]
             for name, times in self.instants[i - 1].items():
-                measured, level = data.instants[name]
-                label, present = f"{name} ({i})" if several else name, np.isfinite(measured)
-                rounding = ROUNDING * float(np.abs(times).max()) / level
-                yield f"instants of {label}", (measured - times)[present] / level, rounding, times[None, present]
+                rows.append((f"instants of {name}", data.instants[name][0], times, data.instants[name][1], [times]))
+            for name, measured, own, level, grows_with in rows:
+                present = np.isfinite(measured)
+                rounding = ROUNDING * float(np.abs(own).max()) / level
+                label = f"{name} ({i})" if several else name
+                yield label, (measured - own)[present] / level, rounding, np.array(grows_with)[:, present]
 
     def with_finer_steps(self) -> Minimum:
         """The minimum at a tenth of the integration tolerance."""
@@ -212,7 +213,7 @@ class ParameterEstimate:
         values = np.empty((count, len(self.values)))
         for fitted in values:
             noise = random.standard_normal(residuals.shape)
-            if self.objective.loss != "linear":
+            if self.problem.loss != "linear":
                 noise = random.choice(residuals, residuals.shape)
             simulated = replace(self.objective, shift=self.objective.shift - residuals - noise)
             fitted[:] = minimise(simulated, self.values, self.fixed, 1e-8).values

@@ -106,8 +106,9 @@ def identify(
     if segments is not None:
         whole("segments", segments, IdentificationError)
     model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, contacts=True)
-    options = {"measured": measured, "unknown": names, "ignore": ignore, "smoothing": smoothing, "instants": instants}
-    experiments = measurements(data, model, **options)
+    experiments = measurements(
+        data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing, instants=instants
+    )
     for experiment in experiments:
         if experiment.inputs and experiment.times[0] > start_time:
             words = f"drives from {experiment.times[0]:g} s on, after start_time = {start_time:g}; give start_time"
@@ -122,7 +123,7 @@ def identify(
     starts = unknowns.by_element("start_values", values)
     unsure = noise is None and any(experiment.signals for experiment in experiments)
     levels = None if unsure else tuple(noise_levels(noise, experiment) for experiment in experiments)
-    limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
+    limits = unknowns.limits(bounds or {}, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
     started = {p.name: output for p in model.parameters if (output := _output_with_start(p.name)) in outputs}
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
@@ -140,7 +141,7 @@ def identify(
         start=start,
         limits=limits,
         noise=levels,
-        priors=tuple(unknowns.priors({} if prior is None else prior)),
+        priors=tuple(unknowns.priors(prior or {})),
         loss=loss,
         starts=started,
         start_time=start_time,

@@ -20,18 +20,14 @@ _COST_ROUNDING = 1e-14
 """Relative rounding error of the cost; a predicted decrease below it ends the search."""
 
 
-def _huber_loss(z: Floats) -> Floats:
-    """Huber's loss of squared residuals, its first and its second derivative."""
-    outside = np.maximum(z, 1)
-    return np.where(
-        z <= 1, [z, np.ones_like(z), np.zeros_like(z)], [2 * z**0.5 - 1, outside**-0.5, -(outside**-1.5) / 2]
-    )
-
-
 LOSSES: Mapping[str, Callable[[Floats], Floats]] = {
     "linear": lambda z: np.array([z, np.ones_like(z), np.zeros_like(z)]),
     "soft_l1": lambda z: np.array([2 * ((1 + z) ** 0.5 - 1), (1 + z) ** -0.5, -((1 + z) ** -1.5) / 2]),
-    "huber": _huber_loss,
+    "huber": lambda z: np.where(
+        z <= 1,
+        [z, np.ones_like(z), np.zeros_like(z)],
+        [2 * z**0.5 - 1, np.maximum(z, 1) ** -0.5, -(np.maximum(z, 1) ** -1.5) / 2],
+    ),
     "cauchy": lambda z: np.array([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2]),
 }
 """Name -> function of squared residuals that returns the loss, its first and its second derivative."""
@@ -59,7 +55,7 @@ class _SearchEnd(Exception):  # noqa: N818 - not an error
 def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
     """The minimum of the cost near a start.
 
-    The search ends, with a message, at the deadline of the objective.
+    The search ends, with a message, at the deadline of the problem.
 
     :param held: indices of unknowns that keep their values.
     :param accuracy: relative, of cost and unknowns.
@@ -78,7 +74,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
 
     def cost(residuals: Floats) -> float:
         """Half the sum of the losses."""
-        return float(LOSSES[objective.loss](residuals**2)[0].sum() / 2)
+        return float(LOSSES[objective.problem.loss](residuals**2)[0].sum() / 2)
 
     def residuals_or_nan(unknowns: Floats) -> Floats:
         """Residuals; outside of the domain not-a-number, after which SciPy tries a shorter step."""
@@ -92,13 +88,13 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         """Derivatives of the residuals; end the search where the cost can only fall by rounding, or at the deadline."""
         values = all_values(unknowns)
         residuals, derivatives = objective(values)
-        gradient, curvature = loss_derivatives(objective.loss, residuals)
+        gradient, curvature = loss_derivatives(objective.problem.loss, residuals)
         weights = np.sqrt(np.maximum(curvature, np.finfo(float).eps))
         lowered = np.linalg.qr(weights[:, None] * derivatives[:, free])[0].T @ (gradient / weights)
         least = cost(residuals)
         if float(lowered @ lowered) / 2 <= _COST_ROUNDING * least:
             raise _SearchEnd(Minimum(values, least, ""))
-        if time.monotonic() > objective.deadline:
+        if time.monotonic() > objective.problem.deadline:
             raise _SearchEnd(Minimum(values, least, "time_limit has passed;"))
         return derivatives[:, free]
 
@@ -110,7 +106,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             start[free],
             derivatives_or_end,  # type: ignore[arg-type]  # SciPy takes functions, too
             bounds=objective.limits[:, free],
-            loss="linear" if objective.loss == "linear" else LOSSES[objective.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
+            loss="linear" if objective.problem.loss == "linear" else LOSSES[objective.problem.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
             x_scale=np.where(typical[free] == 0, 1.0, typical[free]),
             ftol=accuracy,
             xtol=accuracy,

@@ -68,11 +68,6 @@ class MeasuredMotion:
         measured = {name: len(times) for name, (times, _) in self.measurements.instants.items()}
         return {name: _continued(*branch.impacts[name], count, self.motion) for name, count in measured.items()}
 
-    def forward(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Fitted signals, and their derivatives by all unknowns, shape (signals, times, unknowns)."""
-        branch = self.branch(unknowns)
-        return branch.signals, branch.derivatives
-
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -100,21 +95,17 @@ class Prior:
 class Objective:
     """Residuals of measurements, links and priors, each divided by its standard deviation.
 
-    :param limits: least and largest values, infinite where there are none, shape (2, unknowns).
-    :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
     :param start: unknowns at which the search begins.
+    :param limits: least and largest values, infinite where there are none, shape (2, unknowns).
     :param shift: added to all residuals.
-    :param deadline: of a search, on the clock of ``time.monotonic`` [s].
     """
 
+    problem: FittingProblem
     experiments: tuple[MeasuredMotion, ...]
-    priors: tuple[Prior, ...]
-    limits: Floats
-    loss: str
     start: Floats
+    limits: Floats
     links: tuple[Link, ...] = ()
     shift: float | Floats = 0.0
-    deadline: float = math.inf
     _latest: dict[bytes, tuple[Floats, Floats]] = field(default_factory=dict, init=False, repr=False)
 
     def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
@@ -128,11 +119,10 @@ class Objective:
 
     def _evaluate(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Residuals and their derivatives, which are calculated anew."""
-        unit, parts, motions = np.eye(len(unknowns)), [], []
-        for experiment in self.experiments:
-            branch = experiment.branch(unknowns)
+        unit, parts = np.eye(len(unknowns)), []
+        branches = [experiment.branch(unknowns) for experiment in self.experiments]
+        for experiment, branch in zip(self.experiments, branches, strict=True):
             signals, rates = branch.signals, branch.derivatives
-            motions.append((signals, rates))
             values, level = experiment.measurements.values, experiment.deviations[:, None]
             seen, rows = np.isfinite(values), slice(len(level))
             parts.append((((signals[rows] - values) / level)[seen], (rates[rows] / level[..., None])[seen]))
@@ -141,11 +131,10 @@ class Objective:
                 seen = np.isfinite(times)
                 parts.append((((instants - times) / deviation)[seen], slopes[seen] / deviation))
         for link in self.links:
-            signals, rates = motions[link.experiment]
-            rows, columns, level = list(link.signals), list(link.columns), link.deviations
-            gap, slope = signals[rows, -1] - unknowns[columns], rates[rows, -1] - unit[columns]
+            branch, rows, columns, level = branches[link.experiment], [*link.signals], [*link.columns], link.deviations
+            gap, slope = branch.signals[rows, -1] - unknowns[columns], branch.derivatives[rows, -1] - unit[columns]
             parts.append((gap / level, slope / level[:, None]))
-        for prior in self.priors:
+        for prior in self.problem.priors:
             gap = unknowns[[prior.column]] - prior.mean
             parts.append((gap / prior.deviation, unit[[prior.column]] / prior.deviation))
         residuals, derivatives = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -179,6 +168,7 @@ class FittingProblem:
     :param start: values of the unknowns at which the search begins.
     :param limits: least and largest values of the unknowns, shape (2, unknowns).
     :param noise: standard deviations of the signals of each experiment; None: unknown.
+    :param loss: one of :data:`liaisons.identification.minimising.LOSSES`.
     :param starts: name of a start value -> output that has this value at the start.
     :param operators: active coordinate -> operator.
     :param tolerance: of steps.
@@ -213,7 +203,7 @@ class FittingProblem:
             self._measured_motion(data, columns, unknowns, level, tolerance=tolerance)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
         )
-        return Objective(tuple(experiments), self.priors, self.limits, self.loss, self.start, deadline=self.deadline)
+        return Objective(self, tuple(experiments), self.start, self.limits)
 
     def _measured_motion(
         self,
@@ -245,10 +235,10 @@ class FittingProblem:
         )
         return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
 
-    def multiple_shooting(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> tuple[Objective, Floats]:
-        """Objective of multiple shooting, segments with start values of their own and links, and its first unknowns.
+    def multiple_shooting(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> Objective:
+        """Objective of multiple shooting: segments with start values of their own, and links.
 
-        :returns: objective, and its unknowns: start values of all segments but the first are appended.  A time offset
+        :returns: objective, to whose unknowns start values of all segments but the first are appended.  A time offset
             is constant; instants of impacts are left out.
         """
         experiments: list[MeasuredMotion] = []
@@ -261,7 +251,7 @@ class FittingProblem:
             record = list(dict.fromkeys([*data.signals, *self.starts.values()]))
             rows = tuple(record.index(output) for output in self.starts.values())
             whole = self._measured_motion(data, own, unknowns, level, record=record)
-            signals = whole.forward(unknowns)[0][list(rows)]
+            signals = whole.branch(unknowns).signals[list(rows)]
             edges = np.unique(np.linspace(0, len(data.times) - 1, count + 1).astype(int)).tolist()
             states = self._smoothed_states(data, edges, signals)
             most = edges[1] // 2
@@ -286,10 +276,7 @@ class FittingProblem:
         free = np.full((2, len(values) - len(unknowns)), [[-np.inf], [np.inf]])
         limits = np.hstack([self.limits, free])
         values = np.clip(values, *limits)
-        objective = Objective(
-            tuple(experiments), self.priors, limits, self.loss, values, tuple(links), deadline=self.deadline
-        )
-        return objective, values
+        return Objective(self, tuple(experiments), values, limits, tuple(links))
 
     def _smoothed_states(self, data: Measurements, edges: Sequence[int], otherwise: Floats) -> Floats:
         """Start values of motions from some of the times on, shape (start values, edges)."""

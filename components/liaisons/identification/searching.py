@@ -57,11 +57,8 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
     if best is None:
         raise failure or AssertionError
     estimate = _estimate_with_residual_noise(problem, best, levels)
-    return replace(  # to verify it takes time of its own
-        estimate,
-        problem=replace(problem, deadline=math.inf),
-        objective=replace(estimate.objective, deadline=math.inf),
-    )
+    without_deadline = replace(problem, deadline=math.inf)  # to verify it takes time of its own
+    return replace(estimate, objective=replace(estimate.objective, problem=without_deadline))
 
 
 def _initial_noise(problem: FittingProblem) -> tuple[Floats, ...]:
@@ -83,7 +80,8 @@ def _is_far_above_noise(objective: Objective, minimum: Minimum) -> bool:
 
 def _multiple_shooting(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:
     """Start values from multiple shooting, whose links are tightened step by step."""
-    objective, values = problem.multiple_shooting(problem.start, levels, count)
+    objective = problem.multiple_shooting(problem.start, levels, count)
+    values = objective.start
     held = objective.null_space(values).dependent
     for factor in _LINK_DEVIATIONS:
         links = tuple(replace(link, deviations=factor * link.deviations) for link in objective.links)
@@ -111,7 +109,7 @@ def _estimate_with_residual_noise(
         rounds += 1
         objective = problem.objective(minimum.values, levels)
         before, (minimum, held) = minimum, _minimum_of_determined(objective, minimum.values)
-        estimate = _moved_to_bounds(ParameterEstimate(problem, objective, minimum, held))
+        estimate = _moved_to_bounds(ParameterEstimate(objective, minimum, held))
         scales = np.fmax(np.abs(minimum.values), estimate.standard_errors)
         settled = np.all(np.abs(minimum.values - before.values) <= _CONVERGED * scales)
         if problem.noise is None:

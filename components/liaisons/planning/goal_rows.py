@@ -125,25 +125,17 @@ def _start_rows(symbols: GoalSymbols) -> list[Row]:
     """Rows of the state, of σ and of σ̇ at the start: values and ranges of the goal, others as declared."""
     if is_expression(symbols.goal.start):
         return _vanishing_rows(symbols, "start", symbols.goal.start)
-    owner, start, rows = symbols.name, dict(symbols.start), []
-    for name, axes in symbols.quaternions.items():
-        if name in start:
-            start |= by_name(axes, unit_quaternion(f"{owner}: {name}", start[name]).tolist())
-    for i, name in enumerate(symbols.state_names):
-        symbol, parameter = symbols.state[i], symbols.start_parameters.get(name, "")
-        if name not in start and not parameter:
-            rows.append(Row(name, symbol - symbols.initial_state[i]))
-            continue
-        value = start[name] if name in start else symbols.parameters[parameter]
-        if value is not None:
-            rows.append(Row(name, symbol, *value_range(owner, "start", name, value)))
-    for i, move in enumerate(symbols.goal.moves):
-        default = None if move in symbols.goal.closed else symbols.initial_sigma[i]
-        defaults = (default, None)
-        for name, column, otherwise in zip(motion_names(move)[:2], symbols.motion[:2], defaults, strict=True):
-            value = start.get(name, otherwise)
-            if value is not None:
-                rows.append(Row(name, column[i], *value_range(owner, "start", name, value)))
+    goal, names, starts = symbols.goal, symbols.state_names, symbols.start_parameters
+    values: dict[str, Any] = {name: symbols.parameters[starts[name]] for name in names if name in starts}
+    moved = [name for move in goal.moves for name in motion_names(move)[:2]]
+    sigma = by_name(goal.moves, symbols.initial_sigma)
+    values |= {name: None if name in goal.closed else sigma.get(name) for name in moved} | dict(symbols.start)
+    implied, rows = by_name(names, ca.vertsplit(symbols.state - symbols.initial_state)), []
+    for name in (*names, *moved):
+        if name not in values:
+            rows.append(Row(name, implied[name]))
+        elif values[name] is not None:
+            rows.append(Row(name, symbols.signals[name], *value_range(symbols.name, "start", name, values[name])))
     return rows
 
 
@@ -172,8 +164,7 @@ def _path_rows(symbols: GoalSymbols) -> list[Row]:
     rows: dict[str, Row] = {}
     for name, value in values_by_element(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():
         pair = value if isinstance(value, (tuple, list, np.ndarray)) else shown(value)
-        low, high = value_range(owner, "bounds", name, pair)
-        rows[name] = Row(name, symbols.signals[name], low, high)
+        rows[name] = Row(name, symbols.signals[name], *value_range(owner, "bounds", name, pair))
     domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}
     domains |= {s.name: s for s in symbols.component.coordinates}
     start_sizes = by_name(symbols.goal.moves, map(float, symbols.initial_sigma_sizes))

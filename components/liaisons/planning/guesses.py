@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import count, pairwise
+from itertools import count, pairwise, product
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,11 @@ def refuse_invariants(problem: Problem) -> None:
         return
     values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
     for k in range(1, 6):
-        trajectory = _halton_ellipse(problem, _INTERVALS, k) if problem.is_loop else _random_transfer(problem, k)
+        trajectory = (
+            _halton_ellipse(problem, _INTERVALS, k)
+            if problem.is_loop
+            else _integrated_transfer(problem, _INTERVALS, k, is_arbitrary=True)
+        )
         values = np.hstack([values, np.array(end.function(trajectory.knots[:, -1]))])
         spread = np.ptp(values, axis=1)
         off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
@@ -130,22 +134,16 @@ def _straight_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTr
     controls = np.array([moves.get(name, 0.0) * profile for name in problem.moves])
     if problem.control_order == 0:
         controls += problem.initial_sigma[:, None]
-    rng = np.random.default_rng(k)
     size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max()) / T**problem.control_order
-    shake = size * np.array([_random_waves(rng, points) for _ in problem.moves])
+    w = np.pi * np.arange(1, 4)[:, None]
+    sines, cosines = np.random.default_rng(k).normal(size=(len(problem.moves), 2, 3)).swapaxes(0, 1) / w.T
+    shake = size * (sines @ np.sin(w * points) + cosines @ np.cos(w * points))
     return replace(trajectory, knots=states(knots), inner=states(points), controls=controls + shake)
 
 
 def _smooth_step(u: Any, T: float) -> tuple[Any, Any, Any]:
     """Value, rate [1/s] and acceleration [1/s²] of the quintic from 0 to 1 that rests at both ends."""
     return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2
-
-
-def _random_waves(rng: np.random.Generator, u: Array) -> Array:
-    """Sum of three sines and cosines with random amplitudes, at fractions u of the duration."""
-    a, b = rng.normal(size=(2, 3))
-    k = np.pi * np.arange(1, 4)
-    return a / k @ np.sin(np.outer(k, u)) + b / k @ np.cos(np.outer(k, u))
 
 
 def _closed_guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
@@ -189,8 +187,6 @@ def _halton_ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTraje
     phases = 2 * np.pi * u[:, 2]
     if _has_sigma_start(problem):
         centres = problem.initial_state[problem.indices(problem.moves)]
-    else:
-        phases -= np.angle(anchor_weights(c) @ (radii * np.exp(1j * phases)))
     return _ellipse(problem, _trajectory_at_rest(problem, intervals, k), centres, radii, phases)
 
 
@@ -200,15 +196,8 @@ def _opposite_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTr
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
     for offset, radius, sense in ((widths, 0.16, 1), (-between, 0.45, -1), (widths, 0.8, -1), (between, 0.45, 1)):
-        phases, extremal = _circle_phases(sense, len(widths))
-        centre = middles + np.where(widths < np.pi, 0, offset)
-        yield _ellipse(problem, _trajectory_at_rest(problem, intervals), centre, radius * widths, phases - extremal)
-
-
-def _circle_phases(sense: int, size: int) -> tuple[Array, float]:
-    """Phases of the coordinates on a circle, and the phase at which their weighted sum is extremal."""
-    phases: Any = sense * np.pi / 2 * np.arange(size)
-    return phases, float(np.angle(anchor_weights(size) @ np.exp(1j * phases)))
+        phases, centre = sense * np.pi / 2 * np.arange(len(widths)), middles + np.where(widths < np.pi, 0, offset)
+        yield _ellipse(problem, _trajectory_at_rest(problem, intervals), centre, radius * widths, phases)
 
 
 def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
@@ -216,20 +205,26 @@ def _simple_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTraj
     trajectory, start = _trajectory_at_rest(problem, intervals), problem.initial_state[problem.indices(problem.moves)]
     middles, _ = _sigma_ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
-    is_begun = _has_sigma_start(problem)
-    for centre in [start] if is_begun else [start, middles, start + turns, start - turns]:
-        for radius in (0.25, 0.5, 0.9, 1.4):
-            for sense in (1, -1):
-                phases, extremal = _circle_phases(sense, len(start))
-                for first in (0.0, np.pi / 2, np.pi, -np.pi / 2) if is_begun else (extremal,):
-                    yield _ellipse(problem, trajectory, centre, np.full(len(start), radius), phases - first)
+    centres, begins = [start, middles, start + turns, start - turns], [0.0]
+    if _has_sigma_start(problem):
+        centres, begins = [start], [0.0, np.pi / 2, np.pi, -np.pi / 2]
+    for centre, radius, sense, begin in product(centres, (0.25, 0.5, 0.9, 1.4), (1, -1), begins):
+        phases = sense * np.pi / 2 * np.arange(len(start)) - begin
+        yield _ellipse(problem, trajectory, centre, np.full(len(start), radius), phases)
 
 
 def _ellipse(
     problem: Problem, trajectory: CollocatedTrajectory, centre: Array, radius: Array, phases: Any
 ) -> CollocatedTrajectory:
-    """One round of σ on an ellipse, which passes through ``centre`` if the goal has values of σ at the start."""
-    w, shift = 2 * np.pi / trajectory.durations[0], np.cos(phases) if _has_sigma_start(problem) else 0.0
+    """One round of σ on an ellipse about ``centre``, from where a weighted sum of σ is extremal.
+
+    If the goal has values of σ at the start, it passes through ``centre`` instead.
+    """
+    w, shift = 2 * np.pi / trajectory.durations[0], 0.0
+    if _has_sigma_start(problem):
+        shift = np.cos(phases)
+    else:
+        phases = phases - np.angle(anchor_weights(len(phases)) @ (radius * np.exp(1j * phases)))
 
     def motion(t: float) -> tuple[Array, Array, Array]:
         """σ, σ̇ and σ̈."""
@@ -240,35 +235,22 @@ def _ellipse(
     return _with_integrated_states(problem, trajectory, motion)
 
 
-def _random_transfer(problem: Problem, k: int) -> CollocatedTrajectory:
-    """A motion from the start, small or large, to a random end at a random rate."""
-    trajectory, change = (
-        _trajectory_at_rest(problem, _INTERVALS, k),
-        np.random.default_rng(k).normal(size=len(problem.moves)),
-    )
-    return _transfer_with_waves(
-        problem, trajectory, _EXTENSION * trajectory.durations[0], 1 + k, 10.0 ** (k % 3) * change
-    )
-
-
-def _integrated_transfer(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
-    """A motion of σ from start to end with the k-th waves, and integrated states."""
-    trajectory = _trajectory_at_rest(problem, intervals, k)
-    return _transfer_with_waves(problem, trajectory, trajectory.durations[0], k)
-
-
-def _transfer_with_waves(
-    problem: Problem, trajectory: CollocatedTrajectory, T: float, k: int, by: Array | None = None
+def _integrated_transfer(
+    problem: Problem, intervals: int, k: int, *, is_arbitrary: bool = False
 ) -> CollocatedTrajectory:
-    """A motion of σ from start to end, or by a change, with the k-th waves; it rests after the time T."""
+    """A motion of σ from start to end with the k-th waves, or to an arbitrary end in motion, and integrated states."""
+    trajectory, rng = _trajectory_at_rest(problem, intervals, k), np.random.default_rng(k)
     start = by_name(problem.states, problem.initial_state)
     sigma = zip(problem.moves, problem.initial_sigma, strict=True)
     begin = {name: start.get(name, value) for name, value in sigma}
     first = np.array([*begin.values()])
     change = np.array([problem.terminal_state.get(name, x) for name, x in begin.items()]) - first
     size = _AMPLITUDES[k % len(_AMPLITUDES)] * (1 + np.abs(change).max())
-    waves = size * np.random.default_rng(k).normal(size=(change.size, 3)) / np.arange(1, 4) ** 2
-    change, w = change if by is None else by, 2 * np.pi * np.arange(1, 4) / T
+    waves = size * rng.normal(size=(change.size, 3)) / np.arange(1, 4) ** 2
+    T = trajectory.durations[0]
+    if is_arbitrary:
+        change, T = 10.0 ** (k % 3) * rng.normal(size=change.size), _EXTENSION * T
+    w = 2 * np.pi * np.arange(1, 4) / T
 
     def motion(t: float) -> tuple[Array, Array, Array]:
         """σ, σ̇ and σ̈."""

@@ -131,9 +131,9 @@ def plan(
         if guess is not None:
             starts, tries = [_trajectory_of_guess(problem, guess, intervals)], 1
         solution = search(problem.relative, starts, clock, SearchSettings(intervals, accuracy, tries))
-    _refuse_vanishing_phases(problem, solution)
+    _refuse_vanishing_phases(solution)
     if minimize == "motion":
-        refuse_singularity(problem.relative, solution)
+        refuse_singularity(solution)
     return Plan(goal, problem, in_si(problem, solution))
 
 
@@ -165,9 +165,9 @@ def planned(path: Path | str, *, progress: bool = False) -> Plan:
     return plan(beside(path, mechanism), **arguments, **values, progress=progress)
 
 
-def _refuse_vanishing_phases(problem: Problem, solution: Solution) -> None:
+def _refuse_vanishing_phases(solution: Solution) -> None:
     """Raise an error for a phase that lasts no time, where its duration is free."""
-    durations = solution.trajectory.durations
+    problem, durations = solution.problem, solution.trajectory.durations
     for k, (phase, T) in enumerate(zip(problem.phases, durations, strict=False)):
         if phase.duration[0] < T <= _VANISHING * durations.sum():
             raise PlanError(

@@ -164,7 +164,7 @@ class Plan:
         """
         finite("time_limit", time_limit, PlanError)
         clock, solution = Clock(time_limit), relative(self.problem, self.solution)
-        return verdicts(self.problem.relative, solution, self.replay(), clock)
+        return verdicts(solution, self.replay(), clock)
 
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals of the replay: moved and free coordinates, unless names are given."""
@@ -248,7 +248,7 @@ class Plan:
                 raise PlanError(
                     f"{path}: {name} is a function, which no file holds; write it as text, 'pivot_x_ddot**2'"
                 )
-        solution = {k: v for k, v in vars(self.solution).items() if k != "trajectory"}
+        solution = {k: v for k, v in vars(self.solution).items() if k not in {"problem", "trajectory"}}
         document = {"goal": goal, "track": vars(self.solution.trajectory), "solution": solution}
         text = json.dumps(document, default=_json_value, indent=1)
         with replacing(path) as part:
@@ -298,8 +298,8 @@ def _even_step(end: float, longest: float) -> float:
 
 def _value_and_derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
     """Value, first and second derivative at times after the starts of the intervals k, (3, n)."""
-    polynomials = [polynomial, polynomial.derivative(), polynomial.derivative().derivative()]
-    return np.array([sum(c * local**n for n, c in enumerate(p.c[::-1, k])) + 0 * local for p in polynomials])
+    derivatives = (polynomial.derivative(order).c[::-1, k] for order in range(3))
+    return np.array([sum(c * local**n for n, c in enumerate(powers)) + 0 * local for powers in derivatives])
 
 
 def _json_value(value: Any) -> Any:
@@ -357,8 +357,13 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
         whole("a number", number, PlanError)
     m, n, c, path = interval_count(arcs), len(problem.states), len(problem.controls), problem.path
     points, rows = m * DEGREE, len(path.labels)
-    shapes = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
-    columns = {name: _finite_array(name, trajectory[name], shape) for name, shape in shapes.items()}
+    of_trajectory = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
+    multipliers = (len(problem.end.labels),)
+    shapes = {"cost": (), "hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": multipliers}
+    columns, values = (
+        dict[str, Any]((name, _finite_array(name, part[name], shape)) for name, shape in shapes.items())
+        for part, shapes in ((trajectory, of_trajectory), (document, shapes))
+    )
     if not arcs or not (columns["durations"] > 0).all():
         raise PlanError("it has to have arcs with durations > 0")
     (low, high), T = problem.duration, columns["durations"].sum()
@@ -367,11 +372,10 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
     for i, bound in (active for arc in arcs for active in arc.active_bounds):
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
-    shapes = {"hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": (len(problem.end.labels),)}
-    values: dict[str, Any] = {name: _finite_array(name, document[name], shape) for name, shape in shapes.items()}
     return Solution(
+        problem=problem,
         trajectory=CollocatedTrajectory(arcs, **columns),
-        cost=float(_finite_array("cost", document["cost"], ())),
+        cost=float(values.pop("cost")),
         status=str(document["status"]),
         finished=document["finished"] in (1, True),
         starts=document["starts"],

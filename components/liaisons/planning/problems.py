@@ -289,8 +289,7 @@ def _closed_states(symbols: GoalSymbols, states: set[str]) -> list[str]:
 def initial_values(symbols: GoalSymbols, states: list[StateCandidate], start: list[Row]) -> dict[str, float]:
     """Initial values of all states by name."""
     values = {state.name: 0.0 for state in states}
-    first = symbols.evaluate(symbols.initial_state, 0.0).ravel()
-    values |= by_name(symbols.state_names, map(float, first))
+    values |= by_name(symbols.state_names, map(float, symbols.first_state))
     values |= by_name(symbols.goal.moves, map(float, symbols.initial_sigma))
     return values | {r.label: r.low for r in start if r.low == r.high and r.expression.is_symbolic()}
 
@@ -389,10 +388,9 @@ def _refuse_rest_of_moving(symbols: GoalSymbols, end: list[Row]) -> None:
     rates = [name for name in starts if name in axes or name in {f"{q}_dot" for q in symbols.state_names}]
     if not rates or not still.issuperset([*rates, *(f"{name}_dot" for name in symbols.goal.moves)]):
         return
-    started = symbols.evaluate(symbols.initial_state, 0.0).ravel()
     for i, name in enumerate(symbols.state_names):
         is_momentum = name not in starts or name.endswith(Orientation.momenta)
-        value = float(symbols.start.get(name) or started[i])
+        value = float(symbols.start.get(name) or symbols.first_state[i])
         is_moving = abs(value) > ROUNDING * symbols.state_sizes[i]
         if is_momentum and is_moving and symbols.vanishes(symbols.relative_rates[i]):
             raise PlanError(

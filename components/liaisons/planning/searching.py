@@ -129,30 +129,25 @@ def search(
                 optima.append(candidate.cost)
         elif candidate.finished:
             failures.append(candidate)
-        elif not rough and _is_feasible(problem, candidate) and _is_accepted(problem, candidate, settings):
-            best = candidate
+        elif not rough and max(candidate.residual, end_miss(candidate)) < LIMITS.feasible_residual:
+            best = candidate if _is_accepted(candidate, settings) else best
         count += candidate.finished
         agreed, stopped = len(optima) == 1 and not failures, not candidate.finished
         if clock.is_over or stopped or (settings.tries is None and count == enough and agreed):
             break
-    refined, rejected = _refine_all(problem, rough, settings, clock, stopped=stopped)
+    refined, rejected = _refine_all(rough, settings, clock, stopped=stopped)
     best = refined or best
     if best is not None:
         return replace(best, finished=not (stopped or clock.is_over), starts=max(1, count), optima=max(1, len(optima)))
     if clock.is_interrupted:
         raise KeyboardInterrupt
     for solution in rejected:
-        refuse_singularity(problem, solution)
+        refuse_singularity(solution)
     raise PlanError(_failure_text(problem, failures, rejected))
 
 
-def _is_feasible(problem: Problem, solution: Solution) -> bool:
-    """Whether an unfinished iterate satisfies the equations and reaches the end."""
-    return solution.residual < LIMITS.feasible_residual and end_miss(problem, solution) < LIMITS.feasible_residual
-
-
 def _refine_all(
-    problem: Problem, rough: list[Solution], settings: SearchSettings, clock: Clock, *, stopped: bool
+    rough: list[Solution], settings: SearchSettings, clock: Clock, *, stopped: bool
 ) -> tuple[Solution | None, list[Solution]]:
     """The best refined solution, and the solutions that the differential equations do not have.
 
@@ -166,20 +161,20 @@ def _refine_all(
     for k, one in enumerate(rough):
         if clock.is_over or stopped:
             rest = [*([best] if best else []), *(replace(other, finished=False) for other in rough[k:])]
-            accepted = (other for other in rest if _is_accepted(problem, other, settings))
-            return min(accepted, key=lambda other: _sort_key(problem, other), default=None), rejected
+            accepted = (other for other in rest if _is_accepted(other, settings))
+            return min(accepted, key=_sort_key, default=None), rejected
         if best is not None and one.cost > best.cost + LIMITS.higher_cost * abs(best.cost):
             continue
-        first = _on_first_mesh(problem, one, settings, clock)
+        first = _on_first_mesh(one, settings, clock)
         if any(_is_same_optimum(first, other) for other in on_first_meshes) or (
             best and first.cost > best.cost + margin
         ):
             continue
         on_first_meshes.append(first)
-        candidate = _refine(problem, first, settings.accuracy, clock) if first.finished else first
-        if not _is_accepted(problem, candidate, settings):
+        candidate = _refine(first, settings.accuracy, clock) if first.finished else first
+        if not _is_accepted(candidate, settings):
             rejected.append(candidate)
-        elif best is None or _sort_key(problem, candidate) < _sort_key(problem, best):
+        elif best is None or _sort_key(candidate) < _sort_key(best):
             best = candidate
             margin = max(
                 LIMITS.refinement_change * abs(best.cost - first.cost), LIMITS.least_refinement_change * abs(best.cost)
@@ -199,23 +194,23 @@ def _is_same_optimum(one: Solution, other: Solution) -> bool:
     )
 
 
-def _sort_key(problem: Problem, solution: Solution) -> tuple[bool, float]:
+def _sort_key(solution: Solution) -> tuple[bool, float]:
     """Sort key of solutions: extremals first, then the lower cost, for coarse meshes undercut what is possible."""
-    variation = hamiltonian_variation(problem, solution)
-    return bool(variation > LIMITS.extremal_variation * hamiltonian_scale(problem, solution)), solution.cost
+    variation = hamiltonian_variation(solution)
+    return bool(variation > LIMITS.extremal_variation * hamiltonian_scale(solution)), solution.cost
 
 
-def _is_accepted(problem: Problem, solution: Solution, settings: SearchSettings) -> bool:
+def _is_accepted(solution: Solution, settings: SearchSettings) -> bool:
     """Whether the differential equations lead from knot to knot; true without refinement."""
     tolerance = LIMITS.integration_difference if solution.finished else LIMITS.rough_integration_difference
-    return settings.accuracy is None or _satisfies_equations(problem, solution, tolerance)
+    return settings.accuracy is None or _satisfies_equations(solution, tolerance)
 
 
 def _solve_start(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
     """The solution from a start; if IPOPT has none, its iterate nearest to the end."""
     candidate = _solve_by_nearest_end(problem, trajectory, clock)
     coarse = interval_count(trajectory.arcs)
-    if candidate.ends_search or coarse >= intervals or end_miss(problem, candidate) > LIMITS.blurred_miss:
+    if candidate.ends_search or coarse >= intervals or end_miss(candidate) > LIMITS.blurred_miss:
         return candidate
     return _solve_by_nearest_end(problem, trajectory.on((Arc(intervals),), trajectory.durations), clock)
 
@@ -234,28 +229,29 @@ def _solve_by_nearest_end(problem: Problem, trajectory: CollocatedTrajectory, cl
         trajectory = nearest.trajectory
         if not nearest.finished:
             return nearest
-    if end_miss(problem, nearest) < LIMITS.reached_miss:
+    if end_miss(nearest) < LIMITS.reached_miss:
         candidate = solve(problem, trajectory, clock)
         if candidate.ends_search:
             return candidate
     if problem.phases:
         return replace(nearest, status=candidate.status)
-    arcs, durations = _arcs(_active_patterns(problem, nearest), nearest.trajectory)
-    if low < high and len(arcs) > 1 and end_miss(problem, nearest) < LIMITS.blurred_miss:
+    arcs, durations = _arcs(_active_patterns(nearest), nearest.trajectory)
+    if low < high and len(arcs) > 1 and end_miss(nearest) < LIMITS.blurred_miss:
         candidate = solve(problem, trajectory.on(arcs, durations), clock)
         if candidate.ends_search:
             return candidate
     return replace(nearest, status=candidate.status)
 
 
-def end_miss(problem: Problem, solution: Solution) -> float:
+def end_miss(solution: Solution) -> float:
     """Norm of the violation of the end, in units of sizes."""
+    problem = solution.problem
     return float(np.linalg.norm(problem.end.violation(problem.end_values(solution.trajectory.knots[:, -1]))))
 
 
-def _on_first_mesh(problem: Problem, rough: Solution, settings: SearchSettings, clock: Clock) -> Solution:
+def _on_first_mesh(rough: Solution, settings: SearchSettings, clock: Clock) -> Solution:
     """The same optimum on the first mesh of the settings; the coarse solution where that is not solved."""
-    trajectory = rough.trajectory
+    problem, trajectory = rough.problem, rough.trajectory
     if len(trajectory.arcs) == 1 and trajectory.arcs[0].intervals < settings.intervals:
         finer = trajectory.on((Arc(settings.intervals),), trajectory.durations)
         for near in (True, False):
@@ -270,34 +266,35 @@ def _on_first_mesh(problem: Problem, rough: Solution, settings: SearchSettings, 
 # ---- switching instants -------------------------------------------------------------------------------------------
 
 
-def _refine(problem: Problem, solution: Solution, accuracy: float | None, clock: Clock) -> Solution:
+def _refine(solution: Solution, accuracy: float | None, clock: Clock) -> Solution:
     """The same motion with switching arcs, on meshes twice as fine each, until its Hamiltonian is constant."""
+    problem = solution.problem
     if not problem.phases:
-        solution = _insert_arcs(problem, solution, clock)
+        solution = _insert_arcs(solution, clock)
     while accuracy is not None and solution.finished:
         trajectory = solution.trajectory
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in trajectory.arcs)
-        tolerance = max(accuracy * hamiltonian_scale(problem, solution), MULTIPLIER_ERROR)
-        is_extremal = hamiltonian_variation(problem, solution) <= tolerance
-        if interval_count(arcs) > LIMITS.most_intervals or (is_extremal and _satisfies_equations(problem, solution)):
+        tolerance = max(accuracy * hamiltonian_scale(solution), MULTIPLIER_ERROR)
+        is_extremal = hamiltonian_variation(solution) <= tolerance
+        if interval_count(arcs) > LIMITS.most_intervals or (is_extremal and _satisfies_equations(solution)):
             break
         finer = solve(problem, trajectory.on(arcs, trajectory.durations), clock, near=True)
         if not finer.succeeded:
             return replace(solution, finished=finer.finished)
-        if problem.phases and hamiltonian_variation(problem, finer) > hamiltonian_variation(problem, solution):
+        if problem.phases and hamiltonian_variation(finer) > hamiltonian_variation(solution):
             break  # the barrier of gaps that close prevails
-        solution = finer if len(arcs) > 1 else _insert_arcs(problem, finer, clock)
+        solution = finer if len(arcs) > 1 else _insert_arcs(finer, clock)
     return solution
 
 
-def _insert_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
+def _insert_arcs(solution: Solution, clock: Clock) -> Solution:
     """The same motion with an arc between any two switches of its controls, whose durations are unknowns.
 
     Vanishing arcs are removed, and arcs are inserted where the Hamiltonian is less at another bound.  Where no such
     solution is better, the given one is returned.
     """
-    best, trajectory = solution, solution.trajectory
-    patterns = (_optimal_patterns if len(trajectory.arcs) > 1 else _active_patterns)(problem, solution)
+    best, problem, trajectory = solution, solution.problem, solution.trajectory
+    patterns = (_optimal_patterns if len(trajectory.arcs) > 1 else _active_patterns)(solution)
     if patterns is None:
         return solution
     arcs, durations = _arcs(patterns, trajectory)
@@ -318,12 +315,10 @@ def _insert_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution
             break
         undercut = 0.0
         if len(best.trajectory.arcs) == 1:
-            undercut = (
-                LIMITS.higher_cost if _sort_key(problem, candidate) < _sort_key(problem, best) else LIMITS.similar_cost
-            )
+            undercut = LIMITS.higher_cost if _sort_key(candidate) < _sort_key(best) else LIMITS.similar_cost
         if candidate.cost <= best.cost + undercut * max(abs(best.cost), MULTIPLIER_ERROR):
             best = candidate
-        patterns = _optimal_patterns(problem, candidate)
+        patterns = _optimal_patterns(candidate)
         if patterns is None:
             break
         arcs, durations = _arcs(patterns, trajectory)
@@ -355,9 +350,9 @@ def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
     )
 
 
-def _optimal_patterns(problem: Problem, solution: Solution) -> list[_ActiveBounds] | None:
+def _optimal_patterns(solution: Solution) -> list[_ActiveBounds] | None:
     """Active bounds at each point by least Hamiltonian; None if they are those of the solution."""
-    trajectory, path = solution.trajectory, problem.path
+    problem, trajectory, path = solution.problem, solution.trajectory, solution.problem.path
     held = [arc.active_bounds for arc in trajectory.arcs for _ in range(arc.intervals * DEGREE)]
     better = [dict(now) for now in held]
     for i, label in enumerate(path.labels):
@@ -379,9 +374,9 @@ _ActiveBounds = tuple[tuple[int, float], ...]
 """Rows of the path with the bounds at which they are held."""
 
 
-def _active_patterns(problem: Problem, solution: Solution) -> list[_ActiveBounds]:
+def _active_patterns(solution: Solution) -> list[_ActiveBounds]:
     """Active bounds at each point, of rows that controls can hold; short runs take those of their neighbours."""
-    path = problem.path
+    problem, path = solution.problem, solution.problem.path
     reached = [function.jac_sparsity(0, 1).row() for function in (path.function, path_rates(problem))]
     by_controls = {
         i for rows in reached[: 1 + (problem.control_order > 0)] for i in rows
@@ -421,14 +416,14 @@ def _arcs(patterns: list[_ActiveBounds], trajectory: CollocatedTrajectory) -> tu
 # ---- refusals -----------------------------------------------------------------------------------------------------
 
 
-def refuse_singularity(problem: Problem, solution: Solution) -> None:
+def refuse_singularity(solution: Solution) -> None:
     """Raise an error for a motion through a singularity of the effective mass, where a coordinate moves at no cost.
 
     :raises PlanError: with instant and coordinate, unless the mesh resolves the motion.
     """
-    trajectory, count = solution.trajectory, len(problem.moves)
-    variation = hamiltonian_variation(problem, solution)
-    if problem.phases or variation <= HAMILTONIAN_VARIATION * hamiltonian_scale(problem, solution):
+    problem, trajectory, count = solution.problem, solution.trajectory, len(solution.problem.moves)
+    variation = hamiltonian_variation(solution)
+    if problem.phases or variation <= HAMILTONIAN_VARIATION * hamiltonian_scale(solution):
         return
     masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
@@ -449,19 +444,15 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
     end, X = problem.end, problem.end.sizes
     if not failures:
         nearest = rejected[0]
-        reached = problem.end_values(_integrated_knots(problem, nearest, from_start=True)[:, -1])
+        reached = problem.end_values(_integrated_knots(nearest, from_start=True)[:, -1])
         off = end.violation(reached)
-        rows = (
-            np.flatnonzero(off > LIMITS.integration_difference)
-            if (off > LIMITS.integration_difference).any()
-            else np.arange(off.size)
-        )
-        names = ", ".join(end.labels[i] for i in rows) or "what has to close"
+        missed = [label for label, x in zip(end.labels, off, strict=True) if x > LIMITS.integration_difference]
+        names = ", ".join(missed or end.labels) or "what has to close"
         return (
             f"{problem.name}: the end was not reached: what {', '.join(problem.moves)} can do does not lead there, "
             f"and what meshes say of {names} the equations do not follow"
         )
-    nearest = min(failures, key=lambda one: end_miss(problem, one))
+    nearest = min(failures, key=end_miss)
     reached = problem.end_values(nearest.trajectory.knots[:, -1])
     required = np.clip(reached, end.low, end.high) * X
     missed_rows = np.flatnonzero(end.violation(reached) > LIMITS.reached_miss)
@@ -470,7 +461,7 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
         return (
             f"{problem.name}: not solved ({nearest.status}); the end can be reached: try other intervals or more tries"
         )
-    active = list(dict.fromkeys(_active_texts(problem, nearest)))
+    active = list(dict.fromkeys(_active_texts(nearest)))
     T = nearest.trajectory.durations.sum()
     if np.isclose(T, problem.duration[1]):
         active.append(f"duration = {T * problem.scales.time:g}")
@@ -478,9 +469,9 @@ def _failure_text(problem: Problem, failures: list[Solution], rejected: list[Sol
     return f"{problem.name}: the end was not reached, nearest {', '.join(wrong)}{bounds}"
 
 
-def _active_texts(problem: Problem, solution: Solution) -> Iterator[str]:
+def _active_texts(solution: Solution) -> Iterator[str]:
     """Texts "name = bound" of the active bounds."""
-    for phase, inside in phase_points(problem, solution.trajectory.arcs):
+    for phase, inside in phase_points(solution.problem, solution.trajectory.arcs):
         path = phase.path
         values = solution.trajectory.evaluate(path.function, inside)
         ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
@@ -493,22 +484,22 @@ def _active_texts(problem: Problem, solution: Solution) -> Iterator[str]:
 # ---- integration of the equations ----------------------------------------------------------------------------------
 
 
-def _satisfies_equations(
-    problem: Problem, solution: Solution, tolerance: float = LIMITS.integration_difference
-) -> bool:
+def _satisfies_equations(solution: Solution, tolerance: float = LIMITS.integration_difference) -> bool:
     """Whether the integrated equations agree with all knots of a solution; those of phases are left to the replay."""
-    if problem.phases:
+    if solution.problem.phases:
         return True
     knots = solution.trajectory.knots[:, 1:]
-    return bool(
-        np.max(np.abs(_integrated_knots(problem, solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance
-    )
+    return bool(np.max(np.abs(_integrated_knots(solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance)
 
 
-def _integrated_knots(problem: Problem, solution: Solution, *, from_start: bool = False) -> Array:
+def _integrated_knots(solution: Solution, *, from_start: bool = False) -> Array:
     """Integrated states at the ends of the intervals, each from the knot before, or all from the first one."""
     trajectory = solution.trajectory
-    m, step, lengths = trajectory.knots.shape[1] - 1, _interval_integrator(problem), np.diff(trajectory.breaks)[None]
+    m, step, lengths = (
+        trajectory.knots.shape[1] - 1,
+        _interval_integrator(solution.problem),
+        np.diff(trajectory.breaks)[None],
+    )
     columns, first = (step.mapaccum(m), 1) if from_start else (step.map(m), m)
     return np.array(columns(trajectory.knots[:, :first], trajectory.controls, lengths))
 

@@ -16,7 +16,7 @@ from liaisons.base.arguments import finite, shown
 from liaisons.base.units import ANY, NUMBER, powers
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import stack
-from liaisons.language import Chain, Mechanism, Orientation
+from liaisons.language import Chain, Mechanism
 from liaisons.library import component, model
 from liaisons.mechanics import Model
 from liaisons.mechanics.model import refuse_contacts
@@ -29,6 +29,7 @@ from liaisons.planning.goals import (
     finite_number,
     is_expression,
     motion_names,
+    unit_quaternion,
     value_range,
     values_by_element,
 )
@@ -46,7 +47,7 @@ class GoalSymbols:
     model: Model
     parameters: dict[str, float]
     inputs: dict[str, Any]
-    start: Mapping[str, Any]  # values of the goal, by scalars and orientations; nothing if it is an expression
+    start: Mapping[str, Any]  # values of the goal, by scalars, and orientations as given; nothing for an expression
     start_parameters: Mapping[str, str]  # parameters that are start values, by coordinates and rates
     initial_sigma: Array
     quaternions: Mapping[str, tuple[str, ...]]  # states, by orientations
@@ -71,10 +72,8 @@ class GoalSymbols:
     @property
     def moved(self) -> dict[str, ca.SX]:
         """Symbols of σ, σ̇ and σ̈ by the names of the FMU's variables."""
-        columns = zip(
-            map(ca.vertsplit, self.motion), zip(*map(motion_names, self.goal.moves), strict=True), strict=True
-        )
-        return {name: x for symbols, names in columns for name, x in zip(names, symbols, strict=True)}
+        names = [(i, motion_names(move)) for i, move in enumerate(self.goal.moves)]
+        return {name: x[i] for i, triple in names for name, x in zip(triple, self.motion, strict=True)}
 
     @property
     def model_arguments(self) -> tuple[Any, ...]:
@@ -140,20 +139,18 @@ class GoalSymbols:
         """Effective mass Θ of the moved coordinates."""
         return ca.jacobian(self.forces, self.motion[2])
 
-    @property
-    def declared_state(self) -> Array:
-        """Start values of the state as declared; momenta are 0."""
-        starts = self.start_parameters
-        return np.array([self.parameters[starts[name]] if name in starts else 0.0 for name in self.state_names])
+    @cached_property
+    def first_state(self) -> Array:
+        """Values of the state at the start."""
+        return self.evaluate(self.initial_state, 0.0).ravel()
 
     def evaluate(self, expression: ca.SX, spread: float, seed: int = 0) -> Array:
         """Values of an expression at the start, or at random states around it.
 
         :param spread: radius of the neighbourhood, in units of sizes.
         """
-        rng, state = np.random.default_rng(seed), self.declared_state
-        state[[i for i, name in enumerate(self.state_names) if name.endswith(Orientation.quaternion[0])]] = 1.0
-        still = np.zeros(len(self.goal.moves))
+        rng, still, starts = np.random.default_rng(seed), np.zeros(len(self.goal.moves)), self.start_parameters
+        state = np.array([self.parameters.get(starts.get(name, ""), 0.0) for name in self.state_names])  # no momenta
         centres = [state, self.initial_sigma, still, still]
         sizes = [self.state_sizes, self.initial_sigma_sizes, *self.motion_sizes[1:]]
         points = [
@@ -165,10 +162,9 @@ class GoalSymbols:
 
     def scaled_jacobian(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
         """Derivatives of an expression by symbols that are divided by their sizes."""
-        columns = zip(self.arguments, (self.state_sizes, *self.motion_sizes), strict=True)
-        pairs = [pair for column, sizes in columns for pair in zip(ca.vertsplit(column), sizes, strict=True)]
-        sizes = {symbol.name(): float(value) for symbol, value in pairs}
-        return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[x.name()] for x in ca.vertsplit(symbols)]))
+        names, chosen = ([x.name() for x in ca.vertsplit(ca.vertcat(*xs))] for xs in (self.arguments, [symbols]))
+        sizes = by_name(names, np.concatenate([self.state_sizes, *self.motion_sizes]))
+        return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[name] for name in chosen]))
 
     def dependencies(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
         """Sparsity of the Jacobian (rows, symbols) in numbers at nearby states, for terms may cancel.
@@ -223,6 +219,8 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     quaternions = {orientation.name: orientation.quaternion for orientation in getattr(declared, "orientations", ())}
     values = {} if is_expression(goal.start) else goal.start
     start = values_by_element(f"{name}: start", values, [v.name for v in flat.variables])
+    oriented = [(axes, unit_quaternion(f"{name}: {q}", start[q])) for q, axes in quaternions.items() if q in start]
+    start |= {axis: float(x) for axes, unit in oriented for axis, x in zip(axes, unit, strict=True)}
     rates = set(start_parameters) - set(states)
     moved = {end for move in goal.moves for end in motion_names(move)[:2]}
     variables_at_start = {*states, *rates, *moved, *quaternions}
@@ -233,9 +231,8 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         if start[key] is not None:
             value_range(name, "start", key, start[key])
     parameters |= {start_parameters[rate]: finite_number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
-    for key in states:
-        if key in start_parameters and isinstance(start.get(key), (int, float)):
-            parameters[start_parameters[key]] = float(start[key])
+    started = (key for key in states if key in start_parameters and isinstance(start.get(key), (int, float)))
+    parameters |= {start_parameters[key]: float(start[key]) for key in started}
     units = {variable.name: variable.unit for variable in (*flat.parameters, *flat.inputs, *flat.outputs)}
     base = _base_scales(goal, units, parameters | inputs)
     return GoalSymbols(

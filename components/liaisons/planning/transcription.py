@@ -12,7 +12,7 @@ there the state jumps between arcs, by impulses that are unknowns, too.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -124,9 +124,9 @@ class CollocatedTrajectory:
             """Rows at other times; at a break those before it."""
             own_times = times / scale * breaks[-1]
             interval = np.searchsorted(breaks[1:-1], own_times)
-            places = (own_times - breaks[interval]) / np.diff(breaks)[interval]
+            fractions = (own_times - breaks[interval]) / np.diff(breaks)[interval]
             points = interval[:, None] * DEGREE + np.arange(DEGREE)
-            return (rows[:, points] * (places[:, None] ** POWERS @ TO_POWERS)).sum(axis=-1)
+            return (rows[:, points] * (fractions[:, None] ** POWERS @ TO_POWERS)).sum(axis=-1)
 
         knots, inner = (resampled(self.inner, times) for times in (blank.breaks, blank.instants))
         return replace(blank, knots=knots, inner=inner, controls=resampled(self.controls, blank.instants))
@@ -181,6 +181,7 @@ class Clock:
 class Solution:
     """A solution of the nonlinear program, or the last iterate."""
 
+    problem: Problem
     trajectory: CollocatedTrajectory
     cost: float
     status: str  # of IPOPT
@@ -205,29 +206,30 @@ class Solution:
 
 def in_si(problem: Problem, solution: Solution) -> Solution:
     """A solution of the relative problem in SI units."""
-    return _scaled(problem, problem, solution, 1)
+    return _scaled(problem, solution, 1)
 
 
 def relative(problem: Problem, solution: Solution) -> Solution:
     """A solution in SI units as one of the relative problem."""
-    return _scaled(problem, problem.relative, solution, -1)
+    return _scaled(problem.relative, solution, -1)
 
 
-def _scaled(problem: Problem, target: Problem, solution: Solution, power: int) -> Solution:
-    """A solution multiplied by a power of the scales, with the active bounds of the other problem."""
-    scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
+def _scaled(problem: Problem, solution: Solution, power: int) -> Solution:
+    """A solution multiplied by a power of the scales, as that of a problem, with the active bounds of this."""
+    scales, path = problem.scales, solution.problem.path
     X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
 
     def held(i: int, bound: float) -> tuple[int, float]:
-        """The active bound as the other problem has it."""
-        return i, float(target.path.low[i] if bound == path.low[i] else target.path.high[i])
+        """The active bound as the problem has it."""
+        return i, float(problem.path.low[i] if bound == path.low[i] else problem.path.high[i])
 
-    trajectory, (low, high) = solution.trajectory, target.duration
+    trajectory, (low, high) = solution.trajectory, problem.duration
     if low == high:
-        time = low / float(trajectory.durations.sum())  # target the last digit
+        time = low / float(trajectory.durations.sum())  # to the last digit
     return replace(
         solution,
+        problem=problem,
         trajectory=CollocatedTrajectory(
             arcs=tuple(
                 replace(arc, active_bounds=tuple(held(*row) for row in arc.active_bounds)) for arc in trajectory.arcs
@@ -253,11 +255,11 @@ class _Program:
     knots: Any
     inner: Any
     controls: Any
-    after: Any  # states at the start of each phase but the first
+    later: list[int]  # first points of the phases but the first
+    after: Any  # states there
     impulses: Any  # of the contacts there
     residuals: Any  # of the equations at the collocation points, and at the ends of the intervals
     cost: Any
-    constraints: dict[str, Any] = field(default_factory=dict)  # the equations, and the end where it is numbers
 
 
 def solve(
@@ -277,7 +279,7 @@ def solve(
     :param near: start with a small barrier, because the guess is close to the solution.
     """
     program = _constrained_program(problem, guess, soft=soft, shift=shift)
-    opti, constraints = program.opti, program.constraints
+    opti = program.opti
     status = _run_ipopt(opti, near=near, most=200 if soft else 100 if near else _MOST_ITERATIONS, clock=clock)
 
     def value(expression: Any, *shape: int) -> Array:
@@ -293,13 +295,14 @@ def solve(
         inner=value(program.inner, n, points),
         controls=value(program.controls, c, points),
     )
-    duals = np.split(value(opti.dual(constraints["equations"]), -1), [n * points])
-    mu, nu = (part.reshape(n, -1, order="F") for part in duals)
+    duals = value(opti.lam_g, -1)
+    mu, nu = (part.reshape(n, -1, order="F") for part in np.split(duals[: n * (points + m)], [n * points]))
     adjoints = -(np.repeat(nu, DEGREE, axis=1) + (mu @ np.kron(np.eye(m), A)) / np.tile(B, m))
     multipliers, equalities = np.zeros(len(problem.end.labels)), problem.end.equalities
     if equalities and not soft:
-        multipliers[equalities] = -value(opti.dual(constraints["end"]), len(equalities))
+        multipliers[equalities] = -duals[-len(equalities) :]
     return Solution(
+        problem=problem,
         trajectory=trajectory,
         cost=float(opti.debug.value(program.cost)),
         status=status,
@@ -314,38 +317,45 @@ def solve(
 def _constrained_program(
     problem: Problem, guess: CollocatedTrajectory, *, soft: bool = False, shift: Array | None = None
 ) -> _Program:
-    """The nonlinear program with cost and constraints; arguments are those of :func:`solve`."""
+    """The nonlinear program with cost and constraints, the equations first, and last numbers at the end.
+
+    Arguments are those of :func:`solve`.
+    """
     program = _collocated_program(problem, guess)
-    opti, constraints = program.opti, program.constraints
-    constraints["equations"] = program.residuals == 0
-    opti.subject_to(constraints["equations"])
-    _bound_durations(opti, problem, guess, program)
-    first = 0
-    for k, arc in enumerate(guess.arcs):
-        _bound_path(opti, problem.phase(k), arc, first, program)
-        first += arc.intervals
-    _join_phases(opti, problem, guess.arcs, program)
-    _constrain_rows(opti, problem.start, problem.start.function(program.knots[:, 0]))
-    for i in problem.closed:
-        opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
-    _fix_phase(opti, problem, program)
-    _lower_control_degree(opti, problem, guess.arcs, program)
+    opti = program.opti
+    constraints = [program.residuals == 0, *_constraints(problem, guess, program)]
     end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
     if soft:
         opti.minimize(ca.sumsqr(end - ca.fmin(ca.fmax(end, problem.end.low), problem.end.high)))
-        return program
-    constraints["end"] = _constrain_rows(opti, problem.end, end)
-    opti.minimize(program.cost)
+    else:
+        constraints += _row_constraints(problem.end, end)
+        opti.minimize(program.cost)
+    opti.subject_to(constraints)
     return program
 
 
-def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | None:
+def _constraints(problem: Problem, guess: CollocatedTrajectory, program: _Program) -> Iterator[ca.MX]:
+    """Constraints beside the equations and the end."""
+    yield from _duration_constraints(problem, guess, program)
+    first = 0
+    for k, arc in enumerate(guess.arcs):
+        yield from _path_constraints(problem.phase(k), arc, first, program)
+        yield from _degree_constraints(problem.phase(k), arc, first, program)
+        first += arc.intervals
+    yield from _junction_constraints(problem, program)
+    yield from _row_constraints(problem.start, problem.start.function(program.knots[:, 0]))
+    for i in problem.closed:
+        yield program.knots[i, -1] == program.knots[i, 0]
+    yield from _phase_constraint(problem, program)
+
+
+def curvature(solution: Solution, clock: Clock) -> Array | None:
     """Eigenvalues of the reduced Hessian at a solution, ascending; None where there are none, or IPOPT leaves it.
 
     The Hessian is that of the Lagrangian, in the L2 norm of the controls: states follow from controls by the linearised
     equations, and its directions are those in which active constraints do not change.
     """
-    trajectory = solution.trajectory
+    problem, trajectory = solution.problem, solution.trajectory
     opti = _constrained_program(problem, trajectory).opti
     if _run_ipopt(opti, near=True, most=_MOST_ITERATIONS, clock=clock, barrier=1e-5) not in _SUCCESSES:
         return None
@@ -372,18 +382,14 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | Non
     return None
 
 
-def _bound_durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
-    """Constrain unknown durations to be positive, and their sum to its range."""
+def _duration_constraints(problem: Problem, guess: CollocatedTrajectory, program: _Program) -> Iterator[ca.MX]:
+    """Unknown durations are positive, and they and their sum are in their ranges."""
     if program.durations.is_constant():
         return
-    total = float(guess.durations.sum())
-    opti.subject_to(ca.vec(program.durations) >= 1e-6 * total)
-    for k, phase in enumerate(problem.phases):
-        low, high = phase.duration
-        _constrain_range(opti, low, program.durations[k], high)
-    low, high = problem.duration
-    whole = ca.sum2(program.durations)
-    _constrain_range(opti, low, whole, high)
+    yield ca.vec(program.durations) >= 1e-6 * float(guess.durations.sum())
+    durations = [program.durations[k] for k in range(len(problem.phases))]
+    for part, duration in zip((*problem.phases, problem), (*durations, ca.sum2(program.durations)), strict=True):
+        yield _range_constraint(part.duration[0], duration, part.duration[1])
 
 
 def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Program:
@@ -395,10 +401,8 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
     knots, inner, controls = opti.variable(n, m + 1), opti.variable(n, points), opti.variable(c, points)
     parts = phase_points(problem, arcs)
     later = [inside.start for _, inside in parts[1:]]
-    after, impulses = (
-        opti.variable(rows, len(later)) if later else ca.MX(rows, 0)
-        for rows in (n, problem.junctions[0].function.size1_in(2) if later else 0)
-    )
+    contacts = problem.junctions[0].function.size1_in(2) if later else 0
+    after, impulses = opti.variable(n, len(later)), opti.variable(contacts, len(later))
     for unknown, first in ((knots, guess.knots), (inner, guess.inner), (controls, guess.controls)):
         opti.set_initial(unknown, first)
     for k, (first, rows) in enumerate(zip(later, problem.junctions, strict=True)):
@@ -423,7 +427,9 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         )
         for name in ("cost", "rates")
     )
-    begin = ca.horzcat(*(x for k, (_, inside) in enumerate(parts) for x in _begins(knots, after, k, inside)))
+    begin = ca.MX(knots[:, :-1])
+    for k, first in enumerate(later):
+        begin[:, first // DEGREE] = after[:, k]
     begins = ca.reshape(ca.repmat(begin, DEGREE, 1), n, points)
     gained = rates * ca.repmat(h, n, 1)
     to_stages, to_ends = (ca.sparsify(ca.DM(np.kron(np.eye(m), block))) for block in (A.T, B[:, None]))
@@ -433,6 +439,7 @@ def _collocated_program(problem: Problem, guess: CollocatedTrajectory) -> _Progr
         knots=knots,
         inner=inner,
         controls=controls,
+        later=later,
         after=after,
         impulses=impulses,
         residuals=ca.veccat(inner - begins - gained @ to_stages, knots[:, 1:] - begin - gained @ to_ends),
@@ -448,20 +455,13 @@ def _nearest_impulses(rows: Rows, before: Array, after: Array, controls: Array) 
     return np.asarray(np.linalg.lstsq(matrix, -rest, rcond=None)[0], dtype=float)
 
 
-def _begins(knots: ca.MX, after: ca.MX, k: int, inside: slice) -> tuple[ca.MX, ca.MX]:
-    """States at the starts of the intervals of the k-th phase: of the first one, and of the others."""
-    first, last = inside.start // DEGREE, inside.stop // DEGREE
-    return knots[:, 0] if k == 0 else after[:, k - 1], knots[:, first + 1 : last]
-
-
-def _join_phases(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
-    """Constrain states before and after the start of each phase but the first, its impulses and controls."""
-    later = phase_points(problem, arcs)[1:]
-    for k, (rows, (_, inside)) in enumerate(zip(problem.junctions, later, strict=True)):
-        first = inside.start
+def _junction_constraints(problem: Problem, program: _Program) -> Iterator[ca.MX]:
+    """States before and after the start of each phase but the first, impulses and controls obey its conditions."""
+    for k, (rows, first) in enumerate(zip(problem.junctions, program.later, strict=True)):
         controls = program.controls[:, first : first + DEGREE] @ TO_POWERS[0]
         before = program.knots[:, first // DEGREE]
-        _constrain_rows(opti, rows, rows.function(before, program.after[:, k], program.impulses[:, k], controls))
+        values = rows.function(before, program.after[:, k], program.impulses[:, k], controls)
+        yield from _row_constraints(rows, values)
 
 
 def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: float = 1e-7) -> str:
@@ -489,33 +489,27 @@ def _run_ipopt(opti: ca.Opti, *, near: bool, most: int, clock: Clock, barrier: f
     return str(opti.stats()["return_status"])
 
 
-def _constrain_rows(opti: ca.Opti, rows: Rows, values: Any) -> Any:
-    """Constrain rows to their ranges; return the constraint of the equalities, if there are any."""
+def _row_constraints(rows: Rows, values: Any) -> Iterator[ca.MX]:
+    """Rows are in their ranges; numbers come last, as one constraint."""
     equalities = rows.equalities
     for i in range(len(rows.labels)):
         if i not in equalities:
-            opti.subject_to(_range_constraint(opti, rows.low[i], values[i], rows.high[i]))
-    if not equalities:
-        return None
-    constraint = values[equalities] == rows.low[equalities]
-    opti.subject_to(constraint)
-    return constraint
+            yield _range_constraint(rows.low[i], values[i], rows.high[i])
+    if equalities:
+        yield values[equalities] == rows.low[equalities]
 
 
-def _constrain_range(opti: ca.Opti, low: float, value: Any, high: float) -> None:
-    """Constrain a number to its range."""
-    opti.subject_to(_range_constraint(opti, low, value, high) if low < high else value == low)
-
-
-def _range_constraint(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
+def _range_constraint(low: float, value: Any, high: float) -> ca.MX:
     """The constraint low <= value <= high."""
+    if low == high:
+        return value == low
     if np.isinf(low):
         return value <= high
-    return value >= low if np.isinf(high) else opti.bounded(low, value, high)
+    return value >= low if np.isinf(high) else ca.Opti.bounded(low, value, high)
 
 
-def _bound_path(opti: ca.Opti, problem: Problem, arc: Arc, first: int, program: _Program) -> None:
-    """Constrain the rows of the path at the collocation points of an arc, states at the knots, too, or hold them.
+def _path_constraints(problem: Problem, arc: Arc, first: int, program: _Program) -> Iterator[ca.MX]:
+    """Rows of the path are in their ranges at the points of an arc, states at the knots, too, or held at a bound.
 
     A moved coordinate is held at its bound by its control, a function of states by its rate: each has its value at the
     start of the arc, and no rate along it.
@@ -536,20 +530,20 @@ def _bound_path(opti: ca.Opti, problem: Problem, arc: Arc, first: int, program: 
         if i in held and label in problem.moves and problem.control_order > 0:
             begin = {label: held[i], f"{label}_dot": 0.0} if problem.control_order == 2 else {label: held[i]}
             for name in begin.keys() - (initial_labels if first == 0 else set()):
-                opti.subject_to(program.knots[problem.states.index(name), first] == begin[name])
-            opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
+                yield program.knots[problem.states.index(name), first] == begin[name]
+            yield ca.vec(program.controls[problem.moves.index(label), inner]) == 0
             continue
         row = ca.vec(path[i, :])
         if i in held and problem.control_order > 0 and i not in instant:
             begin = problem.path.function(program.knots[:, first], program.controls[:, first * DEGREE])
-            opti.subject_to(begin[i] == held[i])
-            opti.subject_to(ca.vec(rates[i, :]) == 0)
+            yield begin[i] == held[i]
+            yield ca.vec(rates[i, :]) == 0
             continue
-        opti.subject_to(row == held[i] if i in held else _range_constraint(opti, low, row, high))
+        yield row == held[i] if i in held else _range_constraint(low, row, high)
         if label in problem.states and i not in held:
             between = program.knots[problem.states.index(label), max(first, 1) : last]
             if between.numel():
-                opti.subject_to(_range_constraint(opti, low, ca.vec(between), high))
+                yield _range_constraint(low, ca.vec(between), high)
 
 
 def runge_kutta(z: ca.MX, p: ca.MX, rate: ca.MX) -> ca.Function:
@@ -564,8 +558,8 @@ def path_rates(problem: Problem) -> ca.Function:
     return ca.Function("path_rates", [X, U], [ca.densify(ca.jtimes(rows, X, problem.rates(X, U)))])
 
 
-def _fix_phase(opti: ca.Opti, problem: Problem, program: _Program) -> None:
-    """Constrain the phase of a loop with a free start, which begins where a weighted sum of σ is extremal."""
+def _phase_constraint(problem: Problem, program: _Program) -> Iterator[ca.MX]:
+    """A loop with a free start begins where a weighted sum of σ is extremal."""
     closed = {problem.states[i] for i in problem.closed}
     if problem.control_order == 0 or problem.phases or not problem.is_loop or closed & set(problem.start.labels):
         return
@@ -573,26 +567,24 @@ def _fix_phase(opti: ca.Opti, problem: Problem, program: _Program) -> None:
         rates = program.controls[:, :DEGREE] @ TO_POWERS[0]
     else:
         rates = program.knots[problem.indices(f"{name}_dot" for name in problem.moves), 0]
-    opti.subject_to(ca.dot(anchor_weights(len(problem.moves)), rates) == 0)
+    yield ca.dot(anchor_weights(len(problem.moves)), rates) == 0
 
 
-def _lower_control_degree(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
-    """Constrain the degree of the controls to be lower by one if the cost depends on states only.
+def _degree_constraints(problem: Problem, arc: Arc, first: int, program: _Program) -> Iterator[ca.MX]:
+    """The degree of the controls in an arc is lower by one if the cost depends on states only.
 
     Otherwise the controls are not unique: multiples of the Legendre polynomial of degree ``DEGREE``, which vanishes at
     all points, cost nothing if they alternate from interval to interval.
+
+    :param first: interval of the arc.
     """
-    leading = TO_POWERS[-1]
-    first = 0
-    for k, arc in enumerate(arcs):
-        cost = problem.phase(k).cost
-        inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
-        first += arc.intervals
-        held = [problem.path.labels[i] for i, _ in arc.active_bounds]
-        on_states_only = [cost.jac_sparsity(0, i).nnz() > 0 for i in (0, 1)] == [True, False]
-        if on_states_only and set(held) <= set(problem.moves):  # else all may be needed to hold the row
-            for i in (i for i, name in enumerate(problem.moves) if name not in held):
-                opti.subject_to(leading[None, :] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0)
+    inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
+    held = {problem.path.labels[i] for i, _ in arc.active_bounds}
+    on_states_only = [problem.cost.jac_sparsity(0, i).nnz() > 0 for i in (0, 1)] == [True, False]
+    if on_states_only and held <= set(problem.moves):  # else all may be needed to hold the row
+        for i, name in enumerate(problem.moves):
+            if name not in held:
+                yield TO_POWERS[None, -1] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0
 
 
 def anchor_weights(count: int) -> Array:

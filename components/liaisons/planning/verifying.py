@@ -9,7 +9,7 @@ from functools import cache, partial
 import numpy as np
 
 from liaisons.check import Verdict, verdict
-from liaisons.planning.problems import Problem, Rows
+from liaisons.planning.problems import Rows
 from liaisons.planning.transcription import (
     Array,
     Clock,
@@ -37,11 +37,10 @@ _END_SHIFT = 1e-4
 """Displacement of the end, in units of sizes, whose cost is compared with the multipliers."""
 
 
-def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
+def verdicts(solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
     """All verdicts on a plan.
 
-    :param problem: in relative units.
-    :param solution: its solution.
+    :param solution: in relative units.
     :param replay: the motion as the FMUs perform it, in SI units.
     :param clock: time limit of further solutions; a claim for which no time is left fails.
     """
@@ -51,28 +50,28 @@ def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock)
     )
     ended = verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0)
 
-    finer = cache(partial(_on_finer_mesh, problem, solution, clock))
+    finer = cache(partial(_on_finer_mesh, solution, clock))
     claims = [
         ended,
-        *_replay_verdicts(problem, solution, replay),
-        *_hamiltonian_verdicts(problem, solution),
-        _second_order_verdict(problem, (lambda: solution, finer), clock),
+        *_replay_verdicts(solution, replay),
+        *_hamiltonian_verdicts(solution),
+        _second_order_verdict((lambda: solution, finer), clock),
     ]
-    return [*claims, *_cost_verdicts(problem, solution, finer, clock)]
+    return [*claims, *_cost_verdicts(solution, finer, clock)]
 
 
-def _on_finer_mesh(problem: Problem, solution: Solution, clock: Clock) -> Solution:
+def _on_finer_mesh(solution: Solution, clock: Clock) -> Solution:
     """The solution on a mesh with half as many intervals more."""
     trajectory = solution.trajectory
     arcs = (replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in trajectory.arcs)
-    return solve(problem, trajectory.on(tuple(arcs), trajectory.durations), clock, near=True)
+    return solve(solution.problem, trajectory.on(tuple(arcs), trajectory.durations), clock, near=True)
 
 
-def _second_order_verdict(problem: Problem, meshes: Iterable[Callable[[], Solution]], clock: Clock) -> Verdict:
+def _second_order_verdict(meshes: Iterable[Callable[[], Solution]], clock: Clock) -> Verdict:
     """Verdict on the curvature on the first of the meshes that has no negative one: coarse meshes may add some."""
     eigenvalues = None
     for solution in meshes:
-        eigenvalues = None if clock.is_over else curvature(problem, solution(), clock)
+        eigenvalues = None if clock.is_over else curvature(solution(), clock)
         if eigenvalues is None or not eigenvalues.size or _least_eigenvalue(eigenvalues) >= -_ZERO_CURVATURE:
             break
     why = f"of the largest; what is less than {_ZERO_CURVATURE:g} cannot be told from 0"
@@ -92,9 +91,10 @@ def _least_eigenvalue(eigenvalues: Array) -> float:
     return float(eigenvalues[0] / max(np.abs(eigenvalues).max(), np.finfo(float).tiny))
 
 
-def _replay_verdicts(problem: Problem, solution: Solution, replay: Result) -> Iterator[Verdict]:
+def _replay_verdicts(solution: Solution, replay: Result) -> Iterator[Verdict]:
     """Verdicts on the run of the FMUs: end, closed states, energy, bounds, and modes of contacts."""
-    scales, times = problem.scales, np.asarray(replay.time) / problem.scales.time
+    problem, scales = solution.problem, solution.problem.scales
+    times = np.asarray(replay.time) / scales.time
     X = np.array([replay[name] for name in problem.states]) / scales.states[:, None]
     U = np.array([replay[name] for name in problem.controls]) / scales.controls[:, None]
     yield verdict(
@@ -131,19 +131,19 @@ def _replay_verdicts(problem: Problem, solution: Solution, replay: Result) -> It
         )
 
 
-def _hamiltonian_verdicts(problem: Problem, solution: Solution) -> Iterator[Verdict]:
+def _hamiltonian_verdicts(solution: Solution) -> Iterator[Verdict]:
     """Verdicts on the Hamiltonian, which is constant along an extremal, and 0 if the duration is free."""
-    trajectory, path = solution.trajectory, problem.path
-    scale = hamiltonian_scale(problem, solution)
+    problem, trajectory, path = solution.problem, solution.trajectory, solution.problem.path
+    scale = hamiltonian_scale(solution)
     why = f"relative to its terms, or {MULTIPLIER_ERROR:g}; an extremal that the mesh resolves keeps it to 1e-8"
     yield verdict(
         "the Hamiltonian is constant",
-        error=hamiltonian_variation(problem, solution) / scale,
+        error=hamiltonian_variation(solution) / scale,
         tolerance=HAMILTONIAN_VARIATION,
         reason=why,
     )
     if _is_within(problem.duration, trajectory.durations.sum()):
-        error = abs(float(np.mean(hamiltonians(problem, solution)[0]))) / scale
+        error = abs(float(np.mean(hamiltonians(solution)[0]))) / scale
         yield verdict("it is 0, for the duration is free", error=error, tolerance=HAMILTONIAN_VARIATION, reason=why)
     if problem.control_order != 1:
         return
@@ -164,9 +164,10 @@ def _is_within(duration: tuple[float, float], T: float) -> bool:
     return low < T * (1 - 1e-9) and high * (1 - 1e-9) > T
 
 
-def hamiltonians(problem: Problem, solution: Solution) -> list[Array]:
+def hamiltonians(solution: Solution) -> list[Array]:
     """Values of the Hamiltonian on the parts where it is constant: all phases of free duration, and each other one."""
-    H, points = solution.hamiltonian, phase_points(problem, solution.trajectory.arcs)
+    problem, H = solution.problem, solution.hamiltonian
+    points = phase_points(problem, solution.trajectory.arcs)
     durations = solution.trajectory.durations if problem.phases else [0.0]
     fixed = [
         inside
@@ -177,23 +178,21 @@ def hamiltonians(problem: Problem, solution: Solution) -> list[Array]:
     return [part for part in (free, *(H[inside] for inside in fixed)) if part.size]
 
 
-def hamiltonian_variation(problem: Problem, solution: Solution) -> float:
+def hamiltonian_variation(solution: Solution) -> float:
     """Variation of the Hamiltonian on these parts."""
-    return float(max(map(np.ptp, hamiltonians(problem, solution))))
+    return float(max(map(np.ptp, hamiltonians(solution))))
 
 
-def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
+def hamiltonian_scale(solution: Solution) -> float:
     """Mean size of the terms of the Hamiltonian."""
-    running, rates = solution.trajectory.cost_and_rates(problem)
+    running, rates = solution.trajectory.cost_and_rates(solution.problem)
     return max(
         MULTIPLIER_ERROR / HAMILTONIAN_VARIATION,
         float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))),
     )
 
 
-def _cost_verdicts(
-    problem: Problem, solution: Solution, finer: Callable[[], Solution], clock: Clock
-) -> Iterator[Verdict]:
+def _cost_verdicts(solution: Solution, finer: Callable[[], Solution], clock: Clock) -> Iterator[Verdict]:
     """Verdicts on the costs of a finer mesh and of displaced ends."""
     trajectory = solution.trajectory
     second = finer()
@@ -211,7 +210,7 @@ def _cost_verdicts(
         def beside(parts: int) -> Solution:
             """The solution with a displaced end."""
             shift = parts * by * direction / np.linalg.norm(direction)
-            return solve(problem, trajectory, clock, near=True, shift=shift)
+            return solve(solution.problem, trajectory, clock, near=True, shift=shift)
 
         @cache
         def cost(parts: int) -> float:
