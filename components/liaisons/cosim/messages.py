@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import wraps
-from typing import ParamSpec
 
 import numpy as np
 
-from liaisons.base.logs import collected_warnings, logger
-from liaisons.results import IncompleteError, Interrupted, Result
+from liaisons.base.logs import logger
+from liaisons.results import Result
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
 SUCCESS = {OK, WARNING}
@@ -20,24 +17,6 @@ COMPLAINTS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStat
 """The log categories that come with a status."""
 
 _MOST = 20  # variables that are named
-
-P = ParamSpec("P")
-
-
-def collect_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
-    """Decorate a function that runs a simulation: its result has the warnings that were logged meanwhile, too."""
-
-    @wraps(function)
-    def call(*arguments: P.args, **options: P.kwargs) -> Result:
-        with collected_warnings() as found:
-            try:
-                result = function(*arguments, **options)
-            except (IncompleteError, Interrupted) as error:
-                error.result = add_warnings(error.result, found.texts)
-                raise
-        return add_warnings(result, found.texts)
-
-    return call
 
 
 def add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
