@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from liaisons.base.hermite import coefficients
-from liaisons.cosim.arrays import Indices, Memory, Vector, as_indices
+from liaisons.cosim.arrays import Indices, Memory, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.components import Components, Port
@@ -70,60 +70,48 @@ _MOST = 6
 """Largest number of data of a curve: three at either end of a step."""
 
 
-@final
-@dataclass(frozen=True)
-class Polynomials:
+def polynomials(curves: Sequence[Curve], zero: int, highest: int) -> tuple[list[tuple[int, int]], dict[str, Any]]:
     """Derivatives of inputs at the start of a step, as linear functions of the signals at both its ends.
 
-    :param which: input and order of each derivative.
-    :param signals: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.
-    :param terms: of each derivative those of the known that it is a sum of, with ``factors``; shape (derivatives,
-        terms).
-    :param after: by which power of H it is divided then.
-    """
-
-    which: Sequence[tuple[int, int]]
-    signals: Indices
-    scaling: Indices
-    terms: Indices
-    factors: Vector
-    after: Indices
-
-
-def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomials:
-    """Derivatives of inputs at the start of a step, by the signals at its ends.
-
     :param curves: what each input follows.
-    :param width: number of signals at one end.
+    :param zero: index of the last signal, which is 0.
     :param highest: order of the highest derivative; 1 leaves straight lines.
+    :returns: input and order of each derivative, and the arrays for compiled code: indices of the ``signals`` at both
+        ends, flat, multiplied by powers of H by ``scaling``; of each derivative the terms of the sum, ``term``, with
+        ``factors``, both of shape (derivatives, terms), the power of H in the denominator, ``after``, the signal that
+        it has at the start, ``begun``, and the input that it is a derivative ``of``.
     """
-    curves = curves if highest > 1 else [curve.linear() for curve in curves]
+    which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
+    known = [(*curve.data[curve.order :], *[zero] * HIGHEST) for curve in curves]
+    followed = curves if highest > 1 else [curve.linear() for curve in curves]
+    ends = (0, zero + 1)
     signals: dict[tuple[int, int], int] = {}
-    for curve in curves:
-        for end in (0, width):
+    for curve in followed:
+        for end in ends:
             for i, index in enumerate(curve.data):
                 signals.setdefault((end + index, i), len(signals))
-    terms = [tuple(signals[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
-    orders = tuple(curve.order for curve in curves)
-    indices = as_indices([index for index, _ in signals])
-    return Polynomials(signals=indices, **_alike(tuple(terms), orders, tuple(i for _, i in signals), highest))
+    terms = tuple(tuple(signals[end + index, i] for end in ends for i, index in enumerate(c.data)) for c in followed)
+    orders, scaling = tuple(curve.order for curve in followed), tuple(i for _, i in signals)
+    own = {"signals": [index for index, _ in signals], "begun": [known[k][order] for k, order in which]}
+    return which, {name: as_indices(own[name]) for name in own} | _alike(terms, orders, scaling, highest)
 
 
 @lru_cache(maxsize=1024)
-def _alike(terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling: tuple[int, ...], highest: int) -> Any:
-    """The fields of :class:`Polynomials` that do not depend on indices; shared, to stay in the processor's cache."""
-    which = [(k, order) for k in range(len(terms)) for order in range(1, highest + 1)]
-    columns = np.empty((len(which), _MOST), dtype=np.intp)
-    factors = np.zeros(columns.shape)
-    for row, (k, order) in enumerate(which):
-        power, many = order + orders[k], len(terms[k])
+def _alike(
+    terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling: tuple[int, ...], highest: int
+) -> dict[str, Any]:
+    """The arrays that do not depend on indices of signals; shared, to stay in the processor's cache."""
+    of = np.arange(len(terms)).repeat(highest)
+    columns = np.empty((len(of), _MOST), dtype=np.intp)
+    factors, after = np.zeros(columns.shape), np.empty_like(of)
+    for row, k in enumerate(of):
+        order, many = row % highest + 1, len(terms[k])
+        power = after[row] = order + orders[k]
         columns[row] = terms[k][0]  # beyond the terms, times 0
         if power < many:
             columns[row, :many] = terms[k]
             factors[row, :many] = coefficients(many // 2)[power] * math.factorial(power)
-    after = as_indices([order + orders[k] for k, order in which])
-    powers_before = as_indices(scaling)
-    return {"which": which, "scaling": powers_before, "terms": columns, "factors": factors, "after": after}
+    return {"scaling": as_indices(scaling), "term": columns, "factors": factors, "after": after, "of": of}
 
 
 @final

@@ -89,13 +89,19 @@ class Instance(ABC):
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         """Two calls: one saves the state of the FMU, the other restores it, any number of times."""
 
-    @abstractmethod
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed."""
+        """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed.
 
-    @abstractmethod
+        Only where :attr:`Fmu.provides_directional_derivatives` is true.
+        """
+        raise NotImplementedError
+
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
+        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values.
+
+        Only where :attr:`Fmu.output_derivative_order` is as high.
+        """
+        raise NotImplementedError
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         """A call that sets derivatives of inputs at the start of the next step from a buffer of as many values.

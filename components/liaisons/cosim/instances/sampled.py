@@ -85,12 +85,6 @@ class SampledInstance(Instance):
         saved: list[_Memory] = []
         return self._call("save", self._save, saved), self._call("restore", self._restore, saved)
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        raise NotImplementedError  # as its description says
-
-    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        raise NotImplementedError  # likewise
-
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - its error has both
         return SimulationError(f"{self.name}: {self._error}")
 
