@@ -42,7 +42,7 @@ from liaisons.ssp.documentation import system_page
 from liaisons.ssp.embedded_starts import STARTS, ZEROS, contains_mark, fmu_with_starts
 from liaisons.ssp.experiment import add_experiment, add_simulation_information, effective_experiment
 from liaisons.ssp.loop_starts import with_solved_loops
-from liaisons.ssp.parameters import add_binding, parameter_mapping, parameter_names, parameter_set
+from liaisons.ssp.parameters import add_binding, parameter_mapping, parameter_set, parameter_starts
 from liaisons.ssp.xml import STRUCTURE, document, tag
 
 Files = dict[str, bytes | Path]
@@ -155,7 +155,7 @@ def _add_portable(
         element = _add_component(elements, part.name, source)
         add_connectors(element, component_connectors(part, connections, shown), units, "portable")
         if part.starts:
-            listed = [(variable, part, variable) for variable in parameter_names(part)]
+            listed = [(variable, part, variable, value) for variable, value in parameter_starts(part).items()]
             add_binding(element, _add_file(files, f"{part.name}.ssv", parameter_set(listed, units, "portable")))
     _add_connections(system, connections, {})
 
@@ -173,7 +173,11 @@ def _add_full(
     """Add connectors of the system, one parameter set with its mapping, components and connections."""
     shown = system_connectors(parts, connections)
     add_connectors(system, {"_".join(reference): entry for reference, entry in shown.items()}, units, "full")
-    listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in parameter_names(c)]
+    listed = [
+        (f"{part.name}_{variable}", part, variable, value)
+        for part in parts
+        for variable, value in parameter_starts(part).items()
+    ]
     if listed:
         values = _add_file(files, "parameters.ssv", parameter_set(listed, units, "full"))
         add_binding(system, values, _add_file(files, "parameters.ssm", parameter_mapping(listed)))

@@ -6,13 +6,12 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import start_values
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.simulation import Simulation, with_start_values
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.measures import Measure, measure_identity
 
@@ -36,14 +35,9 @@ class Study:
 
         :raises SimulationError: if a value does not fit.
         """
-        starts: dict[str, dict[str, Any]] = {name: dict(part.starts) for name, part in self.simulation.parts.items()}
-        for name, value in self.cases.case(case).items():
-            owner, variable = self.varied[name]
-            starts[owner][variable] = self._typed_value(owner, variable, value)
-        return {
-            name: replace(part, starts=start_values(name, part.fmu, starts[name]))
-            for name, part in self.simulation.parts.items()
-        }
+        run, values = self.simulation, self.cases.case(case)
+        starts = {name: self._typed_value(*self.varied[name], value) for name, value in values.items()}
+        return with_start_values(run.title, run.parts, starts, single=run.single)
 
     def fmus(self) -> list[Fmu]:
         """FMUs of all components."""

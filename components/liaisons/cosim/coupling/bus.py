@@ -13,7 +13,7 @@ import numpy as np
 
 from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Action, Call
+from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Call
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.schedule import Feeds, VariableReference
 
@@ -77,11 +77,8 @@ class Bus:
             raise error
         if status != WARNING:
             assert call.failure is not None
-            raise call.failure(call.action, status, self._time_text(call.action))
-
-    def _time_text(self, action: Action) -> str:
-        since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
-        return f" {since} t = {self.end.value:.10g} s"
+            since = f"from t = {self.start.value:.10g} s to" if call.action == "step" else "at"
+            raise call.failure(call.action, status, f" {since} t = {self.end.value:.10g} s")
 
     def outputs(self, name: str, *, every: bool = True) -> list[VariableReference]:
         """Outputs of a component that feed inputs and, with ``every``, its other recorded variables."""

@@ -37,17 +37,17 @@ class Breaks:
     """
 
     def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
-        self.divides = all(part.fmu.variable_step for part in simulation.parts.values())
-        sources = {name for name, _ in simulation.feeds.values()} if self.divides else set()
-        announced = {name: part.fmu.next_event_time for name, part in simulation.parts.items() if name in sources}
-        variables = {name: variable for name, variable in announced.items() if variable is not None}
-        self.are_samples = not simulation.drives and all(simulation.parts[name].fmu.is_sampled for name in variables)
-        self._nearest = max((_APART * simulation.parts[name].sampling_period for name in variables), default=0.0)
+        parts, sources = simulation.parts, {name for name, _ in simulation.feeds.values()}
+        self.divides = all(part.fmu.variable_step for part in parts.values())
+        announcing = {n: event for n, part in parts.items() if n in sources and (event := part.fmu.next_event_time)}
+        events = announcing if self.divides else {}
+        self.are_samples = not simulation.drives and all(parts[name].fmu.is_sampled for name in events)
+        self._nearest = max((_APART * parts[name].sampling_period for name in events), default=0.0)
         self._bus = bus
-        self._numbers = [np.zeros(1) for _ in variables]
+        self._announced = np.zeros(len(events))
         self._calls: list[Call] = [
-            instances[name].getter([variable], number)
-            for (name, variable), number in zip(variables.items(), self._numbers, strict=True)
+            instances[name].getter([event], self._announced[k : k + 1])
+            for k, (name, event) in enumerate(events.items())
         ]
         self._drives = simulation.drives
         self.next = math.inf
@@ -66,7 +66,7 @@ class Breaks:
         if not (self._calls or self._drives):
             return
         self._bus.perform(self._calls)
-        instants = [float(number[0]) for number in self._numbers]
+        instants: list[float] = self._announced.tolist()
         if self.divides:
             instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
         self.next = min((t for t in instants if time + rounding(time) < t < _NEVER), default=math.inf)

@@ -173,14 +173,11 @@ class Run:
         :param name: name of the component.
         :raises SimulationError: for an unknown component, and one that runs in a process of its own.
         """
-        instance = self._instances.get(name)
-        if instance is None:
-            words = f"has no component {name!r}{suggestion(name, self._instances)}"
-        elif not isinstance(instance, Loaded):
-            words = f"{name} runs in a process of its own, where FMPy's object is; leave out isolated"
-        else:
-            return instance.fmpy_instance
-        raise SimulationError(f"{self._simulation.title}: {words}")
+        if name not in self._instances:
+            self._refuse(f"has no component {name!r}{suggestion(name, self._instances)}")
+        if not isinstance(instance := self._instances[name], Loaded):
+            self._refuse(f"{name} runs in a process of its own, where FMPy's object is; leave out isolated")
+        return instance.fmpy_instance
 
     def start(self, parts: Components | None = None) -> None:
         """Initialize all FMUs at the start time.
@@ -316,9 +313,10 @@ class Run:
         :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
         """
         free = [self._free_input(name) for name in inputs]
-        if missing := [name for name in outputs if self._reference(name) not in self._bus.index]:
-            self._refuse(f"{missing[0]} is not recorded; name it in record=[...]")
-        indices = as_indices([self._bus.index[self._reference(name)] for name in outputs])
+        columns = {name: self._bus.index.get(self._reference(name)) for name in outputs}
+        for name in (name for name, column in columns.items() if column is None):
+            self._refuse(f"{name} is not recorded; name it in record=[...]")
+        indices = as_indices([columns[name] for name in outputs])
 
         def step(values: ArrayLike) -> Vector:
             self._set_and_step(free, np.asarray(values).tolist())
