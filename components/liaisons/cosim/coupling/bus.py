@@ -76,9 +76,8 @@ class Bus:
             error, call.raised = call.raised, None
             raise error
         if status != WARNING:
-            assert call.failure is not None
             since = f"from t = {self.start.value:.10g} s to" if call.action == "step" else "at"
-            raise call.failure(call.action, status, f" {since} t = {self.end.value:.10g} s")
+            raise call.error(status, f" {since} t = {self.end.value:.10g} s")
 
     def outputs(self, name: str, *, every: bool = True) -> list[VariableReference]:
         """Outputs of a component that feed inputs and, with ``every``, its other recorded variables."""

@@ -173,7 +173,7 @@ class Node:
             self._slope_values += product
             return status
 
-        return Call(add).with_failure("derive", self._instance.failure)
+        return self._instance.prepared("derive", add)
 
     def _set_input_derivatives(self, which: Sequence[tuple[int, int]], values: Vector) -> Call:
         """A call that sets derivatives of inputs, (input, order) each, from these numbers."""

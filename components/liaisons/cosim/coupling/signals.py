@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, final
 
 import numpy as np
@@ -138,9 +138,8 @@ class Signals:
         references: Sequence[VariableReference],
         prescribed: Collection[str] = (),
     ) -> None:
-        self._parts = parts
-        self._prescribed = prescribed
-        self._feeds = feeds
+        self._parts, self._feeds, self._prescribed = parts, feeds, prescribed
+        self._port = partial(curve, parts, feeds)
         self.count = len(references)
         self.references = references
         self.index = {reference: k for k, reference in enumerate(references)}
@@ -165,7 +164,7 @@ class Signals:
 
         Of what functions of time give, the acceleration of a port has one: its motion is known at both ends of a step.
         """
-        whole = reference[0] == SIGNALS and len(curve(self._parts, self._feeds, reference)[0]) == 3
+        whole = reference[0] == SIGNALS and len(self._port(reference)[0]) == 3
         return self.count + self.index[reference] if whole or reference[0] in self.sloped else self.zero
 
     def curve(self, input_: VariableReference, cycle: Collection[str] = ()) -> Curve:
@@ -174,7 +173,7 @@ class Signals:
         :param cycle: components that are solved together with it, whose slopes cannot be made.
         """
         source = self._feeds[input_]
-        triple, order = curve(self._parts, self._feeds, source)
+        triple, order = self._port(source)
         data = [self.index[reference] for reference in triple]
         if len(data) == 1 and (source[0] in self.sloped or source[0] not in cycle):
             data.append(self.count + data[0])
@@ -183,7 +182,7 @@ class Signals:
     def root(self, input_: VariableReference, cycle: Collection[str]) -> int:
         """Index of the value at the start of an input's curve; that of the zero if it changes within its cycle."""
         source = self._feeds[input_]
-        first = self.index[curve(self._parts, self._feeds, source)[0][0]]
+        first = self.index[self._port(source)[0][0]]
         return self.zero if source[0] in cycle and self.continuous(first) else first
 
     def makes(self, index: int) -> bool:
@@ -197,11 +196,11 @@ class Signals:
 
     def triple(self, index: int) -> list[int]:
         """Value, rate and acceleration, if this is the index of an acceleration."""
-        triple, order = curve(self._parts, self._feeds, self.references[index])
+        triple, order = self._port(self.references[index])
         return [self.index[r] for r in triple] if order == 2 and all(r in self.index for r in triple) else []
 
     def _rate(self, source: VariableReference) -> int:
-        triple, order = curve(self._parts, self._feeds, source)
+        triple, order = self._port(source)
         return self.index[triple[order + 1]] if order + 1 < len(triple) else self.slope(source)
 
     def _find_sloped(self) -> frozenset[str]:

@@ -151,7 +151,7 @@ class ModelExchange(Loaded, ABC):
                 self._iterate_events()
             return status
 
-        return Call(put).with_failure("set", write.failure or self.failure)
+        return Call(put).with_failure("set", write.failure)
 
     def _index_inputs(self, variables: Scalars) -> Indices:
         """Give inputs indices among the held ones; returns these."""
@@ -165,7 +165,7 @@ class ModelExchange(Loaded, ABC):
         rows = [inputs.index(variables[k]) for k in moving]
         motion = InputMotion([orders[k] for k in moving], rows, (values, moving), self._index_inputs(inputs))
         motion.read, motion.write = self.getter(inputs, motion.values), super().setter(inputs, motion.values)
-        return Call(setattr, self, "_motion", motion).with_failure("shape", self.failure)
+        return self.prepared("shape", setattr, self, "_motion", motion)
 
     def _begin_motion(self) -> None:
         if self._motion is not None:
@@ -201,12 +201,12 @@ class ModelExchange(Loaded, ABC):
             result[:] = total / apart
             return 0
 
-        return Call(differentiate).with_failure("slope", self.failure)
+        return self.prepared("slope", differentiate)
 
     # ---- a step
 
     def stepper(self, time: c_double, size: c_double) -> Call:
-        return Call(self._advance, time, size).with_failure("step", self.failure)
+        return self.prepared("step", self._advance, time, size)
 
     def _advance(self, time: c_double, size: c_double) -> int:
         try:
@@ -473,7 +473,7 @@ class ModelExchange(Loaded, ABC):
                     self._warn(words + more, self._at(""))
             return restore()
 
-        return Call(take).with_failure("save", self.failure), Call(go_back).with_failure("restore", self.failure)
+        return self.prepared("save", take), self.prepared("restore", go_back)
 
     def _close_own(self) -> None:
         if self._solver is not None:

@@ -119,6 +119,10 @@ class Instance(ABC):
         """
         raise NotImplementedError
 
+    def prepared(self, action: Action, function: Callable[..., Any], *arguments: object) -> Call:
+        """A call of a function, whose errors this instance makes."""
+        return Call(function, *arguments).with_failure(action, self.failure)
+
     @abstractmethod
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
         """The error of a prepared call: function, time, status, and the messages of the FMU."""
@@ -359,9 +363,7 @@ class Loaded(Instance):
         return SimulationError(f"{self.name}: {words}")
 
     def _prepare(self, action: Action, *arguments: object) -> Call:
-        return Call(self._function(self.functions[action]), self._pointer, *arguments).with_failure(
-            action, self.failure
-        )
+        return self.prepared(action, self._function(self.functions[action]), self._pointer, *arguments)
 
     def _function(self, name: str) -> Callable[..., int]:
         if name not in self._functions:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from ctypes import c_double
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -72,27 +71,24 @@ class SampledInstance(Instance):
             raise self.failure("get", ERROR, "")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        return self._call("get", self._read, [variable.name for variable in variables], np.asarray(values))
+        return self.prepared("get", self._read, [variable.name for variable in variables], np.asarray(values))
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
         places = [self._inputs.index(variable.name) for variable in variables]
-        return self._call("set", self._write, places, np.asarray(values))
+        return self.prepared("set", self._write, places, np.asarray(values))
 
     def stepper(self, time: c_double, size: c_double) -> Call:
-        return self._call("step", self._step, time, size)
+        return self.prepared("step", self._step, time, size)
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         saved: list[_Memory] = []
-        return self._call("save", self._save, saved), self._call("restore", self._restore, saved)
+        return self.prepared("save", self._save, saved), self.prepared("restore", self._restore, saved)
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - its error has both
         return SimulationError(f"{self.name}: {self._error}")
 
     def close(self) -> None:
         pass
-
-    def _call(self, action: Action, function: Any, *arguments: Any) -> Call:
-        return Call(partial(function, *arguments)).with_failure(action, self.failure)
 
     def _take(self) -> int:
         """Take the sample that is due now, or again that of this instant; returns the status."""

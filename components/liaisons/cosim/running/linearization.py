@@ -119,8 +119,7 @@ class _Equations:
 
     def _perform(self, call: Call) -> None:
         if (status := call() or 0) not in SUCCESS:
-            assert call.failure is not None
-            raise call.failure(call.action, status, self._when)
+            raise call.error(status, self._when)
 
 
 def linearized(
