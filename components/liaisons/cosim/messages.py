@@ -26,14 +26,12 @@ def add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
 
 def warn_of_non_finite_values(result: Result) -> None:
     """Warn of every signal with values that are not finite, with the first of them."""
-    count = 0
-    for name, values in zip(result.names, result.values, strict=True):
-        wrong = ~np.isfinite(values)
-        if wrong.any():
-            first, count = int(np.argmax(wrong)), count + 1
-            if count <= _MOST:
-                words = "%s: %s is %g at t = %.10g s, and not finite at %d of %d points"
-                said = result.title, name, values[first], result.time[first], wrong.sum(), len(values)
-                logger.warning(words, *said)
-    if count > _MOST:
-        logger.warning("%s: %d more signals are not finite", result.title, count - _MOST)
+    wrong = ~np.isfinite(result.values)
+    rows = np.flatnonzero(wrong.any(axis=1)).tolist()
+    for row in rows[:_MOST]:
+        first, signal = int(np.argmax(wrong[row])), result.values[row]
+        words = "%s: %s is %g at t = %.10g s, and not finite at %d of %d points"
+        said = result.title, result.names[row], signal[first], result.time[first], wrong[row].sum(), len(signal)
+        logger.warning(words, *said)
+    if len(rows) > _MOST:
+        logger.warning("%s: %d more signals are not finite", result.title, len(rows) - _MOST)

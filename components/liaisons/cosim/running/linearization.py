@@ -137,13 +137,11 @@ def linearized(
     def shown(place: VariableReference) -> str:
         return names.get(place) or (place[1] if simulation.single else ".".join(place))
 
-    recorded = [
-        place for place in simulation.recorded.values() if parts[place[0]].fmu.variables[place[1]].type == "Real"
-    ]
     wanted = [
         (owner, name)
-        for owner, name in recorded
-        if owner in moving and moving[owner].fmu.variables[name].causality != "input"
+        for owner, name in simulation.recorded.values()
+        for variable in [parts[owner].fmu.variables[name]]
+        if owner in moving and variable.type == "Real" and variable.causality != "input"
     ]
     needed = dict.fromkeys([*wanted, *(source for source in feeds.values() if source[0] in moving)])
     equations = {
@@ -163,22 +161,23 @@ def linearized(
     )
     A, B, C, D = matrices
     # u = M y + E v, with the inputs v of the whole
-    inputs = {target: i for i, target in enumerate(groups["inputs"])}
-    outputs = {source: i for i, source in enumerate(groups["outputs"])}
-    outer = {target: feeds.get(target, (SIGNALS, "")) for target in inputs}
-    outer = {t: (t if source[0] == SIGNALS else source) for t, source in outer.items() if source not in outputs}
-    v = {source: i for i, source in enumerate(dict.fromkeys(outer.values()))}
+    inputs, outputs = groups["inputs"], {source: i for i, source in enumerate(groups["outputs"])}
+    sources = {target: feeds.get(target, target) for target in inputs}
+    sources = {target: target if source[0] == SIGNALS else source for target, source in sources.items()}
+    outer = dict.fromkeys(source for source in sources.values() if source not in outputs)
+    v = {source: i for i, source in enumerate(outer)}
     M, E = np.zeros((len(inputs), len(outputs))), np.zeros((len(inputs), len(v)))
-    for target, i in inputs.items():
-        factor = simulation.conversions.get(target, SAME).factor
-        if target in outer:
-            E[i, v[outer[target]]] = factor
-        else:
-            M[i, outputs[feeds[target]]] = factor
+    for i, (target, source) in enumerate(sources.items()):
+        matrix, columns = (M, outputs) if source in outputs else (E, v)
+        matrix[i, columns[source]] = simulation.conversions.get(target, SAME).factor
     loop = np.linalg.inv(np.eye(len(inputs)) - M @ D)
     by_x, by_v = loop @ M @ C, loop @ E
     rows = [outputs[place] for place in wanted]
-    values = {shown(place): value for name, one in equations.items() for place, value in _places(name, one)}
+    values = {
+        shown((name, variable.name)): float(value)
+        for name, one in equations.items()
+        for variable, value in zip((*one.states, *one.inputs), one.point, strict=True)
+    }
     values |= present
     variables = {shown((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *wanted)}
     return Linearization(
@@ -193,9 +192,3 @@ def linearized(
         units=variables,
         method="directional derivatives",
     )
-
-
-def _places(name: str, equations: _Equations) -> list[tuple[VariableReference, float]]:
-    """States and inputs of a component with their values."""
-    variables = [*equations.states, *equations.inputs]
-    return [((name, variable.name), float(x)) for variable, x in zip(variables, equations.point, strict=True)]
