@@ -15,7 +15,7 @@ from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Call
 from liaisons.cosim.messages import WARNING
-from liaisons.cosim.structure.schedule import Feeds, VariableReference
+from liaisons.cosim.structure.schedule import Feeds, OutputInput, VariableReference
 
 
 @final
@@ -101,6 +101,14 @@ class Bus:
         first = len(self.values)
         self.values = self._store[: first + size]
         return first, self.values[first:]
+
+    def add_derivatives(
+        self, outputs: Iterable[VariableReference], input_: VariableReference
+    ) -> tuple[Vector, dict[OutputInput, int]]:
+        """Add columns for the derivatives of outputs by an input; returns a view of them, and the index of each."""
+        pairs = [(output, input_) for output in outputs]
+        first, column = self.add_columns(len(pairs))
+        return column, {pair: first + k for k, pair in enumerate(pairs)}
 
     def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
         """Calls that copy outputs to the inputs that they feed, or convert them; neighbours are one call."""

@@ -241,11 +241,12 @@ class Node:
         for k, input_ in enumerate(self.inputs if self.part.fmu.provides_directional_derivatives else ()):
             rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, input_.name))]
             if rows:
-                first, column = self._bus.add_columns(len(rows)) if record else (0, np.empty(len(rows)))
+                outputs, column = [self.outputs[i] for i in rows], np.empty(len(rows))
                 if record:
-                    for j, i in enumerate(rows):
-                        self.gains[(self.name, self.outputs[i].name), (self.name, input_.name)] = first + j
-                calls.append(self._instance.directional([self.outputs[i] for i in rows], [input_], np.ones(1), column))
+                    references = ((self.name, output.name) for output in outputs)
+                    column, indices = self._bus.add_derivatives(references, (self.name, input_.name))
+                    self.gains |= indices
+                calls.append(self._instance.directional(outputs, [input_], np.ones(1), column))
                 values.append(column)
                 pairs += [(i, k) for i in rows]
         return pairs, calls, values

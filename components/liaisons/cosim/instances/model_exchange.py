@@ -444,29 +444,24 @@ class ModelExchange(Loaded, ABC):
         self._final = self.flag(False)
         save, restore = super().save_and_restore_calls()
         saved: list[Any] = []
-        memory: list[Any] = []
 
         def take() -> int:
             if self._initialized:
-                saved[:] = (
-                    self._clock.value,
-                    self._next_event,
-                    self._jumped,
-                    self._held_inputs.copy(),
-                    self._indicators.copy(),
-                )
                 solver = self._solver
-                memory[:] = [] if self._stale or not isinstance(solver, Dop853) else [solver, solver.save()]
-                self._stale = not memory
+                memory = solver.save() if isinstance(solver, Dop853) and not self._stale else None
+                arrays = self._held_inputs.copy(), self._indicators.copy()
+                saved[:] = solver, memory, self._clock.value, self._next_event, self._jumped, *arrays
+                self._stale = memory is None
             return save()
 
         def go_back() -> int:
             if self._initialized and saved:
-                self._clock.value, self._next_event, self._jumped, self._held_inputs[:], self._indicators[:] = saved
+                solver, memory, self._clock.value, self._next_event, self._jumped, *arrays = saved
+                self._held_inputs[:], self._indicators[:] = arrays
                 self._end_time, self._motion = math.inf, None
-                self._stale = not memory or self._solver is not memory[0]
+                self._stale = memory is None or self._solver is not solver
                 if not self._stale:
-                    memory[0].restore(memory[1])
+                    solver.restore(memory)
                 elif not isinstance(self._solver, Dop853):
                     words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first from"
                     more = "%s, restart and are less accurate; smaller ones and a smaller tolerance may be needed"

@@ -115,8 +115,7 @@ class SampledInstance(Instance):
             count = f"{len(self._outputs)} finite number{'s' * (len(self._outputs) > 1)}"
             self._error = f"{function.name} returns {outputs.tolist()} at t = {instant:.10g} s, expected {count}"
             return ERROR
-        seen, after = memory.inputs.copy(), (outputs, state)
-        self._memory = replace(memory, before=before, after=after, last=instant, seen=seen)
+        self._memory = replace(memory, before=before, after=(outputs, state), last=instant, seen=memory.inputs)
         return 0
 
     def _read(self, names: Sequence[str], values: Vector) -> int:
@@ -132,8 +131,9 @@ class SampledInstance(Instance):
         return 0
 
     def _write(self, places: Sequence[int], values: Vector) -> int:
-        self._memory.inputs[places] = values
-        self._memory = replace(self._memory, waits=True)
+        inputs = self._memory.inputs.copy()
+        inputs[places] = values
+        self._memory = replace(self._memory, inputs=inputs, waits=True)
         return 0
 
     def _step(self, time: c_double, size: c_double) -> int:
@@ -149,9 +149,9 @@ class SampledInstance(Instance):
         return 0
 
     def _save(self, saved: list[_Memory]) -> int:
-        saved[:] = [replace(self._memory, inputs=self._memory.inputs.copy())]
+        saved[:] = [self._memory]
         return 0
 
     def _restore(self, saved: list[_Memory]) -> int:
-        self._memory = replace(saved[0], inputs=saved[0].inputs.copy())
+        (self._memory,) = saved
         return 0

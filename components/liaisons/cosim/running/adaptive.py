@@ -20,8 +20,7 @@ from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.running.breaks import Breaks
-from liaisons.cosim.running.deviations import Deviations
+from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.stepping import save_state
 from liaisons.cosim.structure.simulation import Simulation

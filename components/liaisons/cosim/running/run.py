@@ -39,9 +39,8 @@ from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
-from liaisons.cosim.running.breaks import Breaks
+from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.contacts import contact_variables, missing_impulses, sums_of_missing, warn_of_missing
-from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.impacts import Impacts, impulsive_ports, sums_of
 from liaisons.cosim.running.input_reconstruction import (

@@ -112,6 +112,17 @@ class Simulation:
         return driven | {connection.target.place: connection.source.place for connection in self.connections}
 
     @cached_property
+    def prescribed(self) -> Collection[str]:
+        """Components outside of cycles whose inputs hold or extrapolate, as the user has said."""
+        said = {name for name, part in self.parts.items() if part.approximation.is_prescribed}
+        return said.difference(self.cyclic)
+
+    @cached_property
+    def group_number(self) -> dict[str, int]:
+        """Number of the strong component of each FMU."""
+        return {name: k for k, group in enumerate(self.groups) for name in group}
+
+    @cached_property
     def conversions(self) -> dict[VariableReference, Conversion]:
         """Input -> how it follows from the output that feeds it, where it is not the same."""
         return {c.target.place: c.conversion for c in self.connections if c.conversion != SAME}
