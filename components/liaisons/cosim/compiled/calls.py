@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, final
 
 from liaisons.base.structures import Record, fields
+from liaisons.cosim.messages import WARNING
 from liaisons.errors import SimulationError
 
 Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]
@@ -60,6 +61,14 @@ class Call(partial[Any]):
     def error(self, status: int, when: str) -> SimulationError:
         """The error of a status that the call has returned."""
         return self.failure(self.action, status, when)
+
+    def perform(self, when: str) -> None:
+        """Make the call.
+
+        :raises SimulationError: for a status other than OK and Warning.
+        """
+        if (status := self()) and status != WARNING:
+            raise self.error(status, when)
 
     def recorded(
         self,

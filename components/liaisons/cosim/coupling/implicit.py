@@ -176,11 +176,11 @@ class Coupled:
         """Another instant of the piece that starts at this one [s]; None without one, or without functions of time."""
         if not self._drives:
             return None
-        reference = bisect_right(self._times, time + rounding(time))
-        if reference == len(self._times):
+        index = bisect_right(self._times, time + rounding(time))
+        if index == len(self._times):
             return None
         breaks = [(time + instant) / 2 for drive, _ in self._drives if (instant := drive.next_break(time)) is not None]
-        return min([self._times[reference], *breaks])
+        return min([self._times[index], *breaks])
 
     def _step_in_thirds(self, k: int) -> int:
         """Step a source, whose outputs have no past yet, in thirds; returns 1."""

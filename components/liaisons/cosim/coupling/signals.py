@@ -82,7 +82,7 @@ def polynomials(curves: Sequence[Curve], zero: int, highest: int) -> tuple[list[
         it has at the start, ``begun``, and the input that it is a derivative ``of``.
     """
     which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
-    known = [(*curve.data[curve.order :], *[zero] * HIGHEST) for curve in curves]
+    motions = [(*curve.data[curve.order :], *[zero] * HIGHEST) for curve in curves]
     followed = curves if highest > 1 else [curve.linear() for curve in curves]
     ends = (0, zero + 1)
     signals: dict[tuple[int, int], int] = {}
@@ -92,7 +92,7 @@ def polynomials(curves: Sequence[Curve], zero: int, highest: int) -> tuple[list[
                 signals.setdefault((end + index, i), len(signals))
     terms = tuple(tuple(signals[end + index, i] for end in ends for i, index in enumerate(c.data)) for c in followed)
     orders, scaling = tuple(curve.order for curve in followed), tuple(i for _, i in signals)
-    own = {"signals": [index for index, _ in signals], "begun": [known[k][order] for k, order in which]}
+    own = {"signals": [index for index, _ in signals], "begun": [motions[k][order] for k, order in which]}
     return which, {name: as_indices(own[name]) for name in own} | _alike(terms, orders, scaling, highest)
 
 

@@ -354,10 +354,10 @@ class Description:
 
 def _make_entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
     """A variable or array, with the sizes of its dimensions; start values have the sizes in the file."""
-    variable, dimensions, given = pending
-    starts = given or ([] if variable.start is None else variable.start.split())
+    variable, dimensions, texts = pending
+    starts = texts or ([] if variable.start is None else variable.start.split())
     if not dimensions:
-        return replace(variable, start=starts[0]) if given else variable
+        return replace(variable, start=starts[0]) if texts else variable
     shape = tuple(_size(variable.name, start, reference, sizes) for start, reference in dimensions)
     if math.prod(shape) > MOST_ELEMENTS:
         raise ValueError(f"the array {variable.name!r} has {math.prod(shape)} elements, more than {MOST_ELEMENTS}")

@@ -124,10 +124,10 @@ class SampledInstance(Instance):
         memory, function = self._memory, self._function
         is_ready = function.is_due(memory.time, memory.last + function.delay)
         outputs = (memory.after if is_ready else memory.before)[0]
-        known: Mapping[str, float] = dict(zip(self._outputs, outputs.tolist(), strict=True))
-        known |= dict(zip(self._inputs, memory.inputs.tolist(), strict=True))
+        numbers: Mapping[str, float] = dict(zip(self._outputs, outputs.tolist(), strict=True))
+        numbers |= dict(zip(self._inputs, memory.inputs.tolist(), strict=True))
         for i, name in enumerate(names):
-            values[i] = known[name] if name in known else function.next_event(memory.time)
+            values[i] = numbers[name] if name in numbers else function.next_event(memory.time)
         return 0
 
     def _write(self, places: Sequence[int], values: Vector) -> int:

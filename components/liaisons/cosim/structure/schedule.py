@@ -185,7 +185,7 @@ class _Writer:
         self._operations: list[Operation] = []
         self._new: set[VariableReference] = set()
         self._waiting: dict[str, set[VariableReference]] = {}  # inputs that are still old, of components that were read
-        self._turn = {name: k for k, name in enumerate(ordered)}
+        self._position = {name: k for k, name in enumerate(ordered)}
         self._ready: list[tuple[int, str]] = []  # components that may have all of these new, as a heap
         self._partly: list[tuple[int, str]] = []  # components that may have some of these new
 
@@ -214,12 +214,12 @@ class _Writer:
             self._queue(name)
 
     def _queue(self, name: str) -> None:
-        if known := self._known(name):
-            heappush(self._partly, (self._turn[name], name))
-            if known == len(self._waiting[name]):
-                heappush(self._ready, (self._turn[name], name))
+        if count := self._count_new(name):
+            heappush(self._partly, (self._position[name], name))
+            if count == len(self._waiting[name]):
+                heappush(self._ready, (self._position[name], name))
 
-    def _known(self, name: str) -> int:
+    def _count_new(self, name: str) -> int:
         """Number of the inputs of a component that are still old, but fed by outputs that are new."""
         return sum(self._feeds[input_] in self._new for input_ in self._waiting.get(name, ()))
 
@@ -227,7 +227,7 @@ class _Writer:
         """Set the inputs of components that were read too early and can have all inputs new."""
         while self._ready:
             _, name = heappop(self._ready)
-            if name in self._waiting and self._known(name) == len(self._waiting[name]):
+            if name in self._waiting and self._count_new(name) == len(self._waiting[name]):
                 self._set_and_get(name)
 
     def finish(self) -> list[Operation]:
@@ -238,7 +238,7 @@ class _Writer:
             if partly is not None:
                 self._set_and_get(partly)
             else:  # an algebraic loop: start with old values
-                first = min(self._waiting, key=self._turn.__getitem__)
+                first = min(self._waiting, key=self._position.__getitem__)
                 self._mark([self._feeds[input_] for input_ in self._inputs[first] if input_ in self._waiting[first]])
             self.refresh()
         return self._without_unused()
@@ -246,7 +246,7 @@ class _Writer:
     def _next_partly(self) -> str | None:
         while self._partly:
             _, name = heappop(self._partly)
-            if self._known(name):
+            if self._count_new(name):
                 return name
         return None
 

@@ -135,13 +135,13 @@ class Simulation:
     @property
     def ports(self) -> dict[str, PortNames]:
         """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
-        found: dict[str, PortNames] = {}
+        ports: dict[str, PortNames] = {}
         for recorded, (part, variable) in self.recorded.items():
             for name, value in ((recorded, variable), (split(recorded)[0], split(variable)[0])):
                 if names := self.parts[part].fmu.terminals.renamed.get(value):
                     prefix = name.removesuffix(value)
-                    found[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
-        return found
+                    ports[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
+        return ports
 
     @property
     def scene(self) -> FmuScene:
