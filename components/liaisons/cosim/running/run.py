@@ -544,11 +544,7 @@ class Run:
         """
         loop, refusals = self._loop, list[RefusedError]()
         first, start, halves = loop.done, float(loop.times[loop.done - 1]), self._is_first_of_piece()
-        restore = save_state(self._bus, self._states_of_step, self._owners)
-
-        def go_back() -> None:
-            loop.withdraw(first)
-            restore()
+        go_back = self._returning()
 
         def attempt(stop: float, *, shown: bool = False) -> bool:
             go_back()
@@ -564,6 +560,16 @@ class Run:
             return not reached or not impacts.between(before, after, stop - start)
 
         return attempt, go_back, refusals
+
+    def _returning(self) -> Callable[[], None]:
+        """Save the present state; returns a function that restores it, any number of times."""
+        done, restore = self._loop.done, save_state(self._bus, self._states_of_step, self._owners)
+
+        def go_back() -> None:
+            self._loop.withdraw(done)
+            restore()
+
+        return go_back
 
     def _advance_smoothly(self, instants: Sequence[float], *, in_result: bool = True) -> int:
         """The same without impacts that go through several FMUs."""
