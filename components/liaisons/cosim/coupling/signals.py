@@ -152,8 +152,7 @@ class Signals:
         self.held = np.zeros(self.zero + 1, dtype=bool)
         self.held[: self.count] = [not self.continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
-        for reference, k in self.index.items():
-            self.rates[k] = self._rate(reference)
+        self.rates[: self.count] = [self._rate(reference) for reference in references]
         self.kinds = self._units()
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)

@@ -231,14 +231,13 @@ class Loaded(Instance):
         parts = layouts(self._fmu, variables, self.types)
         if len(parts) == 1 and parts[0].direct:
             return self._transfer_whole(action, parts[0], values)
-        calls: list[Transfer] = []
         numbers = np.asarray(values)
+        calls: list[Transfer] = []
+        if action == "set":
+            calls += [self._transfer_whole("get", part) for part in parts if not part.whole]
         for part in parts:
-            if action == "get" or not part.whole:
-                read = self._transfer_whole("get", part)
-                calls.append(partial(part.read_into, read, numbers) if action == "get" else read)
-            if action == "set":
-                calls.append(partial(part.write_from, self._transfer_whole("set", part), numbers))
+            copy = part.read_into if action == "get" else part.write_from
+            calls.append(partial(copy, self._transfer_whole(action, part), numbers))
         return self._combine(action, calls, " or ".join(self._function_name(action, part) for part in parts))
 
     def _transfer_whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:

@@ -312,10 +312,10 @@ class Run:
         :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
         """
         free = [self._free_input(name) for name in inputs]
-        columns = {name: self._bus.index.get(self._reference(name)) for name in outputs}
-        for name in (name for name, column in columns.items() if column is None):
-            self._refuse(f"{name} is not recorded; name it in record=[...]")
-        indices = as_indices([columns[name] for name in outputs])
+        columns = [self._bus.index.get(self._reference(name)) for name in outputs]
+        if None in columns:
+            self._refuse(f"{outputs[columns.index(None)]} is not recorded; name it in record=[...]")
+        indices = as_indices(columns)
 
         def step(values: ArrayLike) -> Vector:
             self._set_and_step(free, np.asarray(values).tolist())
