@@ -195,7 +195,7 @@ class StrongComponent:
         """
         equations = self._equations[phase]
         if status == DIVERGED:
-            self._raise_divergence()
+            self._raise_divergence(self._bus.end.value, self._errors)
         if (newton := equations.newton) is not None and status == RAISED and newton.choose_pivots.raised is not None:
             self._raise_singular(newton.choose_pivots)
         calls = newton.calls if failure.deriving and newton is not None else equations.calls[failure.node]
@@ -218,12 +218,12 @@ class StrongComponent:
                 "connections"
             ) from None
 
-    def _raise_divergence(self) -> None:
-        worst = int(self._unknowns[int(np.argmax(self._errors))]) % self._signals.count
+    def _raise_divergence(self, time: float, errors: Vector) -> None:
+        worst = int(self._unknowns[int(np.argmax(errors))]) % self._signals.count
         signal = ".".join(self._signals.references[worst])
         names = ", ".join(node.name for node in self.nodes)
         cure = "choose a smaller step_size" + ("" if self._implicit else ", or coupling='implicit'")
         raise RefusedError(
-            f"{names}: what they hand each other does not converge at t = {self._bus.end.value:.10g} s, "
-            f"{signal} least of all, after {_MOST_ITERATIONS} iterations: {cure}"
+            f"{names}: what they hand each other does not converge at t = {time:.10g} s, {signal} least of all, "
+            f"after {_MOST_ITERATIONS} iterations: {cure}"
         )
