@@ -221,7 +221,7 @@ class _Writer:
 
     def _count_new(self, name: str) -> int:
         """Number of the inputs of a component that are still old, but fed by outputs that are new."""
-        return sum(self._feeds[input_] in self._new for input_ in self._waiting.get(name, ()))
+        return [self._feeds[input_] in self._new for input_ in self._waiting.get(name, ())].count(True)
 
     def refresh(self) -> None:
         """Set the inputs of components that were read too early and can have all inputs new."""
