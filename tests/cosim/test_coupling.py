@@ -458,9 +458,9 @@ def test_polynomials_go_through_values_and_derivatives_at_both_ends() -> None:
 
     port = (0, 1, 2)
     curves = [Curve(port, 0, 1), Curve(port, 1, 2), Curve(port, 2, 5), Curve((3, 4), 0, 4)]
-    table = polynomials(curves, 6, 5)
-    data = np.array(signals(0.0) + signals(H))[table.signals] * H**table.scaling
-    found = np.sum(table.factors * data[table.terms], axis=1) / H**table.after
+    _, table = polynomials(curves, 5, 5)
+    data = np.array(signals(0.0) + signals(H))[table["signals"]] * H ** table["scaling"]
+    found = np.sum(table["factors"] * data[table["term"]], axis=1) / H ** table["after"]
     sources = (quintic, quintic.deriv(), quintic.deriv(2), cubic)
     expected = [source.deriv(order)(0.0) for source in sources for order in range(1, 6)]
     assert_allclose(found, expected, rtol=0, atol=1e-15 * 360 * 5 / H**5)  # differences of 5, times 6!/2/H⁵

@@ -16,7 +16,7 @@ from scipy.interpolate import BPoly, PchipInterpolator
 from liaisons import Signal
 from liaisons.base.knots import curve, knots
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.running.deviations import Deviations
+from liaisons.cosim.running.breaks import Deviations
 from liaisons.cosim.structure.sources import Drive
 from liaisons.errors import SimulationError
 

@@ -15,6 +15,11 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from liaisons import Result, System, operator, simulate
+from liaisons.cosim.arrays import Numbers
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.instances.fmi2 import CoSimulation2
+from liaisons.cosim.instances.protocol import Scalars
+from liaisons.cosim.messages import ERROR, WARNING
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
@@ -197,6 +202,26 @@ def test_a_ghost_follows_what_it_is_told(swing: Result) -> None:
     known = swing.scene.values({"theta": angle, "length": np.ones(2)})
     assert known["bob_x"] == pytest.approx(np.sin(angle), abs=1e-12)
     assert known["bob_z"] == pytest.approx(-np.cos(angle), abs=1e-12)
+
+
+def test_an_fmu_that_warns_is_drawn_and_one_that_refuses_is_named(
+    swing: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert swing.scene is not None
+    signals, getter = {"theta": np.array([0.3]), "length": np.ones(1)}, CoSimulation2.getter
+
+    def returning(status: int) -> None:
+        def prepare(self: CoSimulation2, variables: Scalars, values: Numbers) -> Call:
+            read = getter(self, variables, values)
+            return self.prepared("get", lambda: max(read(), status))
+
+        monkeypatch.setattr(CoSimulation2, "getter", prepare)
+
+    returning(WARNING)
+    assert swing.scene.values(signals)["bob_x"] == pytest.approx(np.sin([0.3]), abs=1e-12)
+    returning(ERROR)
+    with pytest.raises(SimulationError, match=r"fmi2GetReal in frame 0 returned Error"):
+        swing.scene.values(signals)
 
 
 def test_refusals(swing: Result, tmp_path: Path) -> None:

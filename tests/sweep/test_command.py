@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from liaisons.cli import main
-from liaisons.sweeps.outcome import Completed, Failure, Outcome
+from liaisons.sweeps.study import Completed, Failure, Outcome
 from liaisons.sweeps.workers import Deliver
 
 BAD_VALUES = [

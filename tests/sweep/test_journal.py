@@ -23,7 +23,7 @@ from liaisons import Result
 from liaisons.sweeps import JournalError, SweepError, sweep
 from liaisons.sweeps.journal import Journal, _checksummed_line
 from liaisons.sweeps.measures import Measure, measure_identity
-from liaisons.sweeps.outcome import Completed
+from liaisons.sweeps.study import Completed
 from liaisons.sweeps.workers import Deliver
 
 SPAN: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.05}

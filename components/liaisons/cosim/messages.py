@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import wraps
-from typing import ParamSpec
 
 import numpy as np
 
-from liaisons.base.logs import collected_warnings, logger
-from liaisons.results import IncompleteError, Interrupted, Result
+from liaisons.base.logs import logger
+from liaisons.results import Result
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
 SUCCESS = {OK, WARNING}
@@ -21,24 +18,6 @@ COMPLAINTS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStat
 
 _MOST = 20  # variables that are named
 
-P = ParamSpec("P")
-
-
-def collect_warnings(function: Callable[P, Result]) -> Callable[P, Result]:
-    """Decorate a function that runs a simulation: its result has the warnings that were logged meanwhile, too."""
-
-    @wraps(function)
-    def call(*arguments: P.args, **options: P.kwargs) -> Result:
-        with collected_warnings() as found:
-            try:
-                result = function(*arguments, **options)
-            except (IncompleteError, Interrupted) as error:
-                error.result = add_warnings(error.result, found.texts)
-                raise
-        return add_warnings(result, found.texts)
-
-    return call
-
 
 def add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
     """A result with these warnings after its own."""
@@ -47,14 +26,12 @@ def add_warnings(result: Result, warnings: tuple[str, ...]) -> Result:
 
 def warn_of_non_finite_values(result: Result) -> None:
     """Warn of every signal with values that are not finite, with the first of them."""
-    count = 0
-    for name, values in zip(result.names, result.values, strict=True):
-        wrong = ~np.isfinite(values)
-        if wrong.any():
-            first, count = int(np.argmax(wrong)), count + 1
-            if count <= _MOST:
-                words = "%s: %s is %g at t = %.10g s, and not finite at %d of %d points"
-                said = result.title, name, values[first], result.time[first], wrong.sum(), len(values)
-                logger.warning(words, *said)
-    if count > _MOST:
-        logger.warning("%s: %d more signals are not finite", result.title, count - _MOST)
+    wrong = ~np.isfinite(result.values)
+    rows = np.flatnonzero(wrong.any(axis=1)).tolist()
+    for row in rows[:_MOST]:
+        first, signal = int(np.argmax(wrong[row])), result.values[row]
+        words = "%s: %s is %g at t = %.10g s, and not finite at %d of %d points"
+        said = result.title, result.names[row], signal[first], result.time[first], wrong[row].sum(), len(signal)
+        logger.warning(words, *said)
+    if len(rows) > _MOST:
+        logger.warning("%s: %d more signals are not finite", result.title, len(rows) - _MOST)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -59,7 +59,7 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     if scalar.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(scalar.unit)) for v in values)
     elif scalar.type == "Enumeration" and any(isinstance(v, str) for v in values):
-        values = tuple(_item_value(f"{owner}.{variable}", v, _enumeration_items(fmu, scalar.name)) for v in values)
+        values = _item_values(f"{owner}.{variable}", fmu, scalar.name, values)
     elif scalar.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
     if isinstance(entry, Array) and len(values) == entry.size:
@@ -84,17 +84,14 @@ def _parameter_values(name: str, element: Element) -> tuple[Number, ...]:
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
 
 
-def _item_value(label: str, value: Number, items: Mapping[str, int]) -> Number:
-    """Value of an item of an enumeration, by its name."""
-    if isinstance(value, str) and value not in items:
-        raise SimulationError(f"{label} = {value!r}: it is one of {', '.join(items) or 'no items that have names'}")
-    return items[value] if isinstance(value, str) else value
-
-
-def _enumeration_items(fmu: Fmu, variable: str) -> dict[str, int]:
-    """Values of the items of a variable's enumeration type, by name."""
+def _item_values(label: str, fmu: Fmu, variable: str, values: Iterable[Number]) -> tuple[Number, ...]:
+    """Values of items of a variable's enumeration type, which go by their names; numbers are themselves."""
     description = read_description(fmu.path)
-    return description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})
+    items = description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})
+    for value in values:
+        if isinstance(value, str) and value not in items:
+            raise SimulationError(f"{label} = {value!r}: it is one of {', '.join(items) or 'no items that have names'}")
+    return tuple(items[value] if isinstance(value, str) else value for value in values)
 
 
 def _transformed(name: str, value: Number, entry: Element) -> Number:

@@ -24,7 +24,7 @@ from liaisons.base.compiler import INSTALLATION
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.ssp.parameters import parameter_names, start_value, value_text
+from liaisons.ssp.parameters import parameter_starts, value_text
 
 _STARTS = "resources/starts.txt"
 _PYTHON = "resources/component.json"
@@ -45,7 +45,7 @@ def fmu_with_starts(part: SystemComponent, *, ignore_zeros: bool = False) -> byt
     :param ignore_zeros: prescribed coordinates that must not be 0 keep their start values where an importer sets 0
         before the first step.
     """
-    values = {name: start_value(part, name) for name in parameter_names(part)}
+    values = parameter_starts(part)
     lines = [_start_line(part, *item) for item in values.items()]
     return _fmu_with_start_lines(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
 

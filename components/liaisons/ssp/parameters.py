@@ -3,37 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.base.array_names import offset, split
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.ssp.connectors import Form, Units, add_sizes, add_type, add_units
 from liaisons.ssp.xml import document, tag
 
-Listed = tuple[str, SystemComponent, str]
-"""Name of a parameter, its component and variable."""
+Listed = tuple[str, SystemComponent, str, Value]
+"""Name of a parameter, its component and variable, and its value."""
 
 _INITIAL = "initialValues"  # the set that OSP's masters read
 
 
-def start_value(part: SystemComponent, name: str) -> Value:
-    """The start value of a variable, an element or an array."""
-    if name in part.starts:
-        return part.starts[name]
-    base, index = split(name)
-    whole, position = part.starts[base], offset(index or (), part.fmu.arrays[base])
-    assert isinstance(whole, tuple)
-    assert position is not None
-    return whole[position]
-
-
-def parameter_names(part: SystemComponent) -> list[str]:
-    """Names of variables with start values: FMI 2.0 arrays by elements, FMI 3.0 arrays as a whole."""
-    names: list[str] = []
-    for name in part.starts:
-        names += [name] if part.fmu.variables.whole(name) else part.fmu.elements(name)
-    return list(dict.fromkeys(names))
+def parameter_starts(part: SystemComponent) -> dict[str, Value]:
+    """Start values by name: those of FMI 2.0 arrays by elements, those of FMI 3.0 arrays as a whole."""
+    values: dict[str, Value] = {}
+    for name, value in part.starts.items():
+        is_whole = part.fmu.variables.whole(name) is not None
+        values |= {name: value} if is_whole else replace(part, starts={name: value}).element_starts
+    return values
 
 
 def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
@@ -41,11 +31,11 @@ def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
     root = Element(tag("ssv:ParameterSet"), version="1.0" if form == "portable" else "2.0", name=_INITIAL)
     group = SubElement(root, tag("ssv:Parameters"))
     used: dict[str, None] = {}
-    for name, part, variable in listed:
+    for name, part, variable, value in listed:
         parameter = SubElement(group, tag("ssv:Parameter"), name=name)
         entry = part.fmu.variables.entry(variable)
         element = add_type(parameter, "ssv", entry.like, units, form)
-        element.attrib = {"value": value_text(start_value(part, variable)), **element.attrib}
+        element.attrib = {"value": value_text(value), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
         add_sizes(parameter, entry)
     add_units(root, "ssv:Units", {unit: units[unit] for unit in used})
@@ -55,7 +45,7 @@ def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
 def parameter_mapping(listed: Iterable[Listed]) -> bytes:
     """Contents of a mapping file (SSM) from the parameters of a set to variables of components."""
     root = Element(tag("ssm:ParameterMapping"), version="2.0")
-    for name, part, variable in listed:
+    for name, part, variable, _ in listed:
         SubElement(root, tag("ssm:MappingEntry"), source=name, target=f"{part.name}.{variable}")
     return document(root)
 

@@ -17,7 +17,6 @@ from xml.etree.ElementTree import Element
 from liaisons.base.archive import Archive, size_error, unpacked_limit
 from liaisons.base.arguments import as_path
 from liaisons.base.folders import passing_folder
-from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.base.xml_documents import tree
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
@@ -199,8 +198,14 @@ def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]
     for chain in structure.connections():
         start, end = chain[0].start, chain[-1].end
         try:
-            pairs = _paired_scalars(start, _scalar_ports(start, parts), end, _scalar_ports(end, parts))
-            joined += [connect_scalars(*pair, structure.conversion(chain, *map(_unit, pair))) for pair in pairs]
+            sources, targets = (_scalar_ports(pin, parts) for pin in (start, end))
+            if len(sources) != len(targets):
+                words = "they cannot be connected as a whole"
+                raise ConnectError(f"{start} has {len(sources)} elements, {end} has {len(targets)}: {words}")
+            joined += [
+                connect_scalars(source, target, structure.conversion(chain, source.unit, target.unit))
+                for source, target in zip(sources, targets, strict=True)
+            ]
         except ConnectError as error:
             if str(start) in str(error) and str(end) in str(error):
                 raise
@@ -208,21 +213,7 @@ def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]
     return joined
 
 
-def _unit(port: Port) -> UnitDefinition | None:
-    """Unit of the variable of a port; None if undefined."""
-    return port.part.fmu.units.get(port.variable.unit)
-
-
 def _scalar_ports(node: Pin, parts: dict[ElementPath, SystemComponent]) -> list[Port]:
     """Ports of the scalars of a connector, or of one element of it."""
     name = f"{node.connector}[{','.join(map(str, node.indices))}]" if node.indices else node.connector
     return parts[node.element][name].elements()
-
-
-def _paired_scalars(start: Pin, sources: list[Port], end: Pin, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
-    """Pairs of the scalars of two connectors, which must be as many."""
-    if len(sources) != len(targets):
-        raise ConnectError(
-            f"{start} has {len(sources)} elements, {end} has {len(targets)}: they cannot be connected as a whole"
-        )
-    return zip(sources, targets, strict=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, final
@@ -70,21 +70,17 @@ class Structure:
 
         :raises SimulationError: if an input has several sources, or connections form a cycle without a component.
         """
-        into: dict[tuple[ElementPath, str], list[Edge]] = {}
         for edge in self.edges:
-            into.setdefault((edge.end.element, edge.end.connector), []).append(edge)
-        for edge in self.edges:
-            if edge.end.element in self.sources:
-                chain = self._chain_to(edge, into)
-                if chain is not None:
-                    yield chain
+            if edge.end.element in self.sources and (chain := self._chain_to(edge)):
+                yield chain
 
-    def _chain_to(self, last: Edge, into: dict[tuple[ElementPath, str], list[Edge]]) -> list[Edge] | None:
+    def _chain_to(self, last: Edge) -> list[Edge] | None:
         """The chain from an output of a component to the end of an edge; None if its start is not connected."""
         chain, node = [last], last.start
         seen = {node}
         while node.element not in self.sources:
-            edges = [e for e in into.get((node.element, node.connector), ()) if e.end.indices in {(), node.indices}]
+            edges = self._edges_into.get((node.element, node.connector), ())
+            edges = [edge for edge in edges if edge.end.indices in {(), node.indices}]
             if not edges:
                 return None
             if len(edges) > 1:
@@ -131,7 +127,7 @@ class Structure:
             if connector[0] in self.sources:
                 variables[connector] = None
             elif connector in self.shown:
-                edges = self._edges_from[connector]
+                edges = self._edges_from.get(connector, [])
                 if converting := [edge for edge in edges if edge.conversion != SAME]:
                     end = converting[0].end
                     raise SimulationError(f"{converting[0]} converts a parameter, which is not done here: give {end}")
@@ -150,17 +146,26 @@ class Structure:
         return []
 
     @cached_property
+    def _edges_into(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
+        """Connections by the connector that they end at."""
+        return _by_connector((edge.end, edge) for edge in self.edges)
+
+    @cached_property
     def _edges_from(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
-        """Connections by the connector of a system that they start from."""
-        edges_from: dict[tuple[ElementPath, str], list[Edge]] = {connector: [] for connector in self.shown}
-        for edge in self.edges:
-            edges_from.get((edge.start.element, edge.start.connector), []).append(edge)
-        return edges_from
+        """Connections by the connector that they start from."""
+        return _by_connector((edge.start, edge) for edge in self.edges)
 
     @cached_property
     def _paths(self) -> set[ElementPath]:
         """Paths of all components, and of the systems that contain them."""
         return {component[:depth] for component in self.sources for depth in range(1, len(component) + 1)}
+
+
+def _by_connector(ends: Iterable[tuple[Pin, Edge]]) -> dict[tuple[ElementPath, str], list[Edge]]:
+    grouped: dict[tuple[ElementPath, str], list[Edge]] = {}
+    for pin, edge in ends:
+        grouped.setdefault(pin[:2], []).append(edge)
+    return grouped
 
 
 def read_structure(root: Element) -> Structure:

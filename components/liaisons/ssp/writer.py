@@ -11,7 +11,7 @@ documentation. Both have units.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -21,12 +21,16 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 from liaisons.base.arguments import as_path
 from liaisons.base.arguments import chosen as one_of
 from liaisons.base.files import replacing
+from liaisons.base.logs import logger
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim import System
 from liaisons.cosim.description.variables import Entry
+from liaisons.cosim.running.run import performed
+from liaisons.cosim.structure.checks import ConnectionGraph
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.simulation import SimulationSettings, checked
 from liaisons.errors import SimulationError
 from liaisons.ssp.connectors import (
     Form,
@@ -41,13 +45,14 @@ from liaisons.ssp.connectors import (
 from liaisons.ssp.documentation import system_page
 from liaisons.ssp.embedded_starts import STARTS, ZEROS, contains_mark, fmu_with_starts
 from liaisons.ssp.experiment import add_experiment, add_simulation_information, effective_experiment
-from liaisons.ssp.loop_starts import with_solved_loops
-from liaisons.ssp.parameters import add_binding, parameter_mapping, parameter_names, parameter_set
+from liaisons.ssp.parameters import add_binding, parameter_mapping, parameter_set, parameter_starts
 from liaisons.ssp.xml import STRUCTURE, document, tag
 
 Files = dict[str, bytes | Path]
 
 _PAGE = "documentation/index.html"
+_SHORT = 1e-6
+"""A step [s] that is not looked at: a run has one at least."""
 
 
 def write(
@@ -77,7 +82,7 @@ def write(
     if form == "portable":
         name = _identifier(name)
         names = _unique_identifiers(parts)
-        parts = with_solved_loops(name, parts, connections, experiment.start_time or 0.0)
+        parts = _with_solved_loops(name, parts, connections, experiment.start_time or 0.0)
         parts = {names[p.name]: replace(_extrapolating(p), name=names[p.name]) for p in parts.values()}
         connections = [
             replace(
@@ -105,6 +110,30 @@ def write(
             data = content.read_bytes() if isinstance(content, Path) else content
             # FMUs are compressed already; without a date, equal systems are equal files
             archive.writestr(ZipInfo(file), data, ZIP_STORED if file.endswith(".fmu") else ZIP_DEFLATED)
+
+
+def _with_solved_loops(
+    name: str, parts: Mapping[str, SystemComponent], connections: Sequence[Connection], start_time: float
+) -> dict[str, SystemComponent]:
+    """Components whose inputs in algebraic loops start from the solution: masters hand values on once or twice only.
+
+    :param name: of the system.
+    :param start_time: [s].
+    """
+    graph = ConnectionGraph(parts, connections, ())
+    if not graph.loops:
+        return dict(parts)
+    settings = SimulationSettings(times=(start_time, start_time + _SHORT))
+    try:
+        result = performed(checked(name, parts, connections, settings))
+    except SimulationError as error:
+        logger.warning("%s: its algebraic loops are not solved at the start, for it cannot be run: %s", name, error)
+        return dict(parts)
+    starts = {owner: dict(part.starts) for owner, part in parts.items()}
+    for owner, variable in (connection.target.place for connection in connections):
+        if owner in graph.cyclic and not parts[owner].fmu.variables.whole(variable):
+            starts[owner][variable] = float(result[f"{owner}.{variable}"][0])
+    return {owner: replace(part, starts=starts[owner]) for owner, part in parts.items()}
 
 
 def _identifier(name: str) -> str:
@@ -155,7 +184,7 @@ def _add_portable(
         element = _add_component(elements, part.name, source)
         add_connectors(element, component_connectors(part, connections, shown), units, "portable")
         if part.starts:
-            listed = [(variable, part, variable) for variable in parameter_names(part)]
+            listed = [(variable, part, variable, value) for variable, value in parameter_starts(part).items()]
             add_binding(element, _add_file(files, f"{part.name}.ssv", parameter_set(listed, units, "portable")))
     _add_connections(system, connections, {})
 
@@ -173,7 +202,11 @@ def _add_full(
     """Add connectors of the system, one parameter set with its mapping, components and connections."""
     shown = system_connectors(parts, connections)
     add_connectors(system, {"_".join(reference): entry for reference, entry in shown.items()}, units, "full")
-    listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in parameter_names(c)]
+    listed = [
+        (f"{part.name}_{variable}", part, variable, value)
+        for part in parts
+        for variable, value in parameter_starts(part).items()
+    ]
     if listed:
         values = _add_file(files, "parameters.ssv", parameter_set(listed, units, "full"))
         add_binding(system, values, _add_file(files, "parameters.ssm", parameter_mapping(listed)))

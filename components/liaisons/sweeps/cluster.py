@@ -15,8 +15,7 @@ from liaisons.base.arguments import shown
 from liaisons.base.folders import passing_folder
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
-from liaisons.sweeps.outcome import Failure, Outcome, failure_of
-from liaisons.sweeps.study import Study
+from liaisons.sweeps.study import Failure, Outcome, Study, failure_of
 from liaisons.sweeps.workers import Deliver, Pool
 
 Client = Any

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, final
 
 from liaisons.errors import JournalError, SweepError
-from liaisons.sweeps.outcome import Completed, Failure, Outcome
+from liaisons.sweeps.study import Completed, Failure, Outcome
 
 _logger = logging.getLogger("liaisons.sweeps")
 

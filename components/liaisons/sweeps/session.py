@@ -19,8 +19,7 @@ from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import EndedError, LiaisonsError
 from liaisons.sweeps.measures import evaluate_measures
-from liaisons.sweeps.outcome import Completed, Failure, Outcome, failure_of
-from liaisons.sweeps.study import Study
+from liaisons.sweeps.study import Completed, Failure, Outcome, Study, failure_of
 
 Task: TypeAlias = tuple[Study, Mapping[Path, Path], str]
 """The sweep, the folder of each extracted FMU, and a folder for temporary files."""

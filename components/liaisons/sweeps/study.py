@@ -1,4 +1,4 @@
-"""The description of a sweep, which its processes receive."""
+"""The description of a sweep, which its processes receive, and outcomes of its cases, which they send."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import TypeAlias, final
 
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.description.start_values import start_values
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
-from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.simulation import Simulation, with_start_values
+from liaisons.errors import LiaisonsError, RefusedError
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.measures import Measure, measure_identity
 
@@ -36,14 +36,9 @@ class Study:
 
         :raises SimulationError: if a value does not fit.
         """
-        starts: dict[str, dict[str, Any]] = {name: dict(part.starts) for name, part in self.simulation.parts.items()}
-        for name, value in self.cases.case(case).items():
-            owner, variable = self.varied[name]
-            starts[owner][variable] = self._typed_value(owner, variable, value)
-        return {
-            name: replace(part, starts=start_values(name, part.fmu, starts[name]))
-            for name, part in self.simulation.parts.items()
-        }
+        run, values = self.simulation, self.cases.case(case)
+        starts = {name: self._typed_value(*self.varied[name], value) for name, value in values.items()}
+        return with_start_values(run.title, run.parts, starts, single=run.single)
 
     def fmus(self) -> list[Fmu]:
         """FMUs of all components."""
@@ -91,3 +86,41 @@ class Study:
         if kind in {"Integer", "Enumeration"} and value.is_integer():
             return int(value)
         return bool(value) if kind == "Boolean" and value in {0.0, 1.0} else value
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a case has no measures.
+
+    :param reason: one line.
+    :param refused: whether the model refused it, and would again; else the machine or a function of the user failed.
+    """
+
+    reason: str
+    refused: bool
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Completed:
+    """Measures of a case, in the order of :attr:`Study.keep`, and its warnings."""
+
+    values: tuple[float, ...]
+    warnings: tuple[str, ...] = ()
+
+
+Outcome: TypeAlias = Completed | Failure
+"""Measures of a case, or why it failed."""
+
+
+def failure_of(error: Exception) -> Failure:
+    """Return the failure of a case that ended with this error: refused after Discard, Error or no convergence.
+
+    Fatal is no refusal: the FMU may have run out of memory.
+    """
+    words = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, RefusedError):
+        cause = cause.__cause__
+    return Failure(" ".join(words.split()), refused=cause is not None)

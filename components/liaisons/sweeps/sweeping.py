@@ -25,8 +25,7 @@ from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.journal import Journal
 from liaisons.sweeps.measures import Measure, checked_measures, signal_and_kind
-from liaisons.sweeps.outcome import Completed, Failure, Outcome
-from liaisons.sweeps.study import Study
+from liaisons.sweeps.study import Completed, Failure, Outcome, Study
 from liaisons.sweeps.workers import simulate_locally
 
 

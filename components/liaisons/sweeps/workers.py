@@ -35,9 +35,8 @@ from liaisons.base.processes import die_with_parent
 from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
-from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.session import Task, case_simulator
-from liaisons.sweeps.study import Study
+from liaisons.sweeps.study import Failure, Outcome, Study
 
 Deliver = Callable[[Mapping[int, Outcome]], None]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, final
 
 from liaisons.base.structures import Record, fields
+from liaisons.cosim.messages import WARNING
 from liaisons.errors import SimulationError
 
 Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]
@@ -41,13 +42,13 @@ class Call(partial[Any]):
     A function of C is called by it as by ``functools.partial``, with nothing of Python between.
 
     :ivar action: what it does.
-    :ivar failure: makes its error; None of what cannot be refused.
+    :ivar failure: makes its error, of a call that can be refused.
     :ivar buffers: what the record points to beside the arguments.
     :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; see :meth:`compiled`.
     """
 
     action: Action = "copy"
-    failure: Failure | None = None
+    failure: Failure
     record: CallRecord | None = None
     raised: BaseException | None = None
     buffers: object = None
@@ -56,6 +57,18 @@ class Call(partial[Any]):
         """Set what the call does, and what makes its error; returns the call."""
         self.action, self.failure = action, failure
         return self
+
+    def error(self, status: int, when: str) -> SimulationError:
+        """The error of a status that the call has returned."""
+        return self.failure(self.action, status, when)
+
+    def perform(self, when: str) -> None:
+        """Make the call.
+
+        :raises SimulationError: for a status other than OK and Warning.
+        """
+        if (status := self()) and status != WARNING:
+            raise self.error(status, when)
 
     def recorded(
         self,

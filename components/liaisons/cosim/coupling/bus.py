@@ -13,9 +13,9 @@ import numpy as np
 
 from liaisons.base.unit_definitions import Conversion
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Action, Call
+from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Call
 from liaisons.cosim.messages import WARNING
-from liaisons.cosim.structure.schedule import Feeds, VariableReference
+from liaisons.cosim.structure.schedule import Feeds, OutputInput, VariableReference
 
 
 @final
@@ -76,12 +76,8 @@ class Bus:
             error, call.raised = call.raised, None
             raise error
         if status != WARNING:
-            assert call.failure is not None
-            raise call.failure(call.action, status, self._time_text(call.action))
-
-    def _time_text(self, action: Action) -> str:
-        since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
-        return f" {since} t = {self.end.value:.10g} s"
+            since = f"from t = {self.start.value:.10g} s to" if call.action == "step" else "at"
+            raise call.error(status, f" {since} t = {self.end.value:.10g} s")
 
     def outputs(self, name: str, *, every: bool = True) -> list[VariableReference]:
         """Outputs of a component that feed inputs and, with ``every``, its other recorded variables."""
@@ -105,6 +101,14 @@ class Bus:
         first = len(self.values)
         self.values = self._store[: first + size]
         return first, self.values[first:]
+
+    def add_derivatives(
+        self, outputs: Iterable[VariableReference], input_: VariableReference
+    ) -> tuple[Vector, dict[OutputInput, int]]:
+        """Add columns for the derivatives of outputs by an input; returns a view of them, and the index of each."""
+        pairs = [(output, input_) for output in outputs]
+        first, column = self.add_columns(len(pairs))
+        return column, {pair: first + k for k, pair in enumerate(pairs)}
 
     def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
         """Calls that copy outputs to the inputs that they feed, or convert them; neighbours are one call."""

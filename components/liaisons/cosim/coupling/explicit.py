@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
@@ -19,13 +19,13 @@ Calls = list[Call]
 
 def prepared_calls(simulation: Simulation, instances: Instances, bus: Bus) -> tuple[Calls, Calls, Calls]:
     """Calls that exchange values in initialization, after it, and in a communication step."""
-    calls_of: dict[tuple[Operation, bool], Calls] = {}  # repeated operations share their calls
+
+    @cache  # repeated operations share their calls
+    def calls_of(operation: Operation, initial: bool) -> Calls:
+        return list(_calls_of_operation(simulation, instances, bus, operation, initial))
 
     def calls(program: Sequence[Operation], *, initial: bool = False) -> Calls:
-        for key in dict.fromkeys((operation, initial) for operation in program):
-            if key not in calls_of:
-                calls_of[key] = list(_calls_of_operation(simulation, instances, bus, *key))
-        return [call for operation in program for call in calls_of[operation, initial]]
+        return [call for operation in program for call in calls_of(operation, initial)]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     parts = simulation.parts.items()

@@ -40,8 +40,7 @@ class Coupled:
         self._times = simulation.times
         parts, feeds = simulation.parts, simulation.feeds
         references = [reference for name in (SIGNALS, *parts) for reference in bus.outputs(name, every=False)]
-        groups, cyclic = simulation.groups, simulation.cyclic
-        prescribed = {name for name, part in parts.items() if part.approximation.is_prescribed and name not in cyclic}
+        groups, cyclic, prescribed = simulation.groups, simulation.cyclic, simulation.prescribed
         self.signals = signals = Signals(parts, feeds, references, prescribed)
         self._drives = [(drive, [signals.index[r] for r in drive.places]) for drive in simulation.drives]
         self._slopes = [signals.slope(drive.places[2]) if len(drive.places) == 3 else -1 for drive, _ in self._drives]
@@ -54,7 +53,7 @@ class Coupled:
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
         self._matrices = [matrix for component in self._components for matrix in component.matrices]
         self._nodes = [node for component in self._components for node in component.nodes]
-        component_of = {name: k for k, group in enumerate(groups) for name in group} | {SIGNALS: len(groups)}
+        component_of = simulation.group_number | {SIGNALS: len(groups)}
         leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
         for target, (source, _) in feeds.items():
             if component_of[source] != component_of[target[0]] and target[0] not in prescribed:
@@ -177,11 +176,11 @@ class Coupled:
         """Another instant of the piece that starts at this one [s]; None without one, or without functions of time."""
         if not self._drives:
             return None
-        reference = bisect_right(self._times, time + rounding(time))
-        if reference == len(self._times):
+        index = bisect_right(self._times, time + rounding(time))
+        if index == len(self._times):
             return None
         breaks = [(time + instant) / 2 for drive, _ in self._drives if (instant := drive.next_break(time)) is not None]
-        return min([self._times[reference], *breaks])
+        return min([self._times[index], *breaks])
 
     def _step_in_thirds(self, k: int) -> int:
         """Step a source, whose outputs have no past yet, in thirds; returns 1."""

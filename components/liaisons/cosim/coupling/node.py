@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Literal, final
+from typing import Any, Literal, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from liaisons.cosim.arrays import Vector, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord, records
-from liaisons.cosim.coupling.signals import HIGHEST, Polynomials, Signals, polynomials
+from liaisons.cosim.coupling.signals import HIGHEST, Signals, polynomials
 from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import InputInterface, Port, SystemComponent
 from liaisons.cosim.structure.schedule import Depends, OutputInput, VariableReference
@@ -33,17 +34,17 @@ Phase = Literal["initialization", "instant", "crossing", "step"]
 class InputMotionCalls:
     """The calls by which an FMU receives the motion of its inputs within a step.
 
-    :param kind: numbers that compiled code writes to ``shape`` before the step.
+    :param kind: numbers that compiled code writes before the step.
     :param before: calls before the step; ``after``: calls after it.
     :param order: order in H of the error of the motion.
+    :param arrays: those of compiled code; it writes to ``shape``, and see :func:`polynomials`.
     """
 
     kind: int
     before: Sequence[Call]
     after: Sequence[Call]
     order: int
-    shape: Vector
-    polynomials: Polynomials | None = None
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @final
@@ -120,27 +121,27 @@ class Node:
 
     def _prepare_motion(self, interface: InputInterface | None) -> InputMotionCalls:
         """Prepare the calls that hand over the motion of inputs; None: they move as the user has prescribed."""
-        instance, inputs, put, nothing = self._instance, self.inputs, self._put, np.empty(0)
+        instance, inputs, put = self._instance, self.inputs, self._put
         if interface is None:
-            return InputMotionCalls(AS_SET, [], put, 1, nothing)
+            return InputMotionCalls(AS_SET, [], put, 1)
         if interface == "end value":  # triples quintic, others linear
             order = min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
-            return InputMotionCalls(AS_SET, put, [], order, nothing)
+            return InputMotionCalls(AS_SET, put, [], order)
         if not inputs:
-            return InputMotionCalls(AS_SET, [], [], 6, nothing)
+            return InputMotionCalls(AS_SET, [], [], 6)
         if interface == "mean value":
             means = np.empty(len(inputs))
-            return InputMotionCalls(MEAN, [instance.setter(inputs, means)], put, 2, means)
+            return InputMotionCalls(MEAN, [instance.setter(inputs, means)], put, 2, {"shape": means})
         every = self.part.approximation.takes_every_order
         order = min(2 * len(curve.data) for curve in self.curves) if every else 2
-        followed = polynomials(self.curves, self._signals.zero + 1, HIGHEST if every else 1)
+        which, arrays = polynomials(self.curves, self._signals.zero, HIGHEST if every else 1)
         if interface == "intermediate update":
             values = np.empty((INTERMEDIATE_INSTANTS, len(inputs)))
             update = instance.intermediate_update(inputs, values)
-            return InputMotionCalls(AT_INSTANTS, [update], put, order, values, followed)
-        derivatives = np.empty(len(followed.which))
-        set_derivatives = self._set_input_derivatives(followed.which, derivatives)
-        return InputMotionCalls(POLYNOMIAL, [set_derivatives], put, order, derivatives, followed)
+            return InputMotionCalls(AT_INSTANTS, [update], put, order, {"shape": values, **arrays})
+        derivatives = np.empty(len(which))
+        set_derivatives = self._set_input_derivatives(which, derivatives)
+        return InputMotionCalls(POLYNOMIAL, [set_derivatives], put, order, {"shape": derivatives, **arrays})
 
     def _prepare_output_derivatives(self) -> list[Call]:
         """Prepare the calls that set the rates of inputs and read those of outputs."""
@@ -172,7 +173,7 @@ class Node:
             self._slope_values += product
             return status
 
-        return Call(add).with_failure("derive", self._instance.failure)
+        return self._instance.prepared("derive", add)
 
     def _set_input_derivatives(self, which: Sequence[tuple[int, int]], values: Vector) -> Call:
         """A call that sets derivatives of inputs, (input, order) each, from these numbers."""
@@ -211,20 +212,11 @@ class Node:
         record.point(read=self._read, slopes=self._slope_values, rates=self.rates, rate_values=self._rate_values)
         if phase in {"initialization", "instant"}:
             return calls, record
-        record.approximation = self._motion.kind
-        record.point(shape=self._motion.shape)
-        if (followed := self._motion.polynomials) is not None:
-            record.derivatives, record.terms = followed.terms.shape
-            record.data = len(followed.signals)
-            record.point(signals=followed.signals, scaling=followed.scaling, after=followed.after)
-            zeros = [self._signals.zero] * HIGHEST
-            data = [(*curve.data[curve.order :], *zeros) for curve in self.curves]
-            record.point(
-                term=followed.terms,
-                factors=followed.factors,
-                begun=as_indices([data[k][order] for k, order in followed.which]),
-                of=as_indices([k for k, _ in followed.which]),
-            )
+        record.approximation, arrays = self._motion.kind, self._motion.arrays
+        record.point(**arrays)
+        if "term" in arrays:
+            record.derivatives, record.terms = arrays["term"].shape
+            record.data = len(arrays["signals"])
         return calls, record
 
     def read(self, target: Vector) -> None:
@@ -249,11 +241,12 @@ class Node:
         for k, input_ in enumerate(self.inputs if self.part.fmu.provides_directional_derivatives else ()):
             rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, input_.name))]
             if rows:
-                first, column = self._bus.add_columns(len(rows)) if record else (0, np.empty(len(rows)))
+                outputs, column = [self.outputs[i] for i in rows], np.empty(len(rows))
                 if record:
-                    for j, i in enumerate(rows):
-                        self.gains[(self.name, self.outputs[i].name), (self.name, input_.name)] = first + j
-                calls.append(self._instance.directional([self.outputs[i] for i in rows], [input_], np.ones(1), column))
+                    references = ((self.name, output.name) for output in outputs)
+                    column, indices = self._bus.add_derivatives(references, (self.name, input_.name))
+                    self.gains |= indices
+                calls.append(self._instance.directional(outputs, [input_], np.ones(1), column))
                 values.append(column)
                 pairs += [(i, k) for i in rows]
         return pairs, calls, values

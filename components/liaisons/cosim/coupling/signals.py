@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, final
 
 import numpy as np
 
 from liaisons.base.hermite import coefficients
-from liaisons.cosim.arrays import Indices, Memory, Vector, as_indices
+from liaisons.cosim.arrays import Indices, Memory, as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.structure.components import Components, Port
@@ -70,60 +70,48 @@ _MOST = 6
 """Largest number of data of a curve: three at either end of a step."""
 
 
-@final
-@dataclass(frozen=True)
-class Polynomials:
+def polynomials(curves: Sequence[Curve], zero: int, highest: int) -> tuple[list[tuple[int, int]], dict[str, Any]]:
     """Derivatives of inputs at the start of a step, as linear functions of the signals at both its ends.
 
-    :param which: input and order of each derivative.
-    :param signals: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.
-    :param terms: of each derivative those of the known that it is a sum of, with ``factors``; shape (derivatives,
-        terms).
-    :param after: by which power of H it is divided then.
-    """
-
-    which: Sequence[tuple[int, int]]
-    signals: Indices
-    scaling: Indices
-    terms: Indices
-    factors: Vector
-    after: Indices
-
-
-def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomials:
-    """Derivatives of inputs at the start of a step, by the signals at its ends.
-
     :param curves: what each input follows.
-    :param width: number of signals at one end.
+    :param zero: index of the last signal, which is 0.
     :param highest: order of the highest derivative; 1 leaves straight lines.
+    :returns: input and order of each derivative, and the arrays for compiled code: indices of the ``signals`` at both
+        ends, flat, multiplied by powers of H by ``scaling``; of each derivative the terms of the sum, ``term``, with
+        ``factors``, both of shape (derivatives, terms), the power of H in the denominator, ``after``, the signal that
+        it has at the start, ``begun``, and the input that it is a derivative ``of``.
     """
-    curves = curves if highest > 1 else [curve.linear() for curve in curves]
+    which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
+    motions = [(*curve.data[curve.order :], *[zero] * HIGHEST) for curve in curves]
+    followed = curves if highest > 1 else [curve.linear() for curve in curves]
+    ends = (0, zero + 1)
     signals: dict[tuple[int, int], int] = {}
-    for curve in curves:
-        for end in (0, width):
+    for curve in followed:
+        for end in ends:
             for i, index in enumerate(curve.data):
                 signals.setdefault((end + index, i), len(signals))
-    terms = [tuple(signals[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
-    orders = tuple(curve.order for curve in curves)
-    indices = as_indices([index for index, _ in signals])
-    return Polynomials(signals=indices, **_alike(tuple(terms), orders, tuple(i for _, i in signals), highest))
+    terms = tuple(tuple(signals[end + index, i] for end in ends for i, index in enumerate(c.data)) for c in followed)
+    orders, scaling = tuple(curve.order for curve in followed), tuple(i for _, i in signals)
+    own = {"signals": [index for index, _ in signals], "begun": [motions[k][order] for k, order in which]}
+    return which, {name: as_indices(own[name]) for name in own} | _alike(terms, orders, scaling, highest)
 
 
 @lru_cache(maxsize=1024)
-def _alike(terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling: tuple[int, ...], highest: int) -> Any:
-    """The fields of :class:`Polynomials` that do not depend on indices; shared, to stay in the processor's cache."""
-    which = [(k, order) for k in range(len(terms)) for order in range(1, highest + 1)]
-    columns = np.empty((len(which), _MOST), dtype=np.intp)
-    factors = np.zeros(columns.shape)
-    for row, (k, order) in enumerate(which):
-        power, many = order + orders[k], len(terms[k])
+def _alike(
+    terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling: tuple[int, ...], highest: int
+) -> dict[str, Any]:
+    """The arrays that do not depend on indices of signals; shared, to stay in the processor's cache."""
+    of = np.arange(len(terms)).repeat(highest)
+    columns = np.empty((len(of), _MOST), dtype=np.intp)
+    factors, after = np.zeros(columns.shape), np.empty_like(of)
+    for row, k in enumerate(of):
+        order, many = row % highest + 1, len(terms[k])
+        power = after[row] = order + orders[k]
         columns[row] = terms[k][0]  # beyond the terms, times 0
         if power < many:
             columns[row, :many] = terms[k]
             factors[row, :many] = coefficients(many // 2)[power] * math.factorial(power)
-    after = as_indices([order + orders[k] for k, order in which])
-    powers_before = as_indices(scaling)
-    return {"which": which, "scaling": powers_before, "terms": columns, "factors": factors, "after": after}
+    return {"scaling": as_indices(scaling), "term": columns, "factors": factors, "after": after, "of": of}
 
 
 @final
@@ -150,9 +138,8 @@ class Signals:
         references: Sequence[VariableReference],
         prescribed: Collection[str] = (),
     ) -> None:
-        self._parts = parts
-        self._prescribed = prescribed
-        self._feeds = feeds
+        self._parts, self._feeds, self._prescribed = parts, feeds, prescribed
+        self._port = partial(curve, parts, feeds)
         self.count = len(references)
         self.references = references
         self.index = {reference: k for k, reference in enumerate(references)}
@@ -165,8 +152,7 @@ class Signals:
         self.held = np.zeros(self.zero + 1, dtype=bool)
         self.held[: self.count] = [not self.continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
-        for reference, k in self.index.items():
-            self.rates[k] = self._rate(reference)
+        self.rates[: self.count] = [self._rate(reference) for reference in references]
         self.kinds = self._units()
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
@@ -177,7 +163,7 @@ class Signals:
 
         Of what functions of time give, the acceleration of a port has one: its motion is known at both ends of a step.
         """
-        whole = reference[0] == SIGNALS and len(curve(self._parts, self._feeds, reference)[0]) == 3
+        whole = reference[0] == SIGNALS and len(self._port(reference)[0]) == 3
         return self.count + self.index[reference] if whole or reference[0] in self.sloped else self.zero
 
     def curve(self, input_: VariableReference, cycle: Collection[str] = ()) -> Curve:
@@ -186,7 +172,7 @@ class Signals:
         :param cycle: components that are solved together with it, whose slopes cannot be made.
         """
         source = self._feeds[input_]
-        triple, order = curve(self._parts, self._feeds, source)
+        triple, order = self._port(source)
         data = [self.index[reference] for reference in triple]
         if len(data) == 1 and (source[0] in self.sloped or source[0] not in cycle):
             data.append(self.count + data[0])
@@ -195,7 +181,7 @@ class Signals:
     def root(self, input_: VariableReference, cycle: Collection[str]) -> int:
         """Index of the value at the start of an input's curve; that of the zero if it changes within its cycle."""
         source = self._feeds[input_]
-        first = self.index[curve(self._parts, self._feeds, source)[0][0]]
+        first = self.index[self._port(source)[0][0]]
         return self.zero if source[0] in cycle and self.continuous(first) else first
 
     def makes(self, index: int) -> bool:
@@ -209,11 +195,11 @@ class Signals:
 
     def triple(self, index: int) -> list[int]:
         """Value, rate and acceleration, if this is the index of an acceleration."""
-        triple, order = curve(self._parts, self._feeds, self.references[index])
+        triple, order = self._port(self.references[index])
         return [self.index[r] for r in triple] if order == 2 and all(r in self.index for r in triple) else []
 
     def _rate(self, source: VariableReference) -> int:
-        triple, order = curve(self._parts, self._feeds, source)
+        triple, order = self._port(source)
         return self.index[triple[order + 1]] if order + 1 < len(triple) else self.slope(source)
 
     def _find_sloped(self) -> frozenset[str]:

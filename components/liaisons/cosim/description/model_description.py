@@ -170,9 +170,8 @@ class Description:
         """Complete the description after the last tag; returns it."""
         self._end_variables({})
         self.states = len(self._derivatives)
-        index_of = self._index.get if self._index else lambda number: number - 1
-        pairs = ((index, index_of(self._differentiated.get(index, -1))) for index in self._derivatives)
-        self.continuous_states = tuple((index, state) for index, state in pairs if state is not None and state >= 0)
+        pairs = ((index, self._index_of(self._differentiated.get(index, -1))) for index in self._derivatives)
+        self.continuous_states = tuple((index, state) for index, state in pairs if state >= 0)
         if not self.root:
             raise ValueError("its root is not fmiModelDescription")
         return self
@@ -323,45 +322,42 @@ class Description:
                 )
         self.variables = Variables(entries)
         self._entries, self._pending = {}, None
-        outputs, initial = self.outputs, self.initial_unknowns
         for tag in (*_FMI_2, *_FMI_3, "Dimension", "Start", "Alias", "ScalarVariable"):
             self._handlers.pop(tag, None)
-        self._handlers |= {
-            "Outputs": partial(self._choose_table, outputs),
-            "Derivatives": partial(self._choose_table, self._derivatives),
-            "DiscreteStates": partial(self._choose_table, None),
-            "InitialUnknowns": partial(self._choose_table, initial),
-            "Unknown": lambda a: self._add_unknown(self._table, int(a["index"]) - 1, a),
-            "Output": lambda a: self._add_unknown(outputs, self._index.get(int(a["valueReference"]), -1), a),
-            "ContinuousStateDerivative": lambda a: self._add_unknown(
-                self._derivatives, self._index.get(int(a["valueReference"]), -1), a
-            ),
-            "InitialUnknown": lambda a: self._add_unknown(initial, self._index.get(int(a["valueReference"]), -1), a),
-        }
+        tables = (self.outputs, self._derivatives, self.initial_unknowns)
+        two = zip(("Outputs", "Derivatives", "InitialUnknowns"), tables, strict=True)
+        three = zip(("Output", "ContinuousStateDerivative", "InitialUnknown"), tables, strict=True)
+        self._handlers |= {tag: partial(self._choose_table, table) for tag, table in (*two, ("DiscreteStates", None))}
+        self._handlers |= {tag: partial(self._add_unknown, "valueReference", table) for tag, table in three}
+        self._handlers["Unknown"] = lambda attributes: self._add_unknown("index", self._table, attributes)
 
     def _choose_table(self, table: Table | None, _: Attributes) -> None:
         self._table = table
 
-    def _add_unknown(self, table: Table | None, index: int, attributes: Attributes) -> None:
+    def _add_unknown(self, number: str, table: Table | None, attributes: Attributes) -> None:
         words = attributes.get("dependencies")
         if table is not None:
+            index = self._index_of(int(attributes[number]))
             table[index] = None if words is None else self._inputs_of(words)
+
+    def _index_of(self, number: int) -> int:
+        """Index of a variable by its value reference, or position from 1 in FMI 2.0; -1 if there is none."""
+        return self._index.get(number, -1) if self._index else number - 1
 
     def _inputs_of(self, words: str) -> frozenset[int]:
         if words not in self._known:
             numbers = list(map(int, words.split()))
             self._count_memory(_BYTES_OF_INDEX * len(numbers))
-            places = (self._index.get(n, -1) for n in numbers) if self._index else (n - 1 for n in numbers)
-            self._known[words] = frozenset(place for place in places if place in self._inputs)
+            self._known[words] = frozenset(self._inputs.intersection(map(self._index_of, numbers)))
         return self._known[words]
 
 
 def _make_entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
     """A variable or array, with the sizes of its dimensions; start values have the sizes in the file."""
-    variable, dimensions, given = pending
-    starts = given or ([] if variable.start is None else variable.start.split())
+    variable, dimensions, texts = pending
+    starts = texts or ([] if variable.start is None else variable.start.split())
     if not dimensions:
-        return replace(variable, start=starts[0]) if given else variable
+        return replace(variable, start=starts[0]) if texts else variable
     shape = tuple(_size(variable.name, start, reference, sizes) for start, reference in dimensions)
     if math.prod(shape) > MOST_ELEMENTS:
         raise ValueError(f"the array {variable.name!r} has {math.prod(shape)} elements, more than {MOST_ELEMENTS}")

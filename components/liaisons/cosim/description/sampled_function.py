@@ -151,9 +151,9 @@ def sampled(
     finite(f"{label}: delay", delay)
     if not 0 <= delay <= period:
         raise InvalidValueError(f"{label}: delay = {delay:g} s: must be from 0 to the period, {period:g} s")
-    for what, names in (("reads", reads), ("writes", writes)):
+    for argument, names in (("reads", reads), ("writes", writes)):
         if isinstance(names, str) or not all(isinstance(name, str) and name for name in names):
-            raise InvalidValueError(f"{label}: {what} = {shown(names)}: give a list of names")
+            raise InvalidValueError(f"{label}: {argument} = {shown(names)}: give a list of names")
     if not writes or TIME in writes:
         raise InvalidValueError(f"{label}: writes = {shown(writes)}: name what it returns")
     for name, count in Counter(map(variable, (*reads, *writes))).items():

@@ -74,12 +74,12 @@ def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
     return _convert(f"{owner}.{name} = {shown(value)}", variable, value)
 
 
-def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> list[Start]:
+def _array_value(owner: str, fmu: Fmu, name: str, start: Any) -> list[Start]:
     entry = fmu.variables.entries[name]
     assert isinstance(entry, Array)
-    _check_settable(owner, fmu, entry.like, name, given)
-    label = f"{owner}.{name} = {shown(given)}"
-    elements = np.asarray(given, dtype=object)  # NumPy would convert numbers beside a string to strings
+    _check_settable(owner, fmu, entry.like, name, start)
+    label = f"{owner}.{name} = {shown(start)}"
+    elements = np.asarray(start, dtype=object)  # NumPy would convert numbers beside a string to strings
     if elements.ndim == 0:
         return [_convert(label, entry.like, elements.item())] * entry.size
     if elements.shape != entry.shape:

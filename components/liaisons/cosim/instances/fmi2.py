@@ -5,9 +5,9 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Sequence
 from contextlib import suppress
-from ctypes import Array, addressof, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
+from ctypes import Array, addressof, byref, c_char_p, c_double, c_int, c_uint32, c_void_p
 from itertools import count
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import fmpy
 from fmpy.fmi2 import (
@@ -22,7 +22,7 @@ from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.arrays import Numbers, pointer_to
 from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
-from liaisons.cosim.instances.buffer_layouts import value_references
+from liaisons.cosim.instances.buffer_layouts import buffered, value_references
 from liaisons.cosim.instances.loading import FMU2CoSimulation
 from liaisons.cosim.instances.protocol import DISCARD, Loaded, Scalars
 from liaisons.errors import SimulationError
@@ -56,11 +56,11 @@ class Instance2(Loaded, ABC):
         self.fmpy_instance.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        (rows, row_count), (columns, column_count) = _references(unknowns), _references(knowns)
+        rows, columns = _references(unknowns), _references(knowns)
         along, product = pointer_to(seed), pointer_to(values)
-        call = self._prepare("derive", rows, row_count, columns, column_count, along, product)
+        call = self._prepare("derive", *buffered(rows), *buffered(columns), along, product)
         call.buffers = more = (c_void_p * 2)(addressof(columns), addressof(along))
-        record = {"source": rows, "count": row_count.value, "values": product, "size": column_count.value, "more": more}
+        record = {"source": rows, "count": len(rows), "values": product, "size": len(columns), "more": more}
         return call.recorded(DERIVE_2, self._pointer.value, **record)
 
     def _close_own(self) -> None:
@@ -89,13 +89,9 @@ class CoSimulation2(Instance2):
         return self._of_orders("slope", variables, orders, values)
 
     def _of_orders(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        (references, count), numbers, buffer = (
-            _references(variables),
-            (c_int * len(orders))(*orders),
-            pointer_to(values),
-        )
-        call = self._prepare(action, references, count, numbers, buffer)
-        record = {"source": references, "count": count.value, "values": buffer, "more": numbers}
+        references, numbers, buffer = _references(variables), (c_int * len(orders))(*orders), pointer_to(values)
+        call = self._prepare(action, *buffered(references), numbers, buffer)
+        record = {"source": references, "count": len(references), "values": buffer, "more": numbers}
         return call.recorded(ORDERS_2, self._pointer.value, **record)
 
     def _requested_end(self) -> float | None:
@@ -111,9 +107,8 @@ class CoSimulation2(Instance2):
         return None
 
 
-def _references(variables: Scalars) -> tuple[Array[Any], c_size_t]:
-    references = value_references(tuple(variable.reference for variable in variables))
-    return references, c_size_t(len(references))
+def _references(variables: Scalars) -> Array[c_uint32]:
+    return value_references(tuple(variable.reference for variable in variables))
 
 
 @fmi2CallbackLoggerTYPE

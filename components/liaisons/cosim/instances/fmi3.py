@@ -71,7 +71,7 @@ class Instance3(Loaded, ABC):
         references = *counted(rows.references), *counted(columns.references)
         multiply = self._prepare("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
         read = partial(rows.read_into, multiply, np.asarray(values))
-        return Call(columns.write_from, read, np.asarray(seed)).with_failure("derive", self.failure)
+        return self.prepared("derive", columns.write_from, read, np.asarray(seed))
 
 
 @final
@@ -120,7 +120,7 @@ class CoSimulation3(Instance3):
                 self._count = self._worst_update = 0
             return max(status, DISCARD) if ended.terminate or ended.early else status
 
-        call = Call(advance).with_failure("step", self.failure)
+        call = self.prepared("step", advance)
         if asked:  # the compiled loop does not check the statuses of updates
             return call
         call.record = step.recorded(STEP_3, self._pointer.value, source=self._final, values=ended).record

@@ -161,7 +161,7 @@ class Isolated(Instance):
                 received[:] = np.frombuffer(data)
             return status if status in range(len(STATUSES)) else FATAL  # the others are those of compiled code
 
-        return Call(call).with_failure(action, self.failure)
+        return self.prepared(action, call)
 
     def _ask(self, task: str, method: str, *arguments: object) -> Any:
         """Call a method in the other process; returns what it returns.
@@ -287,8 +287,7 @@ class _Server:
     def _failure(self, when: str) -> LiaisonsError:
         """The error of the last call."""
         call, status = self._last
-        assert call.failure is not None
-        return call.failure(call.action, status, when)
+        return call.error(status, when)
 
 
 @final

@@ -151,7 +151,7 @@ class ModelExchange(Loaded, ABC):
                 self._iterate_events()
             return status
 
-        return Call(put).with_failure("set", write.failure or self.failure)
+        return Call(put).with_failure("set", write.failure)
 
     def _index_inputs(self, variables: Scalars) -> Indices:
         """Give inputs indices among the held ones; returns these."""
@@ -165,7 +165,7 @@ class ModelExchange(Loaded, ABC):
         rows = [inputs.index(variables[k]) for k in moving]
         motion = InputMotion([orders[k] for k in moving], rows, (values, moving), self._index_inputs(inputs))
         motion.read, motion.write = self.getter(inputs, motion.values), super().setter(inputs, motion.values)
-        return Call(setattr, self, "_motion", motion).with_failure("shape", self.failure)
+        return self.prepared("shape", setattr, self, "_motion", motion)
 
     def _begin_motion(self) -> None:
         if self._motion is not None:
@@ -201,12 +201,12 @@ class ModelExchange(Loaded, ABC):
             result[:] = total / apart
             return 0
 
-        return Call(differentiate).with_failure("slope", self.failure)
+        return self.prepared("slope", differentiate)
 
     # ---- a step
 
     def stepper(self, time: c_double, size: c_double) -> Call:
-        return Call(self._advance, time, size).with_failure("step", self.failure)
+        return self.prepared("step", self._advance, time, size)
 
     def _advance(self, time: c_double, size: c_double) -> int:
         try:
@@ -444,36 +444,31 @@ class ModelExchange(Loaded, ABC):
         self._final = self.flag(False)
         save, restore = super().save_and_restore_calls()
         saved: list[Any] = []
-        memory: list[Any] = []
 
         def take() -> int:
             if self._initialized:
-                saved[:] = (
-                    self._clock.value,
-                    self._next_event,
-                    self._jumped,
-                    self._held_inputs.copy(),
-                    self._indicators.copy(),
-                )
                 solver = self._solver
-                memory[:] = [] if self._stale or not isinstance(solver, Dop853) else [solver, solver.save()]
-                self._stale = not memory
+                memory = solver.save() if isinstance(solver, Dop853) and not self._stale else None
+                arrays = self._held_inputs.copy(), self._indicators.copy()
+                saved[:] = solver, memory, self._clock.value, self._next_event, self._jumped, *arrays
+                self._stale = memory is None
             return save()
 
         def go_back() -> int:
             if self._initialized and saved:
-                self._clock.value, self._next_event, self._jumped, self._held_inputs[:], self._indicators[:] = saved
+                solver, memory, self._clock.value, self._next_event, self._jumped, *arrays = saved
+                self._held_inputs[:], self._indicators[:] = arrays
                 self._end_time, self._motion = math.inf, None
-                self._stale = not memory or self._solver is not memory[0]
+                self._stale = memory is None or self._solver is not solver
                 if not self._stale:
-                    memory[0].restore(memory[1])
+                    solver.restore(memory)
                 elif not isinstance(self._solver, Dop853):
                     words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first from"
                     more = "%s, restart and are less accurate; smaller ones and a smaller tolerance may be needed"
                     self._warn(words + more, self._at(""))
             return restore()
 
-        return Call(take).with_failure("save", self.failure), Call(go_back).with_failure("restore", self.failure)
+        return self.prepared("save", take), self.prepared("restore", go_back)
 
     def _close_own(self) -> None:
         if self._solver is not None:

@@ -89,13 +89,19 @@ class Instance(ABC):
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         """Two calls: one saves the state of the FMU, the other restores it, any number of times."""
 
-    @abstractmethod
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed."""
+        """A call that multiplies the Jacobian of unknowns with respect to knowns by the seed.
 
-    @abstractmethod
+        Only where :attr:`Fmu.provides_directional_derivatives` is true.
+        """
+        raise NotImplementedError
+
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
+        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values.
+
+        Only where :attr:`Fmu.output_derivative_order` is as high.
+        """
+        raise NotImplementedError
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         """A call that sets derivatives of inputs at the start of the next step from a buffer of as many values.
@@ -112,6 +118,10 @@ class Instance(ABC):
         :param values: at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)); may change any time.
         """
         raise NotImplementedError
+
+    def prepared(self, action: Action, function: Callable[..., Any], *arguments: object) -> Call:
+        """A call of a function, whose errors this instance makes."""
+        return Call(function, *arguments).with_failure(action, self.failure)
 
     @abstractmethod
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
@@ -221,14 +231,13 @@ class Loaded(Instance):
         parts = layouts(self._fmu, variables, self.types)
         if len(parts) == 1 and parts[0].direct:
             return self._transfer_whole(action, parts[0], values)
-        calls: list[Transfer] = []
         numbers = np.asarray(values)
+        calls: list[Transfer] = []
+        if action == "set":
+            calls += [self._transfer_whole("get", part) for part in parts if not part.whole]
         for part in parts:
-            if action == "get" or not part.whole:
-                read = self._transfer_whole("get", part)
-                calls.append(partial(part.read_into, read, numbers) if action == "get" else read)
-            if action == "set":
-                calls.append(partial(part.write_from, self._transfer_whole("set", part), numbers))
+            copy = part.read_into if action == "get" else part.write_from
+            calls.append(partial(copy, self._transfer_whole(action, part), numbers))
         return self._combine(action, calls, " or ".join(self._function_name(action, part) for part in parts))
 
     def _transfer_whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
@@ -353,9 +362,7 @@ class Loaded(Instance):
         return SimulationError(f"{self.name}: {words}")
 
     def _prepare(self, action: Action, *arguments: object) -> Call:
-        return Call(self._function(self.functions[action]), self._pointer, *arguments).with_failure(
-            action, self.failure
-        )
+        return self.prepared(action, self._function(self.functions[action]), self._pointer, *arguments)
 
     def _function(self, name: str) -> Callable[..., int]:
         if name not in self._functions:

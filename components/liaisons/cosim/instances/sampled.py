@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from ctypes import c_double
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -72,33 +71,24 @@ class SampledInstance(Instance):
             raise self.failure("get", ERROR, "")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        return self._call("get", self._read, [variable.name for variable in variables], np.asarray(values))
+        return self.prepared("get", self._read, [variable.name for variable in variables], np.asarray(values))
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
         places = [self._inputs.index(variable.name) for variable in variables]
-        return self._call("set", self._write, places, np.asarray(values))
+        return self.prepared("set", self._write, places, np.asarray(values))
 
     def stepper(self, time: c_double, size: c_double) -> Call:
-        return self._call("step", self._step, time, size)
+        return self.prepared("step", self._step, time, size)
 
     def save_and_restore_calls(self) -> tuple[Call, Call]:
         saved: list[_Memory] = []
-        return self._call("save", self._save, saved), self._call("restore", self._restore, saved)
-
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        raise NotImplementedError  # as its description says
-
-    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        raise NotImplementedError  # likewise
+        return self.prepared("save", self._save, saved), self.prepared("restore", self._restore, saved)
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:  # noqa: ARG002 - its error has both
         return SimulationError(f"{self.name}: {self._error}")
 
     def close(self) -> None:
         pass
-
-    def _call(self, action: Action, function: Any, *arguments: Any) -> Call:
-        return Call(partial(function, *arguments)).with_failure(action, self.failure)
 
     def _take(self) -> int:
         """Take the sample that is due now, or again that of this instant; returns the status."""
@@ -125,8 +115,7 @@ class SampledInstance(Instance):
             count = f"{len(self._outputs)} finite number{'s' * (len(self._outputs) > 1)}"
             self._error = f"{function.name} returns {outputs.tolist()} at t = {instant:.10g} s, expected {count}"
             return ERROR
-        seen, after = memory.inputs.copy(), (outputs, state)
-        self._memory = replace(memory, before=before, after=after, last=instant, seen=seen)
+        self._memory = replace(memory, before=before, after=(outputs, state), last=instant, seen=memory.inputs)
         return 0
 
     def _read(self, names: Sequence[str], values: Vector) -> int:
@@ -135,15 +124,16 @@ class SampledInstance(Instance):
         memory, function = self._memory, self._function
         is_ready = function.is_due(memory.time, memory.last + function.delay)
         outputs = (memory.after if is_ready else memory.before)[0]
-        known: Mapping[str, float] = dict(zip(self._outputs, outputs.tolist(), strict=True))
-        known |= dict(zip(self._inputs, memory.inputs.tolist(), strict=True))
+        numbers: Mapping[str, float] = dict(zip(self._outputs, outputs.tolist(), strict=True))
+        numbers |= dict(zip(self._inputs, memory.inputs.tolist(), strict=True))
         for i, name in enumerate(names):
-            values[i] = known[name] if name in known else function.next_event(memory.time)
+            values[i] = numbers[name] if name in numbers else function.next_event(memory.time)
         return 0
 
     def _write(self, places: Sequence[int], values: Vector) -> int:
-        self._memory.inputs[places] = values
-        self._memory = replace(self._memory, waits=True)
+        inputs = self._memory.inputs.copy()
+        inputs[places] = values
+        self._memory = replace(self._memory, inputs=inputs, waits=True)
         return 0
 
     def _step(self, time: c_double, size: c_double) -> int:
@@ -159,9 +149,9 @@ class SampledInstance(Instance):
         return 0
 
     def _save(self, saved: list[_Memory]) -> int:
-        saved[:] = [replace(self._memory, inputs=self._memory.inputs.copy())]
+        saved[:] = [self._memory]
         return 0
 
     def _restore(self, saved: list[_Memory]) -> int:
-        self._memory = replace(saved[0], inputs=saved[0].inputs.copy())
+        (self._memory,) = saved
         return 0

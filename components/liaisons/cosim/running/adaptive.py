@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, final
 
@@ -21,10 +20,9 @@ from liaisons.cosim.arrays import Indices, Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.instances.protocol import Instances
-from liaisons.cosim.running.breaks import Breaks
-from liaisons.cosim.running.deviations import Deviations
+from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.stepping import save_state
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import RefusedError
@@ -62,16 +60,18 @@ class Stepper:
     :param calls: those of a communication step.
     :param coupled: the coupling, if it remembers earlier steps.
     :param cross: makes the tiny step from one instant to another, a break [s]; returns the values of the bus.
+    :param states: calls that save and restore each FMU.
     """
 
     simulation: Simulation
-    instances: Instances
     bus: Bus
     calls: Iterable[Call]
     coupled: Coupled | None
     breaks: Breaks
     deviations: Deviations
     cross: Callable[[float, float], Vector]
+    estimate: Estimate
+    states: Sequence[tuple[Call, Call]]
 
     def step(self, start: float, stop: float) -> Vector:
         """Step from one instant to another [s]; returns the values of the bus."""
@@ -80,26 +80,10 @@ class Stepper:
         self.bus.perform(self.calls)
         return self.bus.values.copy()
 
-    def save(self, estimate: Estimate) -> Callable[[], None]:
+    def save(self) -> Callable[[], None]:
         """Save the present state, and that of the estimate; returns a function that restores both."""
-        values, coupled, estimated = self.bus.values.copy(), self.coupled, estimate.save()
-        memory = None if coupled is None else coupled.memory.save()
-
-        def go_back() -> None:
-            self.bus.perform(restores)
-            self.bus.values[:] = values
-            if coupled is not None and memory is not None:
-                coupled.memory.restore(memory)
-            estimate.restore(estimated)
-
-        saves, restores = self._states
-        self.bus.perform(saves)
-        return go_back
-
-    @cached_property
-    def _states(self) -> tuple[Sequence[Call], Sequence[Call]]:
-        saves, restores = zip(*(instance.save_and_restore_calls() for instance in self.instances.values()), strict=True)
-        return saves, restores
+        memories = [] if self.coupled is None else [self.coupled.memory]
+        return save_state(self.bus, self.states, [*memories, self.estimate])
 
     def end_of_step(self, now: float, end: float, size: float) -> float | None:
         """End of a step of some size: the given end, or an instant shortly before a break [s].
@@ -124,7 +108,7 @@ class Stepper:
         return Point(stop, self.cross(now, stop).copy(), result_time, after_break=True)
 
 
-def adapt_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
+def adapt_steps(stepper: Stepper) -> Iterator[Point]:
     """Step by sizes that keep the error of each step below the tolerance.
 
     :returns: communication points after the start.
@@ -146,9 +130,9 @@ def adapt_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
             points = [point]
             yield point._replace(result_time=now)
             continue
-        count = 2 if len(points) == 1 and estimate.can_estimate else 1  # of one step alone there is no estimate
-        go_back = stepper.save(estimate)
-        ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
+        count = 2 if len(points) == 1 and stepper.estimate.can_estimate else 1  # of one step alone there is no estimate
+        go_back = stepper.save()
+        ends, error, refusal = _attempt(stepper, points, stop, count)
         error /= tolerance
         factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / power), _SMALLEST_FACTOR), _LARGEST_FACTOR)
         size = max((stop - now) / count * factor, size if error <= 1 and stop < target else 0.0)
@@ -163,7 +147,7 @@ def adapt_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
             raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
 
 
-def divide_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
+def divide_steps(stepper: Stepper) -> Iterator[Point]:
     """Step between the communication points by equal steps, whose errors add up to less than the tolerance.
 
     :returns: communication points after the start.
@@ -183,25 +167,23 @@ def divide_steps(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
                 continue
             if len(points) == 1:
                 count = max(count, 2)  # of one step alone there is no estimate
-            ends, added, factor = _divide(stepper, estimate, points, stop, count)
+            ends, added, factor = _divide(stepper, points, stop, count)
             error, now = error + added, stop
             points = [*points, *ends][-_MEMORY:]
             count = max(1, math.ceil(len(ends) * max(factor, 0.5)))
             yield ends[-1]._replace(result_time=stop, error=error) if stop == end else ends[-1]
 
 
-def _divide(
-    stepper: Stepper, estimate: Estimate, points: Sequence[Point], stop: float, count: int
-) -> tuple[list[Point], float, float]:
+def _divide(stepper: Stepper, points: Sequence[Point], stop: float, count: int) -> tuple[list[Point], float, float]:
     """Step to an instant [s] by as many equal steps as it takes.
 
     :param points: those since the last break, or the last few of them.
     :param count: number of steps to try first.
     :returns: the ends of the steps, the sum of their errors, and the factor by which their number should grow.
     """
-    go_back = stepper.save(estimate)
+    go_back = stepper.save()
     while True:
-        ends, error, refusal = _attempt(stepper, estimate, points, stop, count)
+        ends, error, refusal = _attempt(stepper, points, stop, count)
         if refusal is not None and count > _MOST:
             raise refusal
         factor = (max(error, 1e-30) / stepper.simulation.step_tolerance) ** (1 / 4) / _SAFETY
@@ -212,7 +194,7 @@ def _divide(
 
 
 def _attempt(
-    stepper: Stepper, estimate: Estimate, points: Sequence[Point], stop: float, count: int
+    stepper: Stepper, points: Sequence[Point], stop: float, count: int
 ) -> tuple[list[Point], float, RefusedError | None]:
     """Step to an instant [s] by this number of equal steps.
 
@@ -223,7 +205,7 @@ def _attempt(
     try:
         ends = [Point(last, stepper.step(first, last), None) for first, last in pairwise((now, *instants))]
         rows, times = (np.array([point[k] for point in (*points, *ends)]) for k in (1, 0))
-        return ends, float(np.sum(estimate.estimate_last(rows, times, count))), None
+        return ends, float(np.sum(stepper.estimate.estimate_last(rows, times, count))), None
     except RefusedError as refusal:
         return [], math.inf, refusal
 

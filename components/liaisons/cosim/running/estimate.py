@@ -69,8 +69,8 @@ class InputReconstruction:
     def power(self) -> int:
         """Power of H in the error of a step."""
         count = len(self.data)
-        whole = {"hermite": 2 * count + 1, "points": 5, "quintic": 7, "cubic": 5, "taylor": count - self.order + 1}
-        return whole.get(self.shape, 3 if self.shape == "mean" else 2)
+        powers = {"hermite": 2 * count + 1, "points": 5, "quintic": 7, "cubic": 5, "taylor": count - self.order + 1}
+        return {"mean": 3, "newest": 2, **powers}[self.shape]
 
 
 @final

@@ -45,10 +45,10 @@ def initial_derivatives(
         for input_ in fed:
             rows = [p for p in moving if simulation.depends(p, input_)]
             if rows:
-                first, column = bus.add_columns(len(rows))
-                unknown, about = [variables[row] for _, row in rows], [variables[input_[1]]]
-                calls.append(instances[name].directional(unknown, about, np.ones(1), column))
-                gains |= {(row, input_): first + k for k, row in enumerate(rows)}
+                column, indices = bus.add_derivatives(rows, input_)
+                unknowns, known = [variables[row] for _, row in rows], [variables[input_[1]]]
+                calls.append(instances[name].directional(unknowns, known, np.ones(1), column))
+                gains |= indices
     return calls, gains
 
 
@@ -135,11 +135,6 @@ class _PolynomialTable:
         return {**index, **{source: index[target] for target, source in feeds if source[0] == SIGNALS}}
 
     @cached_property
-    def group(self) -> dict[str, int]:
-        """Number of the strong component of each FMU."""
-        return {name: k for k, names in enumerate(self.simulation.groups) for name in names}
-
-    @cached_property
     def late(self) -> set[VariableReference]:
         """Inputs whose value at the end of a step is not known before it."""
         return set(schedule.late_inputs(self.bus.order, self.simulation.feeds, self.simulation.coupling))
@@ -147,8 +142,8 @@ class _PolynomialTable:
     def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
         """Kind of polynomial that an input follows, its columns in the table, and the order of its derivative."""
         simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
-        approximation, is_cyclic = part.approximation, target[0] in simulation.cyclic
-        if not (simulation.iterates or approximation.interpolates) or (approximation.is_prescribed and not is_cyclic):
+        approximation = part.approximation
+        if target[0] in simulation.prescribed or not (simulation.iterates or approximation.interpolates):
             return self._extrapolation(target, own)
         if approximation.interpolates and Port(part, target[1]).curve()[0] is None:
             return "hermite", [own], 0
@@ -180,7 +175,8 @@ class _PolynomialTable:
         if simulation.parts[target[0]].approximation.follows_polynomials:
             if source in self.slopes:
                 return "hermite", [own, self.slopes[source]], 0
-            is_solved_with_source = self.group.get(source[0]) == self.group[target[0]]
+            number = simulation.group_number
+            is_solved_with_source = number.get(source[0]) == number[target[0]]
             if not (simulation.iterates and target[0] in simulation.cyclic and is_solved_with_source):
                 return "points", [own], 0
         return "hermite", [own], 0

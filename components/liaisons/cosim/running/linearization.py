@@ -11,10 +11,8 @@ from scipy.linalg import block_diag
 
 from liaisons.base.unit_definitions import SAME
 from liaisons.cosim.arrays import Vector
-from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.protocol import Instance, Instances
-from liaisons.cosim.messages import SUCCESS
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
@@ -84,7 +82,7 @@ class _Equations:
     """
 
     def __init__(self, part: SystemComponent, instance: Instance, outputs: Iterable[str], time: float) -> None:
-        fmu, self._when = part.fmu, f" at t = {time:.10g} s"
+        fmu, when = part.fmu, f" at t = {time:.10g} s"
         places: dict[int, dict[int, Scalar]] = {}
         for variable in fmu.variables.values() if fmu.continuous_states else ():
             places.setdefault(variable.index, {}).setdefault(variable.position, variable)
@@ -92,8 +90,7 @@ class _Equations:
         self.inputs = [fmu.variables[name] for name in fmu.reals("input") if fmu.variables[name].continuous]
         self.outputs = [fmu.variables[name] for name in outputs]
         knowns, unknowns = [*self.states, *self.inputs], [*rates, *self.outputs]
-        self.point = self._read(instance, knowns)
-        self.rates = self._read(instance, rates)
+        self.point, self.rates = (_read(instance, variables, when) for variables in (knowns, rates))
         self.jacobian = np.zeros((len(unknowns), len(knowns)))
         number = {(known.reference, known.position): k for k, known in enumerate(knowns)}
         same = [number.get((unknown.reference, unknown.position)) for unknown in unknowns]
@@ -108,19 +105,16 @@ class _Equations:
         derive = instance.directional([unknowns[i] for i in calculated], knowns, seed, values)
         for k in range(len(knowns)):
             seed[:] = np.arange(len(knowns)) == k
-            self._perform(derive)
+            derive.perform(when)
             self.jacobian[calculated, k] = values
 
-    def _read(self, instance: Instance, variables: list[Scalar]) -> Vector:
-        values = np.empty(len(variables))
-        if variables:
-            self._perform(instance.getter(variables, values))
-        return values
 
-    def _perform(self, call: Call) -> None:
-        if (status := call() or 0) not in SUCCESS:
-            assert call.failure is not None
-            raise call.failure(call.action, status, self._when)
+def _read(instance: Instance, variables: list[Scalar], when: str) -> Vector:
+    """The present values of variables."""
+    values = np.empty(len(variables))
+    if variables:
+        instance.getter(variables, values).perform(when)
+    return values
 
 
 def linearized(
@@ -138,15 +132,13 @@ def linearized(
     def shown(place: VariableReference) -> str:
         return names.get(place) or (place[1] if simulation.single else ".".join(place))
 
-    recorded = [
-        place for place in simulation.recorded.values() if parts[place[0]].fmu.variables[place[1]].type == "Real"
-    ]
-    wanted = [
+    observed = [
         (owner, name)
-        for owner, name in recorded
-        if owner in moving and moving[owner].fmu.variables[name].causality != "input"
+        for owner, name in simulation.recorded.values()
+        for variable in [parts[owner].fmu.variables[name]]
+        if owner in moving and variable.type == "Real" and variable.causality != "input"
     ]
-    needed = dict.fromkeys([*wanted, *(source for source in feeds.values() if source[0] in moving)])
+    needed = dict.fromkeys([*observed, *(source for source in feeds.values() if source[0] in moving)])
     equations = {
         name: _Equations(part, instances[name], [v for owner, v in needed if owner == name], time)
         for name, part in moving.items()
@@ -164,39 +156,34 @@ def linearized(
     )
     A, B, C, D = matrices
     # u = M y + E v, with the inputs v of the whole
-    inputs = {target: i for i, target in enumerate(groups["inputs"])}
-    outputs = {source: i for i, source in enumerate(groups["outputs"])}
-    outer = {target: feeds.get(target, (SIGNALS, "")) for target in inputs}
-    outer = {t: (t if source[0] == SIGNALS else source) for t, source in outer.items() if source not in outputs}
-    v = {source: i for i, source in enumerate(dict.fromkeys(outer.values()))}
+    inputs, outputs = groups["inputs"], {source: i for i, source in enumerate(groups["outputs"])}
+    sources = {target: feeds.get(target, target) for target in inputs}
+    sources = {target: target if source[0] == SIGNALS else source for target, source in sources.items()}
+    outer = dict.fromkeys(source for source in sources.values() if source not in outputs)
+    v = {source: i for i, source in enumerate(outer)}
     M, E = np.zeros((len(inputs), len(outputs))), np.zeros((len(inputs), len(v)))
-    for target, i in inputs.items():
-        factor = simulation.conversions.get(target, SAME).factor
-        if target in outer:
-            E[i, v[outer[target]]] = factor
-        else:
-            M[i, outputs[feeds[target]]] = factor
+    for i, (target, source) in enumerate(sources.items()):
+        matrix, columns = (M, outputs) if source in outputs else (E, v)
+        matrix[i, columns[source]] = simulation.conversions.get(target, SAME).factor
     loop = np.linalg.inv(np.eye(len(inputs)) - M @ D)
     by_x, by_v = loop @ M @ C, loop @ E
-    rows = [outputs[place] for place in wanted]
-    values = {shown(place): value for name, one in equations.items() for place, value in _places(name, one)}
+    rows = [outputs[place] for place in observed]
+    values = {
+        shown((name, variable.name)): float(value)
+        for name, one in equations.items()
+        for variable, value in zip((*one.states, *one.inputs), one.point, strict=True)
+    }
     values |= present
-    variables = {shown((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *wanted)}
+    variables = {shown((o, n)): parts[o].fmu.variables[n].unit for o, n in (*groups["states"], *v, *observed)}
     return Linearization(
         simulation.title,
         A + B @ by_x,
         B @ by_v,
         (C + D @ by_x)[rows],
         (D @ by_v)[rows],
-        *(tuple(map(shown, group)) for group in (groups["states"], v, wanted)),
+        *(tuple(map(shown, group)) for group in (groups["states"], v, observed)),
         rates=np.concatenate([np.empty(0), *(one.rates for one in equations.values())]),
         values={name: values[name] for name in variables},
         units=variables,
         method="directional derivatives",
     )
-
-
-def _places(name: str, equations: _Equations) -> list[tuple[VariableReference, float]]:
-    """States and inputs of a component with their values."""
-    variables = [*equations.states, *equations.inputs]
-    return [((name, variable.name), float(x)) for variable, x in zip(variables, equations.point, strict=True)]

@@ -37,11 +37,10 @@ from liaisons.cosim.coupling.signals import port_outputs
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
-from liaisons.cosim.messages import add_warnings, collect_warnings, logger, warn_of_non_finite_values
+from liaisons.cosim.messages import add_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
-from liaisons.cosim.running.breaks import Breaks
+from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.contacts import contact_variables, missing_impulses, sums_of_missing, warn_of_missing
-from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.impacts import Impacts, impulsive_ports, sums_of
 from liaisons.cosim.running.input_reconstruction import (
@@ -52,7 +51,7 @@ from liaisons.cosim.running.input_reconstruction import (
 )
 from liaisons.cosim.running.linearization import Linearization, linearized
 from liaisons.cosim.running.loop import Loop
-from liaisons.cosim.running.stepping import FreeInput, RunState
+from liaisons.cosim.running.stepping import FreeInput, RunState, save_state
 from liaisons.cosim.running.trial import try_to_start
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components
@@ -146,14 +145,12 @@ class Run:
             self._loop = Loop(self._step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
-            self._unused_states: list[Sequence[tuple[Call, Call]]] = []
+            self._unused_states: list[Sequence[tuple[Call, Call]]] = []  # of states that were collected
             self._closed = False
             self.lateness: list[float] = []
             self._restores: Sequence[Call] = []
             if self.repeats:
-                saves, self._restores = zip(
-                    *(instance.save_and_restore_calls() for instance in self._instances.values()), strict=True
-                )
+                saves, self._restores = zip(*self._state_calls(), strict=True)
                 self._bus.perform(saves)
             self._warnings = stack.enter_context(collected_warnings())
             self._stack = stack.pop_all()
@@ -177,14 +174,11 @@ class Run:
         :param name: name of the component.
         :raises SimulationError: for an unknown component, and one that runs in a process of its own.
         """
-        instance = self._instances.get(name)
-        if instance is None:
-            words = f"has no component {name!r}{suggestion(name, self._instances)}"
-        elif not isinstance(instance, Loaded):
-            words = f"{name} runs in a process of its own, where FMPy's object is; leave out isolated"
-        else:
-            return instance.fmpy_instance
-        raise SimulationError(f"{self._simulation.title}: {words}")
+        if name not in self._instances:
+            self._refuse(f"has no component {name!r}{suggestion(name, self._instances)}")
+        if not isinstance(instance := self._instances[name], Loaded):
+            self._refuse(f"{name} runs in a process of its own, where FMPy's object is; leave out isolated")
+        return instance.fmpy_instance
 
     def start(self, parts: Components | None = None) -> None:
         """Initialize all FMUs at the start time.
@@ -235,17 +229,17 @@ class Run:
             return
         stepper = Stepper(
             simulation,
-            self._instances,
             self._bus,
             self._step,
             self._coupled,
             self._breaks,
             self._deviations,
             self._cross_break,
+            self._estimate,
+            self._states_of_step,
         )
         self._estimate.reset()
-        points = (divide_steps if simulation.adapts else adapt_steps)(stepper, self._estimate)
-        for point in points:  # steps as long as their error allows
+        for point in (divide_steps if simulation.adapts else adapt_steps)(stepper):
             self._loop.add(point.time, point.values, result_time=point.result_time, after_break=point.after_break)
             if point.error is not None:
                 self._errors.append(point.error)
@@ -262,7 +256,6 @@ class Run:
         loop, breaks, points, done = self._loop, self._breaks, self._simulation.times, self._points
         most = 1 if self._clock else _MOST_IN_BATCH if self._deviations else stop
         many = 1 if on_progress or self._deviations else most  # points between two calls of on_progress
-        most = 1 if self._clock else most
         while done < stop:
             begin, time = perf_counter(), float(loop.times[loop.done - 1])
             size = points[done] - points[done - 1]
@@ -321,9 +314,10 @@ class Run:
         :raises SimulationError: for a name that is none of these; the function raises what :meth:`step` does.
         """
         free = [self._free_input(name) for name in inputs]
-        if missing := [name for name in outputs if self._reference(name) not in self._bus.index]:
-            self._refuse(f"{missing[0]} is not recorded; name it in record=[...]")
-        indices = as_indices([self._bus.index[self._reference(name)] for name in outputs])
+        columns = [self._bus.index.get(self._reference(name)) for name in outputs]
+        if None in columns:
+            self._refuse(f"{outputs[columns.index(None)]} is not recorded; name it in record=[...]")
+        indices = as_indices(columns)
 
         def step(values: ArrayLike) -> Vector:
             self._set_and_step(free, np.asarray(values).tolist())
@@ -425,16 +419,10 @@ class Run:
         :raises SimulationError: if an FMU cannot return to a state.
         """
         self._require_states()
-        calls = (
-            self._unused_states.pop()
-            if self._unused_states
-            else [i.save_and_restore_calls() for i in self._instances.values()]
-        )
-        saves, restores = zip(*calls, strict=True)
-        self._bus.perform(saves)
-        owners = [owner.save() for owner in self._owners]
+        calls = self._unused_states.pop() if self._unused_states else self._state_calls()
+        go_back = save_state(self._bus, calls, [self._loop, *self._owners])
         inputs = {name: free.values.copy() for name, free in self._free_inputs.items()}
-        state = RunState(self, self.time, self._points, restores, self._bus.values.copy(), owners, inputs)
+        state = RunState(self, self.time, self._points, go_back, inputs)
         finalize(state, self._unused_states.append, calls)
         return state
 
@@ -446,11 +434,8 @@ class Run:
         self._require_open()
         if state.run is not self:
             self._refuse(f"{state!r} is of another run; restore what its own save() has returned")
-        self._bus.perform(state.restores)
-        self._bus.values[:] = state.values
+        state.go_back()
         self._bus.set_step(state.time, state.time)
-        for owner, saved in zip(self._owners, state.owners, strict=True):
-            owner.restore(saved)
         for name, free in self._free_inputs.items():
             free.values[:] = state.inputs.get(name, np.nan)
         self._points, self._end = state.points, ""
@@ -458,9 +443,18 @@ class Run:
 
     @property
     def _owners(self) -> list[Any]:
-        """What has a state beside the FMUs and the bus."""
+        """What has a state beside the FMUs, the bus and the loop."""
         solvers = [owner for owner in (self._coupled, self._impacts) if owner is not None]
-        return [self._loop, self._deviations.memory, *self._simulation.drives, *solvers]
+        return [self._deviations.memory, *self._simulation.drives, *solvers]
+
+    def _state_calls(self) -> Sequence[tuple[Call, Call]]:
+        """Prepare calls that save and restore the FMUs."""
+        return [instance.save_and_restore_calls() for instance in self._instances.values()]
+
+    @cached_property
+    def _states_of_step(self) -> Sequence[tuple[Call, Call]]:
+        """Calls that save and restore the FMUs at the start of a step."""
+        return self._state_calls()
 
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, with the FMUs that there are.
@@ -571,24 +565,13 @@ class Run:
 
     def _returning(self) -> Callable[[], None]:
         """Save the present state; returns a function that restores it, any number of times."""
-        calls = self._turns
-        self._bus.perform(save for save, _ in calls)
-        values, done, owners = self._bus.values.copy(), self._loop.done, [*self._owners[1:]]
-        saved = [owner.save() for owner in owners]
+        done, restore = self._loop.done, save_state(self._bus, self._states_of_step, self._owners)
 
         def go_back() -> None:
-            self._bus.perform(restore for _, restore in calls)
-            self._bus.values[:] = values
             self._loop.withdraw(done)
-            for owner, state in zip(owners, saved, strict=True):
-                owner.restore(state)
+            restore()
 
         return go_back
-
-    @cached_property
-    def _turns(self) -> Sequence[tuple[Call, Call]]:
-        """Calls that save and restore the FMUs at the start of a step."""
-        return [instance.save_and_restore_calls() for instance in self._instances.values()]
 
     def _advance_smoothly(self, instants: Sequence[float], *, in_result: bool = True) -> int:
         """The same without impacts that go through several FMUs."""
@@ -743,14 +726,15 @@ def started(simulation: Simulation) -> Run:
 
     :raises SimulationError: if an FMU cannot be initialized.
     """
-    with ExitStack() as stack:
-        run = stack.enter_context(Run(simulation, again=True))
+    run = Run(simulation, again=True)
+    try:
         run.start()
-        stack.pop_all()
+    except BaseException:
+        run.close()
+        raise
     return run
 
 
-@collect_warnings
 def performed(
     simulation: Simulation, *, progress: bool = False, verify: bool = False, real_time: float | None = None
 ) -> Result:
@@ -762,13 +746,15 @@ def performed(
         what was computed until then.
     :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
     """
-    title, span = simulation.title if progress else "", (simulation.times[0], simulation.times[-1])
-    with Run(simulation) as run:
+    title, start, stop = simulation.title, simulation.times[0], simulation.times[-1]
+    failure: SimulationError | KeyboardInterrupt | None = None
+    with collected_warnings() as warned, Run(simulation) as run:
         try:
             run.start()
             if real_time is not None:
                 run.pace(real_time)
-            with progress_bar(title, "t = {:.6g} of {:.6g} s", *span) as show, deferred_interrupts() as interrupts:
+            bar = progress_bar(title if progress else "", "t = {:.6g} of {:.6g} s", start, stop)
+            with bar as show, deferred_interrupts() as interrupts:
 
                 def on_progress(time: float) -> None:
                     show(time)
@@ -778,17 +764,21 @@ def performed(
 
                 run.finish(on_progress)
         except EndedError as ended:
-            logger.warning("%s of %.10g s", ended, simulation.times[-1])
+            logger.warning("%s of %.10g s", ended, stop)
         except (SimulationError, KeyboardInterrupt) as error:
-            time = run.reached()
-            if time is None:
+            if run.reached() is None:
                 raise
-            if isinstance(error, SimulationError):
-                raise IncompleteError(str(error), run.concluded()) from error
-            reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
-            raise Interrupted(f"{reached}; .result of this exception has the result so far", run.concluded()) from None
+            failure = error
         result = run.concluded()
-        return _with_differences(simulation, result, run.instants) if verify else result
+        if verify and failure is None:
+            result = _with_differences(simulation, result, run.instants)
+    result = add_warnings(result, warned.texts)
+    if isinstance(failure, SimulationError):
+        raise IncompleteError(str(failure), result) from failure
+    if failure is not None:
+        reached = f"{title}: interrupted at t = {run.reached():.10g} of {stop:.10g} s"
+        raise Interrupted(f"{reached}; .result of this exception has the result so far", result)
+    return result
 
 
 def _with_differences(simulation: Simulation, result: Result, instants: Vector) -> Result:

@@ -1,9 +1,9 @@
-"""Inputs that the caller of a run sets from step to step, and the state to which a run can return."""
+"""Inputs that the caller of a run sets from step to step, and states to which a run can return."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import numbers, shown
 from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.description.start_values import RANGES
 from liaisons.cosim.description.variables import NUMBERS
 from liaisons.cosim.instances.protocol import Instance
@@ -76,17 +77,33 @@ class RunState:
     """The state of a run, to which it can return; made by :meth:`liaisons.cosim.running.run.Run.save`.
 
     :param time: [s]; ``points``: communication points that were reached.
-    :param restores: calls that restore the FMUs; ``values``: those of the bus.
-    :param owners: states of what else has one; ``inputs``: the values that were set last.
+    :param go_back: restores all but ``inputs``, the values that were set last.
     """
 
     run: object
     time: float
     points: int
-    restores: Sequence[Call]
-    values: Vector
-    owners: Sequence[Any]
+    go_back: Callable[[], None]
     inputs: Mapping[str, Vector]
 
     def __repr__(self) -> str:
         return f"<state at t = {self.time:.10g} s>"
+
+
+def save_state(bus: Bus, calls: Iterable[tuple[Call, Call]], owners: Iterable[Any]) -> Callable[[], None]:
+    """Save the present state of FMUs, bus and owners; returns a function that restores it, any number of times.
+
+    :param calls: those that save and restore each FMU.
+    :param owners: objects that save and restore their states by themselves.
+    """
+    saves, restores = zip(*calls, strict=True)
+    bus.perform(saves)
+    values, states = bus.values.copy(), [(owner, owner.save()) for owner in owners]
+
+    def go_back() -> None:
+        bus.perform(restores)
+        bus.values[:] = values
+        for owner, state in states:
+            owner.restore(state)
+
+    return go_back

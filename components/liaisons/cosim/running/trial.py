@@ -20,7 +20,6 @@ from liaisons.base import cache
 from liaisons.base.processes import TIME_LIMIT, die_with_parent
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances import Instance, isolated, make
-from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import ProcessEndedError, SimulationError
 
@@ -71,9 +70,7 @@ def _stages(make_instance: Callable[[], Instance], part: SystemComponent, begin:
         instance.initialize(part.starts, None, begin, begin + size)
         instance.exit_initialization()
         yield "stepped"
-        step = instance.stepper(c_double(begin), c_double(size))
-        if (status := step()) > WARNING:
-            raise instance.failure("step", status, "")
+        instance.stepper(c_double(begin), c_double(size)).perform("")
         yield "released"
         if isinstance(instance, isolated.Isolated):
             instance.release()

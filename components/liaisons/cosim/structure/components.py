@@ -12,6 +12,7 @@ from typing import Any, Literal, final, get_args
 
 from liaisons.base.arguments import as_path, settings_beside, shown
 from liaisons.base.processes import TIME_LIMIT
+from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.description.sampled_function import SampledFunction
 from liaisons.cosim.description.start_values import Starts, start_values, structural_sizes
@@ -233,6 +234,11 @@ class Port:
         return self.part.fmu.variables[self.name]
 
     @property
+    def unit(self) -> UnitDefinition | None:
+        """The definition of its unit; None if it is undefined."""
+        return self.part.fmu.units.get(self.variable.unit)
+
+    @property
     def place(self) -> tuple[str, str]:
         """Names of component and variable."""
         return self.part.name, self.name
@@ -287,15 +293,15 @@ class Port:
         return f"{self.part.name}.{self.name}"
 
 
-def time_limit(what: str, isolated: object) -> float:
+def time_limit(label: str, isolated: object) -> float:
     """How long a call of an isolated FMU may take [s]; 0 of one that is not isolated.
 
-    :param what: label of the value, for messages.
+    :param label: for messages.
     :raises SimulationError: unless it is a truth value or a finite number that is not negative.
     """
     seconds = TIME_LIMIT if isolated is True else float(isolated) if isinstance(isolated, Real) else math.nan
     if not 0 <= seconds < math.inf:
-        raise InvalidValueError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
+        raise InvalidValueError(f"{label} {shown(isolated)}: give True, or the seconds that a call may take")
     return seconds
 
 

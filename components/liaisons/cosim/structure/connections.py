@@ -160,7 +160,7 @@ def _is_assignable(source: Scalar, target: Scalar) -> bool:
 
 
 def _unit_conversion(source: Port, target: Port) -> Conversion:
-    one, other = (port.part.fmu.units.get(port.variable.unit) for port in (source, target))
+    one, other = source.unit, target.unit
     if one is None or other is None:  # no unit fits any; one without a definition cannot be checked
         return SAME
     if one.exponents != other.exponents:

@@ -87,12 +87,12 @@ def diagram(name: str, parts: Components, connections: Collection[Connection]) -
     feeds = {c.target.place: c.source.place for c in connections}
     forward = {c.target.place: c.source.place for c in connections if not c.back}
     groups = schedule.groups(parts, feeds)
-    turns = {part: turn for turn, group in enumerate(groups, 1) for part in group}
+    numbers = {part: number for number, group in enumerate(groups, 1) for part in group}
     drawn = schedule.execution_order(parts, forward)[:_MOST]
     wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]
     blocks = _blocks(drawn, parts, {(source, target) for (target, _), (source, _) in forward.items()}, wires)
     corners, bottoms = _corners(blocks)
-    bodies = [_body(block, *corners[part], turns[part], wires) for part, block in blocks.items()]
+    bodies = [_body(block, *corners[part], numbers[part], wires) for part, block in blocks.items()]
     arrows = _arrows(wires, blocks, corners, bottoms)
     more = len(parts) - len(drawn)
     title = f"{name}, and {more} FMUs more" if more else name
@@ -182,7 +182,7 @@ def _corners(blocks: Mapping[str, _Block]) -> tuple[dict[str, tuple[int, int]], 
     return corners, bottoms
 
 
-def _body(block: _Block, x: int, y: int, turn: int, wires: Collection[_Wire]) -> str:
+def _body(block: _Block, x: int, y: int, number: int, wires: Collection[_Wire]) -> str:
     part = block.part
     starts = "\n".join(f"{name} = {value!r}" for name, value in part.starts.items())
     dashes = ' stroke-dasharray="5 3"' if part.isolated else ""
@@ -191,7 +191,7 @@ def _body(block: _Block, x: int, y: int, turn: int, wires: Collection[_Wire]) ->
         f"<title>{escape(starts)}</title>",
         f'<rect x="{x}" y="{y}" {size} rx="5" fill="currentColor" fill-opacity="0.07"{dashes}/>',
         _text(x + 10, y + 17, _cut(part.name, 22), bold=True),
-        _text(x + _WIDTH - 10, y + 17, str(turn), anchor="end", faint=True),
+        _text(x + _WIDTH - 10, y + 17, str(number), anchor="end", faint=True),
         _text(x + 10, y + 32, _cut(f"{part.fmu.path.stem}{', isolated' if part.isolated else ''}", 24), faint=True),
     ]
     most = int((_WIDTH - 24) / _LETTER)

@@ -95,10 +95,10 @@ def picture_of(part: SystemComponent) -> Picture:
     return picture
 
 
-def _calculated(part: SystemComponent, names: list[str], known: Values) -> Values:
+def _calculated(part: SystemComponent, names: list[str], recorded: Values) -> Values:
     """Values of variables of an instance that is initialized at the configurations."""
-    count = max((len(values) for values in known.values()), default=1)
-    configurations = _configuration(part, known)
+    count = max((len(values) for values in recorded.values()), default=1)
+    configurations = _configuration(part, recorded)
     values = np.empty(len(names))
     results = np.empty((len(names), count))
     with ExitStack() as stack:
@@ -109,16 +109,15 @@ def _calculated(part: SystemComponent, names: list[str], known: Values) -> Value
         for k in range(count):
             for name, frames in configurations.items():
                 instance.assign(name, frames[k])
-            if status := read():
-                raise instance.failure("get", status, f"in frame {k}")
+            read.perform(f" in frame {k}")
             results[:, k] = values
     return dict(zip(names, results, strict=True))
 
 
-def _configuration(part: SystemComponent, known: Values) -> Mapping[str, Any]:
+def _configuration(part: SystemComponent, recorded: Values) -> Mapping[str, Any]:
     """Values of the frames by inputs and initial coordinates that take them; arrays are whole."""
     variables, configuration, arrays = part.fmu.variables, {}, {}
-    for name, values in known.items():
+    for name, values in recorded.items():
         base, index = split(name)
         if base not in variables.entries:
             continue

@@ -185,8 +185,7 @@ class _Writer:
         self._operations: list[Operation] = []
         self._new: set[VariableReference] = set()
         self._waiting: dict[str, set[VariableReference]] = {}  # inputs that are still old, of components that were read
-        self._missing: dict[str, int] = {}  # how many of them are fed by outputs that are old, too
-        self._turn = {name: k for k, name in enumerate(ordered)}
+        self._position = {name: k for k, name in enumerate(ordered)}
         self._ready: list[tuple[int, str]] = []  # components that may have all of these new, as a heap
         self._partly: list[tuple[int, str]] = []  # components that may have some of these new
 
@@ -203,33 +202,32 @@ class _Writer:
         self._waiting.pop(name, None)
         if old:
             self._waiting[name] = old
-            self._missing[name] = sum(self._feeds[input_] not in self._new for input_ in old)
             self._queue(name)
         self._mark(o for o in self._outputs[name] if not any(self._depends(o, input_) for input_ in old))
 
     def _mark(self, outputs: Iterable[VariableReference]) -> None:
         """Mark outputs that belong to the new instant."""
-        for output in outputs:
-            if output in self._new:
-                continue
-            self._new.add(output)
-            for input_ in self._targets[output]:
-                name = input_[0]
-                if input_ in self._waiting.get(name, ()):
-                    self._missing[name] -= 1
-                    self._queue(name)
+        fresh = [output for output in outputs if output not in self._new]
+        self._new.update(fresh)
+        fed = [input_ for output in fresh for input_ in self._targets[output]]
+        for name in dict.fromkeys(name for name, _ in fed):
+            self._queue(name)
 
     def _queue(self, name: str) -> None:
-        if self._missing[name] < len(self._waiting[name]):
-            heappush(self._partly, (self._turn[name], name))
-        if self._missing[name] == 0:
-            heappush(self._ready, (self._turn[name], name))
+        if count := self._count_new(name):
+            heappush(self._partly, (self._position[name], name))
+            if count == len(self._waiting[name]):
+                heappush(self._ready, (self._position[name], name))
+
+    def _count_new(self, name: str) -> int:
+        """Number of the inputs of a component that are still old, but fed by outputs that are new."""
+        return [self._feeds[input_] in self._new for input_ in self._waiting.get(name, ())].count(True)
 
     def refresh(self) -> None:
         """Set the inputs of components that were read too early and can have all inputs new."""
         while self._ready:
             _, name = heappop(self._ready)
-            if name in self._waiting and self._missing[name] == 0:
+            if name in self._waiting and self._count_new(name) == len(self._waiting[name]):
                 self._set_and_get(name)
 
     def finish(self) -> list[Operation]:
@@ -240,7 +238,7 @@ class _Writer:
             if partly is not None:
                 self._set_and_get(partly)
             else:  # an algebraic loop: start with old values
-                first = min(self._waiting, key=self._turn.__getitem__)
+                first = min(self._waiting, key=self._position.__getitem__)
                 self._mark([self._feeds[input_] for input_ in self._inputs[first] if input_ in self._waiting[first]])
             self.refresh()
         return self._without_unused()
@@ -248,7 +246,7 @@ class _Writer:
     def _next_partly(self) -> str | None:
         while self._partly:
             _, name = heappop(self._partly)
-            if self._missing.get(name, 0) < len(self._waiting.get(name, ())):
+            if self._count_new(name):
                 return name
         return None
 

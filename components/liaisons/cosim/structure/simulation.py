@@ -112,6 +112,17 @@ class Simulation:
         return driven | {connection.target.place: connection.source.place for connection in self.connections}
 
     @cached_property
+    def prescribed(self) -> Collection[str]:
+        """Components outside of cycles whose inputs hold or extrapolate, as the user has said."""
+        said = {name for name, part in self.parts.items() if part.approximation.is_prescribed}
+        return said.difference(self.cyclic)
+
+    @cached_property
+    def group_number(self) -> dict[str, int]:
+        """Number of the strong component of each FMU."""
+        return {name: k for k, group in enumerate(self.groups) for name in group}
+
+    @cached_property
     def conversions(self) -> dict[VariableReference, Conversion]:
         """Input -> how it follows from the output that feeds it, where it is not the same."""
         return {c.target.place: c.conversion for c in self.connections if c.conversion != SAME}
@@ -124,13 +135,13 @@ class Simulation:
     @property
     def ports(self) -> dict[str, PortNames]:
         """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
-        found: dict[str, PortNames] = {}
+        ports: dict[str, PortNames] = {}
         for recorded, (part, variable) in self.recorded.items():
             for name, value in ((recorded, variable), (split(recorded)[0], split(variable)[0])):
                 if names := self.parts[part].fmu.terminals.renamed.get(value):
                     prefix = name.removesuffix(value)
-                    found[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
-        return found
+                    ports[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
+        return ports
 
     @property
     def scene(self) -> FmuScene:
@@ -190,20 +201,10 @@ def checked(
     :raises SimulationError: for a bad setting.
     """
     recorded = _recorded(title, parts, settings.record, also, single=single)
-    endless = endless and settings.stop_time is None and settings.times is None
-    start_time, stop_time, step_size = _span(title, parts, settings, single=single, endless=endless)
+    points = _points(title, parts, settings, len(recorded), single=single, endless=endless)
     tolerance, error_tolerance = settings.tolerance, settings.error_tolerance
     if tolerance is None and single:
         tolerance = next(iter(parts.values())).fmu.experiment.tolerance
-    points: Sequence[float]
-    if endless and error_tolerance is None:
-        points = _endless_times(start_time, step_size)
-    elif error_tolerance is None:
-        points = communication_points(start_time, stop_time, step_size, settings.times, signals=len(recorded))
-    elif settings.times is None:
-        points = first_points(start_time, stop_time, step_size)
-    else:
-        raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
     functions = named("inputs", {} if settings.inputs is None else settings.inputs)
     driving = drives(
         {owned(title, parts, "input", name, single=single): function for name, function in functions.items()},
@@ -220,8 +221,8 @@ def checked(
         chosen = checks.choose_coupling(graph, settings.coupling)
         checks.check_signals(connections, chosen)
         parts = checks.prepare_components(graph, chosen)
-        first = points[:2] if endless else points
-        checks.check_steps(parts, graph, first, chosen, adaptive=error_tolerance is not None)
+        some = points[:2] if isinstance(points, EndlessTimes) else points
+        checks.check_steps(parts, graph, some, chosen, adaptive=error_tolerance is not None)
         checks.check_inputs(parts, graph)
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
     chooses = settings.step_size is None and settings.times is None and error_tolerance is None and not single
@@ -254,13 +255,22 @@ def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
     return DefaultExperiment(start, max(stops, default=None), min(steps, default=None))
 
 
-def _span(
-    title: str, parts: Components, settings: SimulationSettings, *, single: bool, endless: bool
-) -> tuple[float, float | None, float | None]:
-    """Start, stop and step [s], from the settings, else from the default experiments."""
-    start, stop, step = settings.start_time, settings.stop_time, settings.step_size
+def _points(
+    title: str, parts: Components, settings: SimulationSettings, signals: int, *, single: bool, endless: bool
+) -> Sequence[float]:
+    """Communication points [s], from the settings, else from the default experiments.
+
+    With steps of adapted size these are the start, the end of the first step, and the stop.
+
+    :param signals: how many are recorded at each.
+    """
+    adaptive = settings.error_tolerance is not None
     if settings.times is not None:
-        return 0.0 if start is None else start, stop, step
+        if adaptive:
+            raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
+        return _checked_times(settings.times, settings)
+    start, stop, step = settings.start_time, settings.stop_time, settings.step_size
+    endless = endless and stop is None
     fmus = [part.fmu for part in parts.values()][: 1 if single else None]
     usual = common_experiment(fmus)
     start = (usual.start_time or 0.0) if start is None else start
@@ -273,7 +283,16 @@ def _span(
     missing = "stop_time" if stop is None and not endless else "step_size" if step is None else ""
     if single and missing:
         raise InvalidValueError(f"{title}.fmu has no default {missing}: give one")
-    return start, stop, step
+    if adaptive:
+        stop, step = time_span(start, stop, step)
+        return [float(start), float(min(start + step, stop)), float(stop)]
+    if not endless:
+        return communication_points(start, stop, step, signals=signals)
+    if step is None:
+        raise InvalidValueError("give step_size, the distance of the communication points")
+    finite("start_time", start)
+    positive("step_size", step)
+    return EndlessTimes(float(start), float(step))
 
 
 @final
@@ -291,14 +310,6 @@ class EndlessTimes(Sequence[float]):
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         return math.inf if index == -1 else self.start_time + index * self.step_size
-
-
-def _endless_times(start_time: float, step_size: float | None) -> EndlessTimes:
-    if step_size is None:
-        raise InvalidValueError("give step_size, the distance of the communication points")
-    finite("start_time", start_time)
-    positive("step_size", step_size)
-    return EndlessTimes(float(start_time), float(step_size))
 
 
 def owned(title: str, parts: Components, label: str, name: str, *, single: bool) -> VariableReference:
@@ -349,42 +360,24 @@ def _recorded(
 
 
 def communication_points(
-    start_time: float,
-    stop_time: float | None,
-    step_size: float | None,
-    times: ArrayLike | None = None,
-    *,
-    signals: int = 1,
+    start_time: float, stop_time: float | None, step_size: float | None, *, signals: int = 1
 ) -> list[float]:
-    """t_i = start_time + i * step_size, and stop_time [s]; or the given times, where these are not evenly spaced.
+    """t_i = start_time + i * step_size, and stop_time [s].
 
     A rest of less than a millionth of a step is taken for rounding and makes no step of its own.
 
     :param signals: how many are recorded at each.
-    :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if ``times`` do not
-        increase, or come together with the others; or if the recording is larger than the memory.
+    :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if the recording is
+        larger than the memory.
     """
-    if times is not None:
-        return _checked_times(times, start_time, stop_time, step_size)
     stop_time, step_size = time_span(start_time, stop_time, step_size)
     check_memory(start_time, stop_time, step_size, signals)
     steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
     return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
 
 
-def first_points(start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
-    """Start, end of the first step, and stop [s], where steps choose their sizes.
-
-    :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time.
-    """
-    stop_time, step_size = time_span(start_time, stop_time, step_size)
-    return [float(start_time), float(min(start_time + step_size, stop_time)), float(stop_time)]
-
-
-def _checked_times(
-    times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None
-) -> list[float]:
-    if (stop_time, step_size) != (None, None) or start_time != 0.0:
+def _checked_times(times: ArrayLike, settings: SimulationSettings) -> list[float]:
+    if settings.start_time or settings.stop_time is not None or settings.step_size is not None:
         raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
     points = numbers("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):

@@ -167,7 +167,7 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
     :raises SimulationError: for an unknown input or one that is driven twice, for what is no function, and for breaks
         that are no numbers.
     """
-    found: list[Drive] = []
+    sources: list[Drive] = []
     for (owner, driven_as), function in functions.items():
         part = parts[owner]
         port = Port(part, driven_as)
@@ -185,11 +185,11 @@ def drives(functions: Mapping[VariableReference, Function], parts: Components, s
         whole = triple is not None and evaluate(function, name, start_time).ndim > 0
         inputs = tuple(port.place for port in triple) if triple and whole else ((owner, name),)
         among = None if variable.type == "Real" else _BOOLEAN if variable.type == "Boolean" else RANGES[variable.base]
-        found.append(Drive(function, inputs, among, _instants(f"inputs: {name}", getattr(function, "breaks", ()))))
-    for fed, count in Counter(input_ for drive in found for input_ in drive.inputs).items():
+        sources.append(Drive(function, inputs, among, _instants(f"inputs: {name}", getattr(function, "breaks", ()))))
+    for fed, count in Counter(input_ for drive in sources for input_ in drive.inputs).items():
         if count > 1:
             raise SimulationError(f"inputs: {'.'.join(fed)} is driven twice, by itself and by its port")
-    return found
+    return sources
 
 
 def _instants(label: str, breaks: object) -> Vector:
