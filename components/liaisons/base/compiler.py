@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal, final, get_args
 
+from liaisons.base import cache
 from liaisons.base.arguments import as_path, chosen
 from liaisons.base.project import fmus_directory
 from liaisons.errors import BuildError
@@ -78,9 +79,6 @@ class Target:
         return self.folders[("2", "3").index(fmi)]
 
 
-_objects: dict[bytes, bytes] = {}
-"""Object files that this process has compiled: FMUs have the same runtime."""
-
 _ELF = ("-Wl,--build-id=none", "-s", "-lm")
 TARGETS = (
     Target(("linux64", "x86_64-linux"), ".so", "x86_64-linux-gnu.2.17", _ELF),
@@ -137,16 +135,17 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         raise BuildError(no_compiler(" for other platforms" if cross else ""))
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
     flags = [flag for flag in (*FLAGS, *target.flags) if not _is_linker_flag(flag)]
+    identity = _identity(compiler)
     with _source_folder(sources) as (folder, names):
         for name in names:  # relative to the folder: no path gets into the library
             command = [*compiler, *aim, *flags, "-I.", "-c", name, "-o", f"{name}.o"]
-            key = hashlib.sha256(repr((command, _with_headers(name, sources))).encode()).digest()
+            key = hashlib.sha256(repr((command, identity, _with_headers(name, sources))).encode()).hexdigest()
             compiled = folder / f"{name}.o"
-            if key in _objects:
-                compiled.write_bytes(_objects[key])
+            if (stored := cache.read_object(key)) is not None:  # FMUs have the same runtime
+                compiled.write_bytes(stored)
             else:
                 _run_compiler(command, folder)
-                _objects[key] = compiled.read_bytes()
+                cache.write_object(key, compiled.read_bytes())
         library, objects = folder / f"library{target.extension}", [f"{name}.o" for name in names]
         _run_compiler([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
         return library.read_bytes()
@@ -165,6 +164,15 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     with _source_folder(sources) as (folder, names):
         _run_compiler([*zig, *WASM_FLAGS, *flags, "-I.", *names, "-o", "module.wasm"], folder)
         return (folder / "module.wasm").read_bytes()
+
+
+def _identity(compiler: list[str]) -> list[object]:
+    """What differs after a compiler was updated, or finds other headers."""
+    module = find_spec("ziglang") if "ziglang" in compiler else None
+    program = Path((module and module.origin) or compiler[0]).resolve()
+    status = program.stat() if program.is_file() else None
+    seen = (status.st_mtime_ns, status.st_size) if status else ()
+    return [program, *seen, *map(os.environ.get, ("CPATH", "C_INCLUDE_PATH"))]
 
 
 @contextmanager
