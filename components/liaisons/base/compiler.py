@@ -134,19 +134,9 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     if compiler is None:
         raise BuildError(no_compiler(" for other platforms" if cross else ""))
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
-    flags = [flag for flag in (*FLAGS, *target.flags) if not _is_linker_flag(flag)]
-    identity = _identity(compiler)
     with _source_folder(sources) as (folder, names):
-        for name in names:  # relative to the folder: no path gets into the library
-            command = [*compiler, *aim, *flags, "-I.", "-c", name, "-o", f"{name}.o"]
-            key = hashlib.sha256(repr((command, identity, _with_headers(name, sources))).encode()).hexdigest()
-            compiled = folder / f"{name}.o"
-            if (stored := cache.read_object(key)) is not None:  # FMUs have the same runtime
-                compiled.write_bytes(stored)
-            else:
-                _run_compiler(command, folder)
-                cache.write_object(key, compiled.read_bytes())
-        library, objects = folder / f"library{target.extension}", [f"{name}.o" for name in names]
+        objects = _compile_files([*compiler, *aim, *FLAGS, *target.flags], names, sources, folder)
+        library = folder / f"library{target.extension}"
         _run_compiler([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
         return library.read_bytes()
 
@@ -162,14 +152,35 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     if zig is None:
         raise BuildError(no_compiler(" for WebAssembly"))
     with _source_folder(sources) as (folder, names):
-        _run_compiler([*zig, *WASM_FLAGS, *flags, "-I.", *names, "-o", "module.wasm"], folder)
+        objects = _compile_files([*zig, *WASM_FLAGS, *flags], names, sources, folder)
+        _run_compiler([*zig, *WASM_FLAGS, *flags, *objects, "-o", "module.wasm"], folder)
         return (folder / "module.wasm").read_bytes()
 
 
-def _identity(compiler: list[str]) -> list[object]:
+def _compile_files(command: list[str], names: list[str], sources: Mapping[str, bytes], folder: Path) -> list[str]:
+    """Compile each file, or take it from the cache: FMUs have the same runtime.
+
+    :param command: compiler, and its flags for all that it does.
+    :returns: names of the object files, in the folder of the sources.
+    """
+    command = [word for word in command if not _is_linker_flag(word)]
+    identity = _identity(command)
+    for name in names:
+        # Relative to the folder: no path gets into the library.
+        compiling = [*command, "-I.", "-c", name, "-o", f"{name}.o"]
+        key = hashlib.sha256(repr((compiling, identity, _with_headers(name, sources))).encode()).hexdigest()
+        if (stored := cache.read_object(key)) is None:
+            _run_compiler(compiling, folder)
+            cache.write_object(key, (folder / f"{name}.o").read_bytes())
+        else:
+            (folder / f"{name}.o").write_bytes(stored)
+    return [f"{name}.o" for name in names]
+
+
+def _identity(command: list[str]) -> list[object]:
     """What differs after a compiler was updated, or finds other headers."""
-    module = find_spec("ziglang") if "ziglang" in compiler else None
-    program = Path((module and module.origin) or compiler[0]).resolve()
+    module = find_spec("ziglang") if "ziglang" in command else None
+    program = Path((module and module.origin) or command[0]).resolve()
     status = program.stat() if program.is_file() else None
     seen = (status.st_mtime_ns, status.st_size) if status else ()
     return [program, *seen, *map(os.environ.get, ("CPATH", "C_INCLUDE_PATH"))]
@@ -195,7 +206,7 @@ def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, by
 
 def _is_linker_flag(flag: str) -> bool:
     """Whether only the linker takes a flag."""
-    return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l"))
+    return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l", "-mexec-model="))
 
 
 def _run_compiler(command: list[str], folder: Path) -> None:
