@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
@@ -75,3 +76,13 @@ def setup(app: Sphinx) -> None:
     texts.setup(app)
     hosting.setup(app)
     links.setup(app)
+    app.connect("env-before-read-docs", spread_notebooks)
+
+
+def spread_notebooks(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
+    """Put other pages between notebooks: with ``--jobs``, neighbours are read by the same process."""
+    notebooks = [name for name in names if "{code-cell}" in env.doc2path(name).read_text(encoding="utf-8")]
+    pages = [name for name in names if name not in notebooks]
+    for i, name in enumerate(notebooks):
+        pages.insert(i * len(names) // len(notebooks), name)
+    names[:] = pages

@@ -41,6 +41,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(_SLOW_SECONDS))
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Let neighbours run in one process, which has their FMUs; one that has ended takes from those that have not."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
+
+
 def skip_allowed(reason: str) -> bool:
     """Whether skips.toml has a skip of this reason that is allowed on this machine."""
     on_ci = sys.platform == "linux" and platform.machine() == "x86_64"

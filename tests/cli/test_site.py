@@ -48,6 +48,7 @@ def test_getting_started(runs: Runs, tmp_path: Path) -> None:
         assert (tmp_path / made).stat().st_size > 10_000
 
 
+@pytest.mark.slow  # the site runs these cells, too
 def test_the_component_of_the_tutorial(runs: Runs, tmp_path: Path) -> None:
     for name, content in written(COMPONENT).items():
         (tmp_path / name).write_text(content)

@@ -176,13 +176,13 @@ def compile_library(trial: Trial, name: str, flags: Sequence[str], cc: Sequence[
     cc = cc or compiler.system_compiler() or compiler.zig_compiler()
     assert cc is not None
     library, folder = trial.folder / f"{name}.so", trial.folder / "sources"
-    headers = b"".join(path.read_bytes() for path in sorted(folder.glob("*.h")))
+    contents = {path.name: path.read_bytes() for path in folder.glob("*.[ch]")}
     objects = trial.folder.parent / "objects"
     objects.mkdir(exist_ok=True)
     compiled = []
     for source in sorted(folder.glob("*.c")):
-        content = [*map(str.encode, [*cc, *flags, source.name]), headers, source.read_bytes()]
-        compiled.append(objects / f"{hashlib.sha256(b'|'.join(content)).hexdigest()}.o")
+        content = repr((*cc, *flags, compiler._with_headers(source.name, contents)))
+        compiled.append(objects / f"{hashlib.sha256(content.encode()).hexdigest()}.o")
         if not compiled[-1].exists():
             run(*cc, *STRICT, "-fPIC", *flags, "-c", source, "-o", compiled[-1])
     run(*cc, *STRICT, "-fPIC", "-shared", *flags, *compiled, "-o", library, "-lm")

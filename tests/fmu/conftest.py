@@ -59,8 +59,9 @@ def library(shared_folder) -> Callable[..., Library]:
 
 
 def _loaded(model: Model, folder: Path, target: str) -> Library:
-    kind = WasmLibrary if target == "wasm" else Library
-    return kind(build(model, folder, **TARGETS[target]))
+    if target == "wasm":  # apart from FMUs of which others expect no component
+        return WasmLibrary(build(model, folder / "wasm", **TARGETS[target]))
+    return Library(build(model, folder, **TARGETS[target]))
 
 
 def _library(name: str, *targets: str) -> Any:

@@ -41,7 +41,8 @@ from handmade import pendulum
 from liaisons.fmu import build
 build(pendulum(), {str(tmp_path)!r}, backend={backend!r}, fmi={every_pendulum.fmi!r})
 """
-    subprocess.run([sys.executable, "-c", code], check=True, env=os.environ | {"PYTHONHASHSEED": "12345"})
+    environment = {"PYTHONHASHSEED": "12345", "XDG_CACHE_HOME": str(tmp_path / "cache")}  # all is compiled once more
+    subprocess.run([sys.executable, "-c", code], check=True, env=os.environ | environment)
     (other,) = tmp_path.rglob("*.fmu")
     assert other.read_bytes() == every_pendulum.path.read_bytes()
 
@@ -118,6 +119,32 @@ def test_nothing_is_compiled_twice(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("liaisons.fmu.building.compile_library", lambda *_, **__: pytest.fail("compiled again"))
     assert build(kick(), tmp_path, backend="native") == fmu
     assert fmu.stat().st_mtime_ns == before
+
+
+def test_object_files_are_stored_for_other_processes_until_all_are_too_large(tmp_path, monkeypatch) -> None:
+    source, commands, run = {"a.c": b"int one(void) { return 1; }\n"}, [], compiler._run_compiler
+    monkeypatch.setattr(compiler.cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(compiler, "_run_compiler", lambda *command: commands.append(run(*command)))
+
+    def compilers(source: dict[str, bytes]) -> int:
+        commands.clear()
+        monkeypatch.setattr(compiler.cache, "_objects", {})  # as in another process
+        assert compiler.compile_library(source, compiler.host())[:4] == library[:4]
+        return len(commands)
+
+    library = compiler.compile_library(source, compiler.host())
+    (stored,) = (tmp_path / "objects").iterdir()
+    assert compilers(source) == 1  # only the linker
+    monkeypatch.setenv("CPATH", str(tmp_path))
+    assert compilers(source) == 2  # headers may be others
+    monkeypatch.delenv("CPATH")
+    stored.write_bytes(stored.read_bytes()[:-1])
+    assert compilers(source) == 2
+    monkeypatch.setattr(compiler.cache, "_LARGEST", int(1.5 * stored.stat().st_size))
+    assert compilers({"a.c": b"int two(void) { return 2; }\n"}) == 2
+    (newest,) = (tmp_path / "objects").iterdir()
+    assert newest != stored
+    assert compilers(source) == 2
 
 
 @pytest.mark.parametrize("damage", ["changed model", "cut off", "binary missing"])

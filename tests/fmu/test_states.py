@@ -31,9 +31,12 @@ def run(instance: Instance, begin: int, end: int, *, size: float = 0.1) -> list[
     return rows
 
 
-@pytest.fixture(params=["hold", "extrapolate", "interpolate", "symplectic"])
+MODES = ["hold", "extrapolate", "interpolate", "symplectic"]
+
+
+@pytest.fixture(params=MODES)
 def instance(request, every_pendulum) -> Instance:
-    mode = {"input_reconstruction": request.param_index}
+    mode = {"input_reconstruction": MODES.index(request.param)}
     if request.param == "symplectic":  # which guesses the next step from the last ones: they belong to the state
         if every_pendulum.python:
             pytest.skip("there is no symplectic solver in Python")
@@ -94,6 +97,7 @@ sys.stdout.buffer.write(b"".join(run(instance, 5, 15)))
 """
 
 
+@pytest.mark.parametrize("instance", ["interpolate", "symplectic"], indirect=True)  # which have most to remember
 def test_state_lives_on_in_a_fresh_process(instance) -> None:
     run(instance, 0, 5)
     content = instance.serialize()

@@ -11,6 +11,7 @@ STUB = Path(models.__file__).with_suffix(".pyi")
 
 def declared() -> str:
     """What the stub has to say: where each name of the catalogue comes from."""
+    assert models.CATALOGUE  # loads all files
     prefix = f"{models.__name__}."
     names = [
         (value.__module__.removeprefix(prefix), not name[0].isupper(), name)

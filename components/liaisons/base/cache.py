@@ -1,4 +1,4 @@
-"""The user's cache: compiled libraries, and digests of FMUs that need no trial before they are run."""
+"""The user's cache: object files, compiled libraries, and digests of FMUs that need no trial before they are run."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import os
 import secrets
 import sys
 from contextlib import suppress
-from hashlib import file_digest
+from hashlib import file_digest, sha256
 from pathlib import Path
 
 _MOST = 1000  # digests that are stored, the newest
+_LARGEST = 2**27  # bytes of all object files that are stored, those that were used last
 _remembered: set[str] = set()  # by this process, also if the cache cannot be written
+_objects: dict[str, bytes] = {}  # likewise
 
 
 def folder() -> Path:
@@ -65,3 +67,38 @@ def _stored_digests() -> list[str]:
         return _digests_file().read_text(encoding="ascii").splitlines()
     except (OSError, ValueError):  # ValueError: not ours
         return []
+
+
+def read_object(key: str) -> bytes | None:
+    """Content of a stored object file; None if it is not there as a whole."""
+    path = folder() / "objects" / key
+    with suppress(OSError):
+        content = path.read_bytes() if key not in _objects else b""
+        if content[:32] == sha256(content[32:]).digest():
+            _objects[key] = content[32:]
+            os.utime(path)
+    return _objects.get(key)
+
+
+def write_object(key: str, content: bytes) -> None:
+    """Store an object file, and remove those that were not used for the longest time, if all are too large."""
+    _objects[key] = content
+    path = folder() / "objects" / key
+    part = path.with_name(f".{key}.{secrets.token_hex(4)}")
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            part.write_bytes(sha256(content).digest() + content)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+        size = 0
+        for status, file in sorted(((file.stat(), file) for file in path.parent.iterdir()), key=_newest_first):
+            size += status.st_size
+            if size > _LARGEST:
+                file.unlink(missing_ok=True)
+
+
+def _newest_first(entry: tuple[os.stat_result, Path]) -> int:
+    """Key that sorts files by the time of their last use, the newest first."""
+    return -entry[0].st_mtime_ns

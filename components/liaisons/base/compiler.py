@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal, final, get_args
 
+from liaisons.base import cache
 from liaisons.base.arguments import as_path, chosen
 from liaisons.base.project import fmus_directory
 from liaisons.errors import BuildError
@@ -78,9 +79,6 @@ class Target:
         return self.folders[("2", "3").index(fmi)]
 
 
-_objects: dict[bytes, bytes] = {}
-"""Object files that this process has compiled: FMUs have the same runtime."""
-
 _ELF = ("-Wl,--build-id=none", "-s", "-lm")
 TARGETS = (
     Target(("linux64", "x86_64-linux"), ".so", "x86_64-linux-gnu.2.17", _ELF),
@@ -136,18 +134,9 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     if compiler is None:
         raise BuildError(no_compiler(" for other platforms" if cross else ""))
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
-    flags = [flag for flag in (*FLAGS, *target.flags) if not _is_linker_flag(flag)]
     with _source_folder(sources) as (folder, names):
-        for name in names:  # relative to the folder: no path gets into the library
-            command = [*compiler, *aim, *flags, "-I.", "-c", name, "-o", f"{name}.o"]
-            key = hashlib.sha256(repr((command, _with_headers(name, sources))).encode()).digest()
-            compiled = folder / f"{name}.o"
-            if key in _objects:
-                compiled.write_bytes(_objects[key])
-            else:
-                _run_compiler(command, folder)
-                _objects[key] = compiled.read_bytes()
-        library, objects = folder / f"library{target.extension}", [f"{name}.o" for name in names]
+        objects = _compile_files([*compiler, *aim, *FLAGS, *target.flags], names, sources, folder)
+        library = folder / f"library{target.extension}"
         _run_compiler([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
         return library.read_bytes()
 
@@ -163,8 +152,38 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
     if zig is None:
         raise BuildError(no_compiler(" for WebAssembly"))
     with _source_folder(sources) as (folder, names):
-        _run_compiler([*zig, *WASM_FLAGS, *flags, "-I.", *names, "-o", "module.wasm"], folder)
+        objects = _compile_files([*zig, *WASM_FLAGS, *flags], names, sources, folder)
+        _run_compiler([*zig, *WASM_FLAGS, *flags, *objects, "-o", "module.wasm"], folder)
         return (folder / "module.wasm").read_bytes()
+
+
+def _compile_files(command: list[str], names: list[str], sources: Mapping[str, bytes], folder: Path) -> list[str]:
+    """Compile each file, or take it from the cache: FMUs have the same runtime.
+
+    :param command: compiler, and its flags for all that it does.
+    :returns: names of the object files, in the folder of the sources.
+    """
+    command = [word for word in command if not _is_linker_flag(word)]
+    identity = _identity(command)
+    for name in names:
+        # Relative to the folder: no path gets into the library.
+        compiling = [*command, "-I.", "-c", name, "-o", f"{name}.o"]
+        key = hashlib.sha256(repr((compiling, identity, _with_headers(name, sources))).encode()).hexdigest()
+        if (stored := cache.read_object(key)) is None:
+            _run_compiler(compiling, folder)
+            cache.write_object(key, (folder / f"{name}.o").read_bytes())
+        else:
+            (folder / f"{name}.o").write_bytes(stored)
+    return [f"{name}.o" for name in names]
+
+
+def _identity(command: list[str]) -> list[object]:
+    """What differs after a compiler was updated, or finds other headers."""
+    module = find_spec("ziglang") if "ziglang" in command else None
+    program = Path((module and module.origin) or command[0]).resolve()
+    status = program.stat() if program.is_file() else None
+    seen = (status.st_mtime_ns, status.st_size) if status else ()
+    return [program, *seen, *map(os.environ.get, ("CPATH", "C_INCLUDE_PATH"))]
 
 
 @contextmanager
@@ -187,7 +206,7 @@ def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, by
 
 def _is_linker_flag(flag: str) -> bool:
     """Whether only the linker takes a flag."""
-    return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l"))
+    return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l", "-mexec-model="))
 
 
 def _run_compiler(command: list[str], folder: Path) -> None:

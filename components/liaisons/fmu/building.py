@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from uuid import UUID
 
@@ -79,7 +79,7 @@ def _warn_no_compiler() -> None:
 def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, arrays: bool) -> Path:
     """Build an FMU of generated C, unless the file is up to date."""
     path = output / f"{model.name}.fmu"
-    sources = source_files(model, _NO_GUID, fmi, arrays=arrays)
+    sources = _sources(model, fmi, arrays)
     members = {
         _DESCRIPTION: model_description(model, fmi, guid=_NO_GUID, arrays=arrays),
         **extra_members(model, fmi if arrays else "2"),  # names of numbers, as in FMI 2.0
@@ -102,6 +102,12 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
     members |= {name: compiled() for name, compiled in binaries.items() if name not in members}
     write_archive(path, members | icon_members(model, fmi))
     return path
+
+
+@lru_cache(maxsize=128)
+def _sources(model: Model, fmi: Fmi, arrays: bool) -> dict[str, bytes]:
+    """Return the sources of an FMU, which also say whether a file is up to date."""
+    return source_files(model, _NO_GUID, fmi, arrays=arrays)
 
 
 def _build_python(model: Model, output: Path) -> Path:

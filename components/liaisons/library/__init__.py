@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
@@ -44,12 +45,25 @@ def catalogue() -> dict[str, type[Component]]:
     return {component.__name__: component for component in CATALOGUE}
 
 
-def catalogue_names() -> list[str]:
-    """Return the names of the catalogue's components, read from their files: completion loads no component."""
+@cache
+def _catalogue_names() -> frozenset[str]:
+    """Names of the catalogue's components, read from their files: no component is loaded."""
     files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
-    return sorted(public)
+    return frozenset(public)
+
+
+def catalogue_names() -> list[str]:
+    """Return the names of the catalogue's components; none is loaded."""
+    return sorted(_catalogue_names())
+
+
+def _shipped(name: str) -> type[Component] | None:
+    """Return the component of the catalogue with a name; the others are not loaded."""
+    from liaisons import models
+
+    return getattr(models, name) if name in _catalogue_names() else None
 
 
 def component_names() -> list[str]:
@@ -59,7 +73,7 @@ def component_names() -> list[str]:
 
 def is_named(name: object) -> bool:
     """Return whether the catalogue or a package has a component of this name; no package is imported."""
-    return name in catalogue() or bool(publishers(name))
+    return name in _catalogue_names() or bool(publishers(name))
 
 
 def is_target(word: object) -> bool:
@@ -120,7 +134,7 @@ def _of_word(target: str) -> list[type[Component]]:
             raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
         if not is_named(target):
             raise ProjectError(f"no component is called {target!r}{suggestion(target, component_names())}")
-        return [catalogue().get(target) or _published_component(target)]
+        return [_shipped(target) or _published_component(target)]
     path = Path(f"{file}.py" if separator else target)
     module = load_module(path)
     defined = vars(module).items()  # without what it imports
@@ -226,7 +240,7 @@ def build(target: Target | Model, settings: BuildSettings) -> Path:
 
     folder = settings.folder
     if isinstance(target, Model):
-        derived, shipped = target, catalogue().get(target.name)
+        derived, shipped = target, _shipped(target.name)
         if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
             _refuse_catalogue_name(derived.name, f"the model {derived.name}", folder.resolve())
     else:
@@ -273,7 +287,7 @@ def claim(component: type[Component], folder: Path | str) -> None:
     name, folder = component.__name__, Path(folder).resolve()
     file = _files.get(component) or getattr(sys.modules.get(component.__module__), "__file__", None)
     origin = f"{file or component.__module__}:{component.__qualname__}"
-    if catalogue().get(name, component) is not component:
+    if _shipped(name) not in {None, component}:
         _refuse_catalogue_name(name, origin, folder)
     owner = _owners.setdefault((folder, name), origin)
     if owner != origin:

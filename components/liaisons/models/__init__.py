@@ -1,38 +1,50 @@
 """The catalogue: one file, one component; each with its equation, its source and its closed form.
 
-What the files of this folder declare is here by its name: ``from liaisons.models import Pendulum``.  Type checkers read
-the names in ``__init__.pyi``, which ``python tests/models/test_stub.py`` writes.  K and M, by which sources are named,
-are the texts of Kneller and Marle: see ``liaisons/bibliography.md``.
+What the files of this folder declare is here by its name: ``from liaisons.models import Pendulum`` loads the file of
+the pendulum.  Type checkers read the names in ``__init__.pyi``, which ``python tests/models/test_stub.py`` writes.  K
+and M, by which sources are named, are the texts of Kneller and Marle: see ``liaisons/bibliography.md``.
 """
 
 from __future__ import annotations
 
 import pkgutil
+import re
 from importlib import import_module
 from typing import Any
 
 from liaisons.language import Component, Operator
 
+_FILES = [file.name for file in pkgutil.iter_modules(__path__) if not file.ispkg]
 
-def _declared() -> dict[str, Any]:
-    """Public classes and functions of all files, by name."""
-    files = [import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__) if not file.ispkg]
+
+def __getattr__(name: str) -> Any:
+    """Load the file of a component, or all files for another name or ``CATALOGUE``: all components, operators last."""
+    if name.startswith("_"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name in _FILES:  # the file itself
+        return import_module(f"{__name__}.{name}")
+    file = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    declared = _declared(file) if file in _FILES else {}
+    if name not in declared:
+        declared = {key: value for each in _FILES for key, value in _declared(each).items()}
+        components = filter(_is_component, declared.values())
+        declared["CATALOGUE"] = tuple(sorted(components, key=lambda c: (issubclass(c, Operator), c.__name__)))
+    globals().update(declared)
+    if name not in declared:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return declared[name]
+
+
+def _declared(name: str) -> dict[str, Any]:
+    """Load a file, and return its public classes and functions by name."""
+    file = import_module(f"{__name__}.{name}")
     return {
-        name: value
-        for file in files
-        for name, value in vars(file).items()
-        if not name.startswith("_") and getattr(value, "__module__", None) == file.__name__
+        key: value
+        for key, value in vars(file).items()
+        if not key.startswith("_") and getattr(value, "__module__", None) == file.__name__
     }
 
 
 def _is_component(value: object) -> bool:
     """Whether a value is a component that is not abstract."""
     return isinstance(value, type) and issubclass(value, Component) and not value.is_abstract
-
-
-_DECLARED = _declared()
-globals().update(_DECLARED)
-CATALOGUE: tuple[type[Component], ...] = tuple(
-    sorted(filter(_is_component, _DECLARED.values()), key=lambda c: (issubclass(c, Operator), c.__name__))
-)
-"""All components by name, operators last."""
