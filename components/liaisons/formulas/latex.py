@@ -1,7 +1,5 @@
 """Formulas in LaTeX, as MathJax and matplotlib read it, too."""
 
-from __future__ import annotations
-
 import unicodedata
 from itertools import pairwise
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Formulas in MathML Core."""
 
-from __future__ import annotations
-
 import re
 from html import escape
 from itertools import pairwise

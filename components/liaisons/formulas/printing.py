@@ -1,7 +1,5 @@
 """Base of all printers of formulas: walks through terms and sets brackets."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar

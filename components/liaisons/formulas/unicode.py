@@ -1,7 +1,5 @@
 """Formulas in Unicode, for terminals."""
 
-from __future__ import annotations
-
 import textwrap
 import unicodedata
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A chain of equal links, described by one link and solved at linear cost."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 

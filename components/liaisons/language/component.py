@@ -1,7 +1,5 @@
 """Base of mechanisms, chains and operators: the class holds declarations, an instance symbols."""
 
-from __future__ import annotations
-
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping

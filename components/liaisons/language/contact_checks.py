@@ -1,7 +1,5 @@
 """Checks of the unilateral liaisons and dry frictions that a mechanism or a chain declares."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NoReturn
 

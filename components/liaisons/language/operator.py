@@ -1,7 +1,5 @@
 """An operator: source of σ(t) and its two derivatives, from one expression."""
 
-from __future__ import annotations
-
 import logging
 import sys
 from abc import abstractmethod

@@ -1,7 +1,5 @@
 """Components in discrete time: states and outputs that change at samples alone."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import final

@@ -1,7 +1,5 @@
 """Model of a component, as FMU back ends take it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

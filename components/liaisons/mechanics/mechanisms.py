@@ -1,7 +1,5 @@
 """Model of a mechanism: its equations of motion as vectors and functions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from itertools import accumulate

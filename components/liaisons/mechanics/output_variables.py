@@ -1,7 +1,5 @@
 """Expressions of the output variables that mechanisms and chains have in common."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import casadi as ca

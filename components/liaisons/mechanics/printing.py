@@ -4,8 +4,6 @@ A second derivation from the Lagrangian: generalised forces and multipliers stay
 :mod:`liaisons.mechanics.equations` solves for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """The motion of mechanisms as a model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import partial

@@ -5,8 +5,6 @@ the names in ``__init__.pyi``, which ``python tests/models/test_stub.py`` writes
 are the texts of Kneller and Marle: see ``liaisons/bibliography.md``.
 """
 
-from __future__ import annotations
-
 import pkgutil
 from importlib import import_module
 from typing import Any

@@ -1,7 +1,5 @@
 """Model of a chain of n links: its sweeps as vectors and functions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any

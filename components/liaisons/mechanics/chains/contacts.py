@@ -1,7 +1,5 @@
 """Contacts of the links of a chain: their names, and the numbers of a link by which modes are chosen."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import casadi as ca

@@ -16,8 +16,6 @@ virtual work (K eq. 14), forces of contacts by that of their rates.
 Source of the method: R. Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7; here it is written for momenta.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
