@@ -4,7 +4,7 @@ import logging
 import sys
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise, takewhile
 from typing import Any, final
@@ -16,11 +16,11 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import is_smooth
 from liaisons.language.checks import Formulas, call
-from liaisons.language.component import Component, DeclarationsOf
-from liaisons.language.declarations import Input, ParameterArray
-from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
+from liaisons.language.component import SignalComponent
+from liaisons.language.declarations import ParameterArray
+from liaisons.language.layout import Layout, readable
 from liaisons.language.sampled import SampledStates
-from liaisons.language.variables import State, Terminal, TerminalMember
+from liaisons.language.variables import Terminal, TerminalMember
 
 _log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ class Lookup:
     end: ca.SX
 
 
-class Operator(Component, abstract=True):
+class Operator(SignalComponent, abstract=True):
     """Source of a signal y(t) and its derivatives, for an active port; abstract.
 
     A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, also :meth:`events`,
@@ -53,17 +53,7 @@ class Operator(Component, abstract=True):
         derivatives jumps with an input.
     """
 
-    inputs = DeclarationsOf(Input)
-    lookups: list[Lookup] | None
-    clock: ca.SX
-    input_column: ca.SX
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.lookups = None  # a list: rows are symbols, kept in it
-        self.clock = ca.SX.sym("t")
-        self.internal = self._symbols(state.name for state in self.internal_states)
-        self.input_column = self._symbols(item.name for item in self.inputs)
+    lookups: list[Lookup] | None = None  # a list: rows are symbols, kept in it
 
     @abstractmethod
     def signal(self, t: ca.SX) -> ca.SX:
@@ -123,7 +113,6 @@ class Operator(Component, abstract=True):
         return [p for p in arrays if p.dimension == arrays[0].dimension]
 
     def conditions(self) -> Mapping[str, ca.SX]:
-        """Return expressions that must stay > 0, by the message of their error."""
         return {}
 
     def events(self) -> Sequence[ca.SX]:
@@ -136,21 +125,11 @@ class Operator(Component, abstract=True):
         return []
 
     def layout(self) -> Layout:
-        of_states = [list(of_internal(state)) for state in self.internal_states]
-        return Layout(
-            parameters=(
-                *self._declared_parameters(),
-                *map(start_of_internal, self.internal_states),
-                *(self.starts() if isinstance(self, SampledStates) else ()),
-            ),
-            inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
-            outputs=(
-                *(readable(name, units.ANY, text) for name, text in zip(TRIPLE, _TEXTS, strict=True)),
-                *(state for state, _ in of_states),
-                *(rate for _, rate in of_states),
-                *(self.held() if isinstance(self, SampledStates) else ()),
-            ),
-            states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
+        inner = super().layout()
+        signals = (readable(name, units.ANY, text) for name, text in zip(TRIPLE, _TEXTS, strict=True))
+        return replace(
+            inner,
+            outputs=(*signals, *inner.outputs),
             ports=(Terminal("y", "signal", tuple(map(TerminalMember, ("s", "v", "a"), TRIPLE))),),
             dimensions=tuple(dict.fromkeys(p.dimension for p in self.parameters if isinstance(p, ParameterArray))),
         )
@@ -168,7 +147,7 @@ class Operator(Component, abstract=True):
             )
         formulas.internal_rates(symbols if isinstance(self, SampledStates) else self.symbols)
         if isinstance(self, SampledStates):
-            formulas.each("update", symbols, {item.name: item.unit for item in self.discrete_states})
+            self._check_update(formulas)
         formulas.check_units(self.layout().variables, symbols, t="s")
         for name, expression in zip(TRIPLE, self.triple(), strict=True):
             if self.inputs and ca.depends_on(expression, self.input_column):

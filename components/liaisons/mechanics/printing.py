@@ -13,10 +13,10 @@ from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
+from liaisons.language.component import SignalComponent
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.operator import Operator
 from liaisons.language.sampled import Sampled
 from liaisons.mechanics.constraints import differentiated_constraints
 from liaisons.mechanics.dynamics import elastic_forces
@@ -81,17 +81,15 @@ def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     )
 
 
-def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
-    """Signal and rates of the internal states, as equations."""
-    names = (f"{x.name}_dot" for x in operator.internal_states)
-    internal = _row_equations("internal", names, operator.internal_rate_column())
-    arrays = any(isinstance(p, ParameterArray) for p in operator.parameters)  # a choice among many is no formula
-    return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
-
-
-def of_sampled(sampled: Sampled) -> tuple[Equation, ...]:
-    """Discrete states after a sample."""
-    return tuple(Equation("update", name, ca.SX(value)) for name, value in sampled.update().items())
+def of_signals(m: SignalComponent) -> tuple[Equation, ...]:
+    """Signal of an operator, rates of the internal states, and discrete states after a sample, as equations."""
+    arrays = any(isinstance(p, ParameterArray) for p in m.parameters)  # a choice among many is no formula
+    names = (f"{x.name}_dot" for x in m.internal_states)
+    return (
+        *(Equation("signal", "y", y) for y in m.triple()[:1] if not arrays),
+        *_row_equations("internal", names, m.internal_rate_column()),
+        *(Equation("update", name, ca.SX(x)) for name, x in (m.update() if isinstance(m, Sampled) else {}).items()),
+    )
 
 
 def of_chain(chain: Chain) -> tuple[Equation, ...]:
