@@ -36,10 +36,11 @@ def _signal_model(component: type[SignalComponent], n: object) -> Model:
     m = component()
     if isinstance(m, Operator):
         m.lookups = []
-    x, rates, next_event = m.internal, m.internal_rate_column(), m.next_event_time()
+    x, rates = m.internal, m.internal_rate_column()
+    triple, next_event = m.triple(), m.next_event_time()
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
     k, memory, names, limits = ca.vertcat(m.parameter_column, start), ca.SX(0, 1), (), m.conditions()
-    own: dict[str, Any] = {"derivatives": rates, "outputs_function": stack([*m.triple(), x, rates])}
+    own: dict[str, Any] = {"derivatives": rates, "outputs_function": stack([*triple, x, rates])}
     events, at_start = stack(map(ca.SX, m.events())), memory
     if isinstance(m, SampledStates):
         states = [state.name for state in m.discrete_states]
