@@ -104,8 +104,7 @@ class MechanicalComponent(Component, abstract=True):
     def contact_rates(self) -> ca.SX:
         """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
         return stack(
-            [*(self.dot(getattr(self, c.name)) for c in self.unilaterals)]
-            + [ca.SX(getattr(self, c.name)) for c in self.dry_frictions]
+            [*map(self.dot, map(self.expression_of, self.unilaterals)), *map(self.expression_of, self.dry_frictions)]
         )
 
     def threshold(self, name: str) -> ca.SX:
@@ -123,9 +122,13 @@ class MechanicalComponent(Component, abstract=True):
         return (*self.passive_constraints, *self.rheonomic_constraints)
 
     @property
-    def has_impacts(self) -> bool:
-        """Whether it has unilateral liaisons or dry friction."""
-        return bool(self.unilaterals or self.dry_frictions)
+    def contact_formulas(self) -> tuple[unilateral | dry_friction, ...]:
+        """Unilateral liaisons, then dry friction: the order of all columns of contacts."""
+        return (*self.unilaterals, *self.dry_frictions)
+
+    def expression_of(self, item: Declaration) -> ca.SX:
+        """Expression of a declaration, or of an element of an array."""
+        return ca.SX(getattr(self, item.name))
 
     def motion_names(self, kind: Literal["quaternion", "rates", "accelerations", "momenta"]) -> list[str]:
         """Names of coordinates, their rates, accelerations or momenta, then those of an orientation."""
@@ -152,7 +155,7 @@ class MechanicalComponent(Component, abstract=True):
             ),
             ports=(
                 *(layout.port(q.name, q.unit, "free") for q in self.coordinates),
-                *(layout.port(s.name, s.unit, "active", impulse=self.has_impacts) for s in self.actives),
+                *(layout.port(s.name, s.unit, "active", impulse=bool(self.contact_formulas)) for s in self.actives),
                 *(layout.port(name, unit, "point") for name, unit in units_at.items()),
             ),
             active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in self.actives),
@@ -187,7 +190,7 @@ class MechanicalComponent(Component, abstract=True):
             yield s.variable("input", "continuous")
             yield layout.zero(f"{s.name}_dot", speed, f"rate of {s.name}, {together}")
             yield layout.zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}, {together}")
-            if self.has_impacts:
+            if self.contact_formulas:
                 text = f"sum of the jumps of {s.name}_dot in reaction to impulses, {together}"
                 yield layout.zero_sum(f"{s.name}_dot_jump", speed, text)
         for q in self.coordinates:
@@ -206,14 +209,15 @@ class MechanicalComponent(Component, abstract=True):
 
     def _motion_outputs(self) -> Iterator[Variable]:
         """Coordinates, orientations, internal states, their momenta and rates."""
-        readable, size = layout.readable, self.dimension
+        size = self.dimension
+        readable = partial(layout.readable, dimension=size)
         for q in self.coordinates:
             speed, momentum = units.rate(q.unit), f"p_{q.name}"
             rate, acceleration = (suffixed(q.name, end) for end in ("_dot", "_ddot"))
-            yield readable(q.name, q.unit, q.description, symbol=q.symbol, dimension=size)
-            yield readable(rate, speed, f"rate of {q.name}", derivative_of=q.name, dimension=size)
-            yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}", dimension=size)
-            yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}", dimension=size)
+            yield readable(q.name, q.unit, q.description, symbol=q.symbol)
+            yield readable(rate, speed, f"rate of {q.name}", derivative_of=q.name)
+            yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}")
+            yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}")
             text = f"rate of {momentum}: all generalised forces along {q.name}"
             yield layout.rate(momentum, units.force(q.unit), text, size)
         for orientation in self.orientations:
@@ -260,7 +264,7 @@ class MechanicalComponent(Component, abstract=True):
         text = "energy lost by friction, or taken out by non-holonomic constraints, since the start"
         yield readable("dissipated", "J", text)
         lost = ""
-        if self.has_impacts:
+        if self.contact_formulas:
             lost = " + impact_loss"
             yield layout.event_output("impact_loss", "J", "energy lost by impacts since the start")
         text = f"energy - energy at start - work + dissipated{lost}: 0 up to the integration error"
@@ -294,7 +298,7 @@ class MechanicalComponent(Component, abstract=True):
             yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
             yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", "local")
             yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
-        if self.has_impacts:
+        if self.contact_formulas:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
                 yield layout.event_output(f"{s.name}_impulse", units.momentum(s.unit), text)

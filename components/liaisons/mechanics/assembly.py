@@ -1,6 +1,6 @@
 """Model of a component, as FMU back ends take it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -8,7 +8,7 @@ import casadi as ca
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.chain import Chain
-from liaisons.language.component import Component, SignalComponent
+from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
 from liaisons.language.sampled import LATE, SampledStates
@@ -26,10 +26,14 @@ def assemble(component: type[Component], n: object = None) -> Model:
     :param n: number of links of a chain, or of elements of a mechanism; as declared by default.
     :raises ComponentError: if n is no whole number, is too small, or the component has no Size n.
     """
-    return next(model(component, n) for kind, model in _MODELS.items() if issubclass(component, kind))
+    if issubclass(component, Chain):
+        return chain_model(component, component(n).sizes["n"])
+    if issubclass(component, Mechanism):
+        return mechanism_model(component if n is None else component.of_size(n))
+    return _signal_model(component, n)
 
 
-def _signal_model(component: type[SignalComponent], n: object) -> Model:
+def _signal_model(component: Any, n: object) -> Model:
     """Model of an operator, or of a sampled component: variables and functions."""
     if n is not None:
         raise ComponentError(f"{component.__name__}: n = {n!r}: it has no size")
@@ -78,14 +82,6 @@ def _signal_model(component: type[SignalComponent], n: object) -> Model:
         equations=equations,
         table=table,
     )
-
-
-_MODELS: dict[type[Component], Callable[[Any, object], Model]] = {
-    Chain: lambda component, n: chain_model(component, component(n).sizes["n"]),
-    Mechanism: lambda component, n: mechanism_model(component if n is None else component.of_size(n)),
-    SignalComponent: _signal_model,
-}
-"""Model of a component of each kind, of some size where it is not None."""
 
 
 def _lookup_table(operator: Operator, vectors: Mapping[str, ca.SX], results: Mapping[str, ca.SX]) -> LookupTable:

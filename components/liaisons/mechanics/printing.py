@@ -53,7 +53,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *_row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
         *_effective_mass_equations(_effective_mass_matrix(equations, balances[len(rates) :, 0]), actives),
         *_row_equations("points", equations.points, stack(equations.points.values())),
-        *(Equation("outputs", item.name, ca.SX(getattr(m, item.name))) for item in m.outputs),
+        *(Equation("outputs", item.name, m.expression_of(item)) for item in m.outputs),
     )
 
 
@@ -105,7 +105,7 @@ def of_chain(chain: Chain) -> tuple[Equation, ...]:
         *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
         *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
         *_row_equations("points", points, stack(points.values())),
-        *(Equation("unilateral", item.name, ca.SX(getattr(chain, item.name))) for item in chain.unilaterals),
+        *(Equation("unilateral", item.name, chain.expression_of(item)) for item in chain.unilaterals),
         *_friction_equations(chain),
     )
 
@@ -237,9 +237,9 @@ def _constraint_equations(equations: Equations) -> Iterator[Equation]:
     """Yield the passive constraints, and the functions that operators prescribe, as equations."""
     m = equations.mechanism
     for item in m.passive_constraints:
-        yield Equation("constraints", "0", ca.SX(getattr(m, item.name)))
+        yield Equation("constraints", "0", m.expression_of(item))
     for item in m.rheonomic_constraints:
-        yield Equation("constraints", item.name, ca.SX(getattr(m, item.name)))
+        yield Equation("constraints", item.name, m.expression_of(item))
 
 
 def _contact_equations(equations: Equations) -> Iterator[Equation]:
@@ -259,7 +259,7 @@ def _contact_equations(equations: Equations) -> Iterator[Equation]:
 def _friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
     """Yield relative velocities of dry friction, and their thresholds."""
     for item in m.dry_frictions:
-        yield Equation("dry_friction", item.name, ca.SX(getattr(m, item.name)))
+        yield Equation("dry_friction", item.name, m.expression_of(item))
         normal = m.symbols[suffixed(item.normal, "_force")] if item.normal else ca.SX(1)
         for letter, threshold in zip("SK", dict.fromkeys((item.static, item.sliding)), strict=False):
             yield Equation("dry_friction", f"{letter}_{item.name}", m.threshold(threshold) * normal)
