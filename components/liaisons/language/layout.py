@@ -19,7 +19,6 @@ from liaisons.language.variables import (
     TerminalKind,
     TerminalMember,
     Variable,
-    element,
 )
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force; impulse is ours.
@@ -46,28 +45,27 @@ class Layout:
 
     def flat(self) -> Self:
         """Layout with a variable for each element of an array."""
-        sized = {v.name: v.count for v in self.variables if v.dimension is not None}
+        names = {v.name: [item.name for item in v.elements()] for v in self.variables}
 
-        def names(group: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-            """Tuples of names, element by element; those of scalars unchanged."""
-            count = sized.get(group[0], 1)
-            return (tuple(element(n, i) if n in sized else n for n in group) for i in range(1, count + 1))
+        def each(*group: str) -> Iterator[tuple[str, ...]]:
+            """Tuples of names, element by element."""
+            return zip(*(names[name] for name in group), strict=True)
 
-        def terminal(p: Terminal) -> Iterator[Terminal]:
-            members = names(tuple(member.variable for member in p.members))
-            for i, variables in enumerate(members, start=1):
-                name = element(p.name, i) if p.name in sized else p.name
-                roles = (member.role for member in p.members)
-                yield Terminal(name, p.kind, tuple(map(TerminalMember, roles, variables)))
+        def elements(group: Iterable[Variable]) -> tuple[Variable, ...]:
+            return tuple(item for v in group for item in v.elements())
 
         return replace(
             self,
-            parameters=tuple(v for array in self.parameters for v in array.elements()),
-            inputs=tuple(v for array in self.inputs for v in array.elements()),
-            outputs=tuple(v for array in self.outputs for v in array.elements()),
-            states=tuple(State(*pair) for state in self.states for pair in names(state)),
-            active=tuple(ActiveInput(*triple) for item in self.active for triple in names(item)),
-            ports=tuple(single for p in self.ports for single in terminal(p)),
+            parameters=elements(self.parameters),
+            inputs=elements(self.inputs),
+            outputs=elements(self.outputs),
+            states=tuple(State(*pair) for state in self.states for pair in each(*state)),
+            active=tuple(ActiveInput(*triple) for item in self.active for triple in each(*item)),
+            ports=tuple(
+                Terminal(name, p.kind, tuple(map(TerminalMember, (m.role for m in p.members), variables)))
+                for p in self.ports
+                for name, *variables in each(p.name, *(m.variable for m in p.members))
+            ),
         )
 
     def with_arrays(self, dimensions: Mapping[int, Dimension]) -> Layout:

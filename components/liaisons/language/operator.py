@@ -85,26 +85,22 @@ class Operator(SignalComponent, abstract=True):
     def _chosen(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
         """Rows of :meth:`interval` as expressions of all rows."""
         instants, ascends = ca.vertsplit(self.table[0].value_in(self)), ca.SX(1)
-        begun, has_length = [], []
+        last = len(instants) - 1
+        has_length = []
         for t_0, t_1 in pairwise(instants):
             ascends = ca.logic_and(ascends, t_1 >= t_0)
             has_length.append(ca.logic_and(ascends, ca.logic_or(rests, t_1 > t_0)))
-            begun.append(ca.logic_and(has_length[-1], t >= (t_1 if rests else t_0)))
-        last = len(instants) - 1
-        order = [(k, begun[k]) for k in reversed(range(last))]
-        order += [] if rests else list(enumerate(has_length))
-        chosen, passed = [ca.SX(0)] * len(instants), ca.SX(0)
-        for k, holds in order:
-            row = k + 1 if rests else k
-            chosen[row] += ca.logic_and(holds, ca.logic_not(passed))
-            passed = ca.logic_or(passed, holds)
-        chosen[0 if rests else last - 1] += ca.logic_not(passed)
-        begin, end = stack(chosen), stack([ca.SX(0), *chosen[:-1]])
-        if rests:
-            more = stack([*has_length, ca.SX(0)])  # whether there is a next row
-            end = stack([ca.SX(0), *ca.vertsplit(begin * more)[:-1]]) + begin * (1 - more)
+        row = ca.SX(0 if rests else -1)
+        for k, begin in enumerate(instants[1:] if rests else instants[:-1]):
+            reached = t >= begin if rests else ca.logic_or(t >= begin, row < 0)
+            row = ca.if_else(ca.logic_and(has_length[k], reached), k + rests, row)
+        begun = stack(row == k for k in range(last + 1))
+        if not rests:  # where no interval has a length
+            begun[last - 1] = ca.logic_or(begun[last - 1], row < 0)
+        has_next = stack([*has_length, 0]) if rests else 1
+        ended = stack([0, *ca.vertsplit(begun * has_next)[:-1]]) + begun * (1 - has_next)
         whole = [next(p for p in self.table if p.name == name).value_in(self) for name in columns]
-        return [ca.dot(begin, x) for x in whole], [ca.dot(end, x) for x in whole]
+        return [ca.dot(begun, x) for x in whole], [ca.dot(ended, x) for x in whole]
 
     @property
     def table(self) -> list[ParameterArray]:
