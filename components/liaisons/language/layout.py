@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Self
 
 from liaisons.base import units
@@ -11,9 +12,7 @@ from liaisons.base.array_names import split, suffixed
 from liaisons.language.declarations import InternalState
 from liaisons.language.variables import (
     ActiveInput,
-    Causality,
     Dimension,
-    NumberType,
     State,
     Terminal,
     TerminalKind,
@@ -109,53 +108,29 @@ def _joined(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Di
     )
 
 
-def readable(
-    name: str,
-    unit: str,
-    text: str,
-    causality: Causality = "output",
-    *,
-    derivative_of: str | None = None,
-    symbol: str = "",
-    dimension: Dimension | None = None,
-) -> Variable:
-    """An output that changes continuously."""
-    of = {"derivative_of": derivative_of, "symbol": symbol, "dimension": dimension}
-    return Variable(name, unit, text, causality, "continuous", **of)
+readable = partial(Variable, causality="output", variability="continuous")
+"""An output that changes continuously, from name, unit and description."""
 
+event_output = partial(Variable, causality="output", variability="discrete")
+"""A number that changes at events alone."""
 
-def event_output(
-    name: str,
-    unit: str,
-    text: str,
-    causality: Causality = "output",
-    *,
-    of_type: NumberType = "Real",
-    dimension: Dimension | None = None,
-) -> Variable:
-    """A number that changes at events alone."""
-    return Variable(name, unit, text, causality, "discrete", type=of_type, dimension=dimension)
+zero = partial(Variable, causality="input", variability="continuous", start=0.0)
+"""An input that is 0 until it is set."""
+
+zero_sum = partial(zero, variability="discrete")
+"""An input that sums what happens at events."""
 
 
 def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
     """The rate of a state, where it is no output."""
-    return readable(suffixed(name, "_dot"), unit, text, "local", derivative_of=name, dimension=dimension)
+    own = suffixed(name, "_dot")
+    return readable(own, unit, text, causality="local", derivative_of=name, dimension=dimension)
 
 
 def start(name: str, unit: str, value: float | tuple[float, ...], dimension: Dimension | None = None) -> Variable:
     """Parameter of an initial value without a declaration."""
     text = f"initial value of {name}"
     return Variable(suffixed(name, "_0"), unit, text, "parameter", "fixed", start=value, dimension=dimension)
-
-
-def zero(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
-    """An input that is 0 until it is set."""
-    return Variable(name, unit, text, "input", "continuous", start=0.0, dimension=dimension)
-
-
-def zero_sum(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
-    """An input that sums what happens at events."""
-    return replace(zero(name, unit, text, dimension), variability="discrete")
 
 
 def of_internal(state: InternalState) -> Iterator[Variable]:

@@ -184,7 +184,8 @@ class MechanicalComponent(Component, abstract=True):
 
     def _inputs(self, units_at: Mapping[str, str]) -> Iterator[Variable]:
         """σ, σ̇ and σ̈ of active coordinates; drives and loads of free ones; loads at points, by their units."""
-        size, together = self.dimension, "to be set with it, in model exchange too"
+        zeros, zero_sums = (partial(make, dimension=self.dimension) for make in (layout.zero, layout.zero_sum))
+        together = "to be set with it, in model exchange too"
         for s in self.actives:
             speed = units.rate(s.unit)
             yield s.variable("input", "continuous")
@@ -196,16 +197,16 @@ class MechanicalComponent(Component, abstract=True):
         for q in self.coordinates:
             unit, along = units.force(q.unit), f"along +{q.name}"
             text = f"generalised force on this mechanism {along} (K eq. 14)"
-            yield layout.zero(suffixed(q.name, "_force"), unit, text, size)
+            yield zeros(suffixed(q.name, "_force"), unit, text)
             load = f"generalised force that this mechanism exerts {along} on what is attached to it"
-            yield layout.zero(suffixed(q.name, "_load"), unit, load, size)
+            yield zeros(suffixed(q.name, "_load"), unit, load)
             text = f"sum of the impulses that this mechanism exerts {along} on what is attached to it"
-            yield layout.zero_sum(suffixed(q.name, "_impulse"), units.momentum(q.unit), text, size)
+            yield zero_sums(suffixed(q.name, "_impulse"), units.momentum(q.unit), text)
         for name, of in units_at.items():
             text = f"force that this mechanism exerts along +{name} on what is attached there"
-            yield layout.zero(f"{name}_load", units.force(of), text, size)
+            yield zeros(f"{name}_load", units.force(of), text)
             text = f"sum of the impulses that this mechanism exerts along +{name} on what is attached there"
-            yield layout.zero_sum(f"{name}_impulse", units.momentum(of), text, size)
+            yield zero_sums(f"{name}_impulse", units.momentum(of), text)
 
     def _motion_outputs(self) -> Iterator[Variable]:
         """Coordinates, orientations, internal states, their momenta and rates."""
@@ -269,9 +270,9 @@ class MechanicalComponent(Component, abstract=True):
             yield layout.event_output("impact_loss", "J", "energy lost by impacts since the start")
         text = f"energy - energy at start - work + dissipated{lost}: 0 up to the integration error"
         yield readable("energy_balance", "J", text)
-        yield readable("power", "W", "power through all ports", "local", derivative_of="work")
+        yield readable("power", "W", "power through all ports", causality="local", derivative_of="work")
         text = "power lost by friction, the rates times the gradient of the dissipation function (K eq. 67)"
-        yield readable("dissipation", "W", text, "local", derivative_of="dissipated")
+        yield readable("dissipation", "W", text, causality="local", derivative_of="dissipated")
         yield from (readable(item.name, item.unit, item.description) for item in self.outputs)
         for item in self.calculated_parameters:
             yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
@@ -285,19 +286,19 @@ class MechanicalComponent(Component, abstract=True):
             yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
             yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
             yield at_events(of("_impulse"), momentum, f"sum of the impulses of impacts at {name}")
-            yield at_events(of("_closed"), "1", f"whether {name} rests at 0", of_type="Boolean")
+            yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
             text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
-            yield at_events(of("_impacts"), "1", text, of_type="Integer")
-            yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", "local")
-            yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
+            yield at_events(of("_impacts"), "1", text, type="Integer")
+            yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", causality="local")
+            yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
         for item in self.dry_frictions:
             readable, at_events = self._of_contact(item)
             name, of = item.name, partial(suffixed, item.name)
             yield readable(name, item.unit, item.description)
             yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
-            yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
-            yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", "local")
-            yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
+            yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
+            yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
+            yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
         if self.contact_formulas:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"

@@ -78,7 +78,7 @@ class SampledStates(SignalComponent, abstract=True):
     def layout(self) -> Layout:
         inner, states = super().layout(), self.discrete_states
         starts = (state.variable("parameter", "fixed", f"{state.name}_0") for state in states)
-        held = (event_output(item.name, item.unit, item.description, item.causality) for item in states)
+        held = (event_output(item.name, item.unit, item.description, causality=item.causality) for item in states)
         return replace(inner, parameters=(*inner.parameters, *starts), outputs=(*inner.outputs, *held))
 
     def _split(self, memory: ca.SX) -> list[ca.SX]:
