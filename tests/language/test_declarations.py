@@ -17,7 +17,9 @@ from liaisons.language import (
     ActiveCoordinate,
     Box,
     Coordinate,
+    DiscreteState,
     Experiment,
+    Input,
     Mechanism,
     Operator,
     Parameter,
@@ -26,6 +28,7 @@ from liaisons.language import (
     point,
     unilateral,
 )
+from liaisons.language.sampled import SampledStates
 from liaisons.mechanics import assemble
 
 
@@ -378,3 +381,21 @@ def test_errors_have_the_line_of_the_method(tmp_path: Path) -> None:
 
 def test_a_symbol_is_the_letter_of_a_variable() -> None:
     assert Parameter(1.0, "kg", "mass", symbol="m_1").variable("parameter", "fixed").symbol == "m_1"
+
+
+def test_units_of_samples_of_an_operator_are_checked_unless_it_says_why_not() -> None:
+    class Held(Operator, SampledStates, abstract=True):
+        """A number of its own unit from a length."""
+
+        reading = Input("m", "what is read")
+
+        def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - the same at all times
+            return self.period
+
+        def update(self) -> dict[str, ca.SX]:
+            return {"last": self.reading}
+
+    with pytest.raises(ComponentError, match=r"update\['last'\]: reading is m where s is expected"):
+        type("Checked", (Held,), {"last": DiscreteState("s", "a number")})
+    law = DiscreteState("s", "a number", unchecked="an empirical law")
+    assert assemble(type("Empirical", (Held,), {"last": law})).memory == ("last_before", "last", "last_sample")

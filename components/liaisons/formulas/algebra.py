@@ -9,8 +9,6 @@ times (SpatialCat) as long; with ``trigsimp``, without which no cos(θ₁ - θ�
 than the page, in nested fractions, with the terms of a bracket in the order of letters.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence

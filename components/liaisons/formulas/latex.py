@@ -1,7 +1,5 @@
 """Formulas in LaTeX, as MathJax and matplotlib read it, too."""
 
-from __future__ import annotations
-
 import unicodedata
 from itertools import pairwise
 from typing import ClassVar
@@ -18,6 +16,7 @@ class LaTeX(Printer):
     """Prints LaTeX; words are upright."""
 
     plus, minus = " + ", " - "
+    fraction, raised = r"\frac{{{}}}{{{}}}".format, "{}^{{{}}}".format
     signs: ClassVar = {
         "∂": r"\partial ",
         "−": "-",
@@ -45,14 +44,8 @@ class LaTeX(Printer):
         beside = (r" \, " if _WORD in before + after else " " for before, after in pairwise(rows))
         return rows[0] + "".join(gap + row for gap, row in zip(beside, rows[1:], strict=True))
 
-    def fraction(self, above: str, below: str) -> str:
-        return rf"\frac{{{above}}}{{{below}}}"
-
     def root(self, inside: Term) -> str:
         return rf"\sqrt{{{self.row(inside)}}}"
-
-    def raised(self, base: str, above: str) -> str:
-        return f"{base}^{{{above}}}"
 
     def around(self, left: str, row: str, right: str) -> str:
         return rf"\left{left} {row.strip()} \right{right}"

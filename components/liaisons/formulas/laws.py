@@ -1,7 +1,5 @@
 """The general form of each kind of equation, which the particular ones of a component follow."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import partial

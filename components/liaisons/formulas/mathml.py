@@ -1,7 +1,5 @@
 """Formulas in MathML Core."""
 
-from __future__ import annotations
-
 import re
 from html import escape
 from itertools import pairwise
@@ -10,7 +8,7 @@ from liaisons.formulas.notation import Letter
 from liaisons.formulas.printing import Printer
 from liaisons.formulas.terms import Addition, Number, Product, Quotient, Term
 
-_TIMES, _APPLY = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
+_TIMES = "<mo>&#x2062;</mo>"
 _TAG = re.compile(r"<[^>]+>|&#x206[12];")
 # A word, which is a name of several letters, at the end of a factor or at its beginning.
 _WORD_LAST = re.compile(r"<mi>\w\w+</mi>(?:</\w+>|<mo>[˙¨]</mo>)*$")
@@ -21,6 +19,10 @@ class MathML(Printer):
     """Prints MathML Core."""
 
     plus, minus, between, space = "<mo>+</mo>", "<mo>−</mo>", "", '<mspace width="0.2em"></mspace>'
+    digits, grouped = "<mn>{}</mn>".format, "<mrow>{}</mrow>".format
+    fraction, raised = "<mfrac><mrow>{}</mrow><mrow>{}</mrow></mfrac>".format, "<msup>{}{}</msup>".format
+    around = "<mrow><mo>{}</mo>{}<mo>{}</mo></mrow>".format
+    applied = "<mrow>{}<mo>&#x2061;</mo>{}</mrow>".format
 
     def width(self, term: Term) -> int:
         """Return the number of characters of a term."""
@@ -38,14 +40,8 @@ class MathML(Printer):
     def function(self, name: str) -> str:
         return f"<mi>{escape(name)}</mi>"
 
-    def digits(self, digits: str) -> str:
-        return f"<mn>{digits}</mn>"
-
     def sign(self, sign: str) -> str:
         return f"<mo>{escape(sign)}</mo>"
-
-    def grouped(self, row: str) -> str:
-        return f"<mrow>{row}</mrow>"
 
     def product(self, factors: tuple[Term, ...]) -> str:
         """Return factors one after the other, with a space beside words."""
@@ -55,21 +51,9 @@ class MathML(Printer):
             text += _TIMES + (self.space if _WORD_LAST.search(before) or _WORD_FIRST.match(after) else "") + after
         return text
 
-    def fraction(self, above: str, below: str) -> str:
-        return f"<mfrac>{self.grouped(above)}{self.grouped(below)}</mfrac>"
-
     def root(self, inside: Term) -> str:
         return f"<msqrt>{self.row(inside)}</msqrt>"
 
     def exponent(self, exponent: Term) -> str:
         row = self.row(exponent)
         return row if isinstance(exponent, Number | Quotient) else self.grouped(row)
-
-    def raised(self, base: str, above: str) -> str:
-        return f"<msup>{base}{above}</msup>"
-
-    def around(self, left: str, row: str, right: str) -> str:
-        return self.grouped(f"{self.sign(left)}{row}{self.sign(right)}")
-
-    def applied(self, function: str, argument: str) -> str:
-        return self.grouped(function + _APPLY + argument)

@@ -1,6 +1,7 @@
-"""Base of all printers of formulas: walks through terms and sets brackets."""
+"""Base of all printers of formulas: walks through terms and sets brackets.
 
-from __future__ import annotations
+What a kind of text writes around its parts is a template, or a method where it depends on them.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -32,6 +33,8 @@ class Printer(ABC):
     space: ClassVar[str] = " "
     between: ClassVar[str] = " "
     signs: ClassVar[Mapping[str, str]] = {}
+    digits = grouped = "{}".format
+    applied = "{}{}".format
 
     def __init__(self, notation: Notation) -> None:
         self.notation = notation
@@ -89,14 +92,8 @@ class Printer(ABC):
     def exponent(self, exponent: Term) -> str:
         return self.row(exponent)
 
-    def grouped(self, row: str) -> str:
-        return row
-
     def sign(self, sign: str) -> str:
         return self.signs.get(sign, sign)
-
-    def digits(self, digits: str) -> str:
-        return digits
 
     def _power(self, base: Term, exponent: Term) -> str:
         above = self.exponent(exponent)
@@ -117,9 +114,6 @@ class Printer(ABC):
         inner = self.sign(",").join(map(self.row, arguments))
         is_name = len(arguments) == 1 and isinstance(arguments[0], Name)
         return self.applied(function, self.space + inner if is_name else self.around("(", inner, ")"))
-
-    def applied(self, function: str, argument: str) -> str:
-        return function + argument
 
     @abstractmethod
     def letter(self, letter: Letter) -> str:

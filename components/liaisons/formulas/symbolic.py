@@ -1,7 +1,5 @@
 """Formulas as expressions of SymPy, an optional package."""
 
-from __future__ import annotations
-
 from functools import reduce
 from operator import mul
 from typing import Any

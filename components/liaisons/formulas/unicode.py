@@ -1,7 +1,5 @@
 """Formulas in Unicode, for terminals."""
 
-from __future__ import annotations
-
 import textwrap
 import unicodedata
 from itertools import pairwise
@@ -36,6 +34,7 @@ class Unicode(Printer):
     """Prints for a terminal: ``½ m l² θ̇²``."""
 
     plus, minus, space = f" +{FIRM}", f" −{FIRM}", FIRM
+    function = "{}".format
     signs: ClassVar = {",": ", ", "≤": " ≤ ", "≠": " ≠ ", "=": " = ", "<": " < "}
 
     def terms(self, term: Term) -> tuple[str, ...]:
@@ -51,9 +50,6 @@ class Unicode(Printer):
         small = below.translate(_BELOW)
         is_small = not any(x.is_word for x in letter.below) and not set(below) & set(small)
         return text + (small if is_small else f"_{below}")
-
-    def function(self, name: str) -> str:
-        return name
 
     def product(self, factors: tuple[Term, ...]) -> str:
         """Return letters with a blank between them, words with a dot."""

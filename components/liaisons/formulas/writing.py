@@ -1,7 +1,5 @@
 """CasADi expressions as formulas: the shortest of some forms, its terms in the order that people write."""
 
-from __future__ import annotations
-
 from collections import Counter
 from fractions import Fraction
 

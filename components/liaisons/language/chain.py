@@ -1,7 +1,5 @@
 """A chain of equal links, described by one link and solved at linear cost."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 
@@ -62,8 +60,7 @@ class Chain(MechanicalComponent, abstract=True):
             [self._symbols(f"{name}{end}" for name in names) for end in ("", "_dot", "_ddot")]
             for names in (free, joint, active)
         )
-        contacts = (*self.unilaterals, *self.dry_frictions)
-        self.contact_forces = self._symbols(f"{item.name}_force" for item in contacts)
+        self.contact_forces = self._symbols(f"{item.name}_force" for item in self.contact_formulas)
 
     # ---- defined by components -----------------------------------------------------------------------------
 
@@ -133,7 +130,7 @@ class Chain(MechanicalComponent, abstract=True):
             raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates")
         joint = ca.vertcat(self.w, self.w_dot)
         needs = {"tip and kinetic_energy need": ca.vertcat(kinetic, tip)}
-        needs |= {f"{c.name} needs": ca.SX(getattr(self, c.name)) for c in (*self.unilaterals, *self.dry_frictions)}
+        needs |= {f"{c.name} needs": self.expression_of(c) for c in self.contact_formulas}
         for text, expression in needs.items() if self.base() is None else ():
             if ca.depends_on(expression, joint):
                 raise ComponentError(f"{name}: {text} the joint, which a free end lacks; define base()")

@@ -1,7 +1,5 @@
 """Checks of a component when its class is defined; errors name the declaration."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import traceback

@@ -1,10 +1,8 @@
 """Base of mechanisms, chains and operators: the class holds declarations, an instance symbols."""
 
-from __future__ import annotations
-
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar, Generic, TypeVar, final
 
 import casadi as ca
@@ -18,9 +16,9 @@ from liaisons.language.checks import (
     reject_reserved_names,
     require_methods,
 )
-from liaisons.language.declarations import Declaration, Friction, InternalState, Parameter
-from liaisons.language.layout import Layout
-from liaisons.language.variables import Experiment, Variable
+from liaisons.language.declarations import Declaration, Friction, Input, InternalState, Parameter
+from liaisons.language.layout import Layout, of_internal, start_of_internal
+from liaisons.language.variables import Experiment, State, Variable
 
 D = TypeVar("D", bound=Declaration)
 
@@ -140,3 +138,43 @@ class Component(ABC):
 
     def _declared_parameters(self) -> list[Variable]:
         return [p.variable("parameter", "tunable" if p.tunable else "fixed") for p in self.parameters]
+
+
+class SignalComponent(Component, abstract=True):
+    """A component that calculates signals from inputs; abstract."""
+
+    inputs = DeclarationsOf(Input)
+    clock: ca.SX
+    input_column: ca.SX
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clock = ca.SX.sym("t")
+        self.internal = self._symbols(state.name for state in self.internal_states)
+        self.input_column = self._symbols(item.name for item in self.inputs)
+
+    def layout(self) -> Layout:
+        of_states = [list(of_internal(state)) for state in self.internal_states]
+        return Layout(
+            parameters=(*self._declared_parameters(), *map(start_of_internal, self.internal_states)),
+            inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
+            outputs=tuple(variable for group in zip(*of_states, strict=True) for variable in group),
+            states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
+            ports=(),
+        )
+
+    def triple(self) -> list[ca.SX]:
+        """Signal of an active port and its derivatives; without a port none."""
+        return []
+
+    @abstractmethod
+    def conditions(self) -> Mapping[str, ca.SX]:
+        """Return expressions that must stay > 0, by the message of their error."""
+
+    @abstractmethod
+    def events(self) -> Sequence[ca.SX]:
+        """Instants [s] at which an output is not smooth."""
+
+    @abstractmethod
+    def next_event_time(self) -> ca.SX | None:
+        """First instant [s] after ``clock`` at which an output is not smooth; None: they always are."""

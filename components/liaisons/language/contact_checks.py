@@ -1,7 +1,5 @@
 """Checks of the unilateral liaisons and dry frictions that a mechanism or a chain declares."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NoReturn
 
@@ -29,7 +27,7 @@ def check_contacts(
     :param q: free coordinates, ``q_dot`` their rates.
     """
     free = ", ".join(map(str, ca.vertsplit(q)))
-    for item in (*m.unilaterals, *m.dry_frictions):
+    for item in m.contact_formulas:
         if item.last and m.dimension is None:
             refuse(m, item, "has last=True, which is of a Chain; leave it out")
     for item in m.unilaterals:

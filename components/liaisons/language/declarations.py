@@ -4,8 +4,6 @@ Each declaration is a descriptor.  On the class it is the declaration itself (un
 instance of the component it is the CasADi symbol or expression of that name.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 from abc import ABC, abstractmethod

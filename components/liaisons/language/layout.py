@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Self
 
 from liaisons.base import units
@@ -11,15 +12,12 @@ from liaisons.base.array_names import split, suffixed
 from liaisons.language.declarations import InternalState
 from liaisons.language.variables import (
     ActiveInput,
-    Causality,
     Dimension,
-    NumberType,
     State,
     Terminal,
     TerminalKind,
     TerminalMember,
     Variable,
-    element,
 )
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force; impulse is ours.
@@ -46,28 +44,27 @@ class Layout:
 
     def flat(self) -> Self:
         """Layout with a variable for each element of an array."""
-        sized = {v.name: v.count for v in self.variables if v.dimension is not None}
+        names = {v.name: [item.name for item in v.elements()] for v in self.variables}
 
-        def names(group: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-            """Tuples of names, element by element; those of scalars unchanged."""
-            count = sized.get(group[0], 1)
-            return (tuple(element(n, i) if n in sized else n for n in group) for i in range(1, count + 1))
+        def each(*group: str) -> Iterator[tuple[str, ...]]:
+            """Tuples of names, element by element."""
+            return zip(*(names[name] for name in group), strict=True)
 
-        def terminal(p: Terminal) -> Iterator[Terminal]:
-            members = names(tuple(member.variable for member in p.members))
-            for i, variables in enumerate(members, start=1):
-                name = element(p.name, i) if p.name in sized else p.name
-                roles = (member.role for member in p.members)
-                yield Terminal(name, p.kind, tuple(map(TerminalMember, roles, variables)))
+        def elements(group: Iterable[Variable]) -> tuple[Variable, ...]:
+            return tuple(item for v in group for item in v.elements())
 
         return replace(
             self,
-            parameters=tuple(v for array in self.parameters for v in array.elements()),
-            inputs=tuple(v for array in self.inputs for v in array.elements()),
-            outputs=tuple(v for array in self.outputs for v in array.elements()),
-            states=tuple(State(*pair) for state in self.states for pair in names(state)),
-            active=tuple(ActiveInput(*triple) for item in self.active for triple in names(item)),
-            ports=tuple(single for p in self.ports for single in terminal(p)),
+            parameters=elements(self.parameters),
+            inputs=elements(self.inputs),
+            outputs=elements(self.outputs),
+            states=tuple(State(*pair) for state in self.states for pair in each(*state)),
+            active=tuple(ActiveInput(*triple) for item in self.active for triple in each(*item)),
+            ports=tuple(
+                Terminal(name, p.kind, tuple(map(TerminalMember, (m.role for m in p.members), variables)))
+                for p in self.ports
+                for name, *variables in each(p.name, *(m.variable for m in p.members))
+            ),
         )
 
     def with_arrays(self, dimensions: Mapping[int, Dimension]) -> Layout:
@@ -111,53 +108,29 @@ def _joined(name: str, elements: Sequence[Variable], dimensions: Mapping[int, Di
     )
 
 
-def readable(
-    name: str,
-    unit: str,
-    text: str,
-    causality: Causality = "output",
-    *,
-    derivative_of: str | None = None,
-    symbol: str = "",
-    dimension: Dimension | None = None,
-) -> Variable:
-    """An output that changes continuously."""
-    of = {"derivative_of": derivative_of, "symbol": symbol, "dimension": dimension}
-    return Variable(name, unit, text, causality, "continuous", **of)
+readable = partial(Variable, causality="output", variability="continuous")
+"""An output that changes continuously, from name, unit and description."""
 
+event_output = partial(Variable, causality="output", variability="discrete")
+"""A number that changes at events alone."""
 
-def event_output(
-    name: str,
-    unit: str,
-    text: str,
-    causality: Causality = "output",
-    *,
-    of_type: NumberType = "Real",
-    dimension: Dimension | None = None,
-) -> Variable:
-    """A number that changes at events alone."""
-    return Variable(name, unit, text, causality, "discrete", type=of_type, dimension=dimension)
+zero = partial(Variable, causality="input", variability="continuous", start=0.0)
+"""An input that is 0 until it is set."""
+
+zero_sum = partial(zero, variability="discrete")
+"""An input that sums what happens at events."""
 
 
 def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
     """The rate of a state, where it is no output."""
-    return readable(suffixed(name, "_dot"), unit, text, "local", derivative_of=name, dimension=dimension)
+    own = suffixed(name, "_dot")
+    return readable(own, unit, text, causality="local", derivative_of=name, dimension=dimension)
 
 
 def start(name: str, unit: str, value: float | tuple[float, ...], dimension: Dimension | None = None) -> Variable:
     """Parameter of an initial value without a declaration."""
     text = f"initial value of {name}"
     return Variable(suffixed(name, "_0"), unit, text, "parameter", "fixed", start=value, dimension=dimension)
-
-
-def zero(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
-    """An input that is 0 until it is set."""
-    return Variable(name, unit, text, "input", "continuous", start=0.0, dimension=dimension)
-
-
-def zero_sum(name: str, unit: str, text: str, dimension: Dimension | None = None) -> Variable:
-    """An input that sums what happens at events."""
-    return replace(zero(name, unit, text, dimension), variability="discrete")
 
 
 def of_internal(state: InternalState) -> Iterator[Variable]:

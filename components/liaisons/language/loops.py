@@ -1,7 +1,5 @@
 """Loops of a linkage: conditions at the joints that close them, of which some are redundant, and the start."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any

@@ -104,8 +104,7 @@ class MechanicalComponent(Component, abstract=True):
     def contact_rates(self) -> ca.SX:
         """Rates of the unilateral liaisons, then the relative velocities of dry friction; (c,)."""
         return stack(
-            [*(self.dot(getattr(self, c.name)) for c in self.unilaterals)]
-            + [ca.SX(getattr(self, c.name)) for c in self.dry_frictions]
+            [*map(self.dot, map(self.expression_of, self.unilaterals)), *map(self.expression_of, self.dry_frictions)]
         )
 
     def threshold(self, name: str) -> ca.SX:
@@ -123,9 +122,13 @@ class MechanicalComponent(Component, abstract=True):
         return (*self.passive_constraints, *self.rheonomic_constraints)
 
     @property
-    def has_impacts(self) -> bool:
-        """Whether it has unilateral liaisons or dry friction."""
-        return bool(self.unilaterals or self.dry_frictions)
+    def contact_formulas(self) -> tuple[unilateral | dry_friction, ...]:
+        """Unilateral liaisons, then dry friction: the order of all columns of contacts."""
+        return (*self.unilaterals, *self.dry_frictions)
+
+    def expression_of(self, item: Declaration) -> ca.SX:
+        """Expression of a declaration, or of an element of an array."""
+        return ca.SX(getattr(self, item.name))
 
     def motion_names(self, kind: Literal["quaternion", "rates", "accelerations", "momenta"]) -> list[str]:
         """Names of coordinates, their rates, accelerations or momenta, then those of an orientation."""
@@ -152,7 +155,7 @@ class MechanicalComponent(Component, abstract=True):
             ),
             ports=(
                 *(layout.port(q.name, q.unit, "free") for q in self.coordinates),
-                *(layout.port(s.name, s.unit, "active", impulse=self.has_impacts) for s in self.actives),
+                *(layout.port(s.name, s.unit, "active", impulse=bool(self.contact_formulas)) for s in self.actives),
                 *(layout.port(name, unit, "point") for name, unit in units_at.items()),
             ),
             active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in self.actives),
@@ -181,39 +184,41 @@ class MechanicalComponent(Component, abstract=True):
 
     def _inputs(self, units_at: Mapping[str, str]) -> Iterator[Variable]:
         """σ, σ̇ and σ̈ of active coordinates; drives and loads of free ones; loads at points, by their units."""
-        size, together = self.dimension, "to be set with it, in model exchange too"
+        zeros, zero_sums = (partial(make, dimension=self.dimension) for make in (layout.zero, layout.zero_sum))
+        together = "to be set with it, in model exchange too"
         for s in self.actives:
             speed = units.rate(s.unit)
             yield s.variable("input", "continuous")
             yield layout.zero(f"{s.name}_dot", speed, f"rate of {s.name}, {together}")
             yield layout.zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}, {together}")
-            if self.has_impacts:
+            if self.contact_formulas:
                 text = f"sum of the jumps of {s.name}_dot in reaction to impulses, {together}"
                 yield layout.zero_sum(f"{s.name}_dot_jump", speed, text)
         for q in self.coordinates:
             unit, along = units.force(q.unit), f"along +{q.name}"
             text = f"generalised force on this mechanism {along} (K eq. 14)"
-            yield layout.zero(suffixed(q.name, "_force"), unit, text, size)
+            yield zeros(suffixed(q.name, "_force"), unit, text)
             load = f"generalised force that this mechanism exerts {along} on what is attached to it"
-            yield layout.zero(suffixed(q.name, "_load"), unit, load, size)
+            yield zeros(suffixed(q.name, "_load"), unit, load)
             text = f"sum of the impulses that this mechanism exerts {along} on what is attached to it"
-            yield layout.zero_sum(suffixed(q.name, "_impulse"), units.momentum(q.unit), text, size)
+            yield zero_sums(suffixed(q.name, "_impulse"), units.momentum(q.unit), text)
         for name, of in units_at.items():
             text = f"force that this mechanism exerts along +{name} on what is attached there"
-            yield layout.zero(f"{name}_load", units.force(of), text, size)
+            yield zeros(f"{name}_load", units.force(of), text)
             text = f"sum of the impulses that this mechanism exerts along +{name} on what is attached there"
-            yield layout.zero_sum(f"{name}_impulse", units.momentum(of), text, size)
+            yield zero_sums(f"{name}_impulse", units.momentum(of), text)
 
     def _motion_outputs(self) -> Iterator[Variable]:
         """Coordinates, orientations, internal states, their momenta and rates."""
-        readable, size = layout.readable, self.dimension
+        size = self.dimension
+        readable = partial(layout.readable, dimension=size)
         for q in self.coordinates:
             speed, momentum = units.rate(q.unit), f"p_{q.name}"
             rate, acceleration = (suffixed(q.name, end) for end in ("_dot", "_ddot"))
-            yield readable(q.name, q.unit, q.description, symbol=q.symbol, dimension=size)
-            yield readable(rate, speed, f"rate of {q.name}", derivative_of=q.name, dimension=size)
-            yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}", dimension=size)
-            yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}", dimension=size)
+            yield readable(q.name, q.unit, q.description, symbol=q.symbol)
+            yield readable(rate, speed, f"rate of {q.name}", derivative_of=q.name)
+            yield readable(acceleration, units.rate(speed), f"acceleration of {q.name}")
+            yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}")
             text = f"rate of {momentum}: all generalised forces along {q.name}"
             yield layout.rate(momentum, units.force(q.unit), text, size)
         for orientation in self.orientations:
@@ -260,14 +265,14 @@ class MechanicalComponent(Component, abstract=True):
         text = "energy lost by friction, or taken out by non-holonomic constraints, since the start"
         yield readable("dissipated", "J", text)
         lost = ""
-        if self.has_impacts:
+        if self.contact_formulas:
             lost = " + impact_loss"
             yield layout.event_output("impact_loss", "J", "energy lost by impacts since the start")
         text = f"energy - energy at start - work + dissipated{lost}: 0 up to the integration error"
         yield readable("energy_balance", "J", text)
-        yield readable("power", "W", "power through all ports", "local", derivative_of="work")
+        yield readable("power", "W", "power through all ports", causality="local", derivative_of="work")
         text = "power lost by friction, the rates times the gradient of the dissipation function (K eq. 67)"
-        yield readable("dissipation", "W", text, "local", derivative_of="dissipated")
+        yield readable("dissipation", "W", text, causality="local", derivative_of="dissipated")
         yield from (readable(item.name, item.unit, item.description) for item in self.outputs)
         for item in self.calculated_parameters:
             yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
@@ -281,20 +286,20 @@ class MechanicalComponent(Component, abstract=True):
             yield readable(of("_dot"), units.rate(item.unit), f"rate of {name}")
             yield readable(of("_force"), units.force(item.unit), f"force that upholds {name} >= 0")
             yield at_events(of("_impulse"), momentum, f"sum of the impulses of impacts at {name}")
-            yield at_events(of("_closed"), "1", f"whether {name} rests at 0", of_type="Boolean")
+            yield at_events(of("_closed"), "1", f"whether {name} rests at 0", type="Boolean")
             text = f"how many impacts {name} has had, after falls from more than a millionth of its size"
-            yield at_events(of("_impacts"), "1", text, of_type="Integer")
-            yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", "local")
-            yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
+            yield at_events(of("_impacts"), "1", text, type="Integer")
+            yield at_events(of("_rests_from"), "s", f"when the bounces of {name} end, or have ended", causality="local")
+            yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
         for item in self.dry_frictions:
             readable, at_events = self._of_contact(item)
             name, of = item.name, partial(suffixed, item.name)
             yield readable(name, item.unit, item.description)
             yield readable(of("_force"), units.multiplier_unit(item.unit), f"force of dry friction along +{name}")
-            yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", of_type="Boolean")
-            yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", "local")
-            yield readable(of("_indicator"), "1", f"event indicator of {name}", "local")
-        if self.has_impacts:
+            yield at_events(of("_sticks"), "1", f"whether {name} is held at 0 by friction", type="Boolean")
+            yield at_events(of("_direction"), "1", f"sign of {name} while it slides, else 0", causality="local")
+            yield readable(of("_indicator"), "1", f"event indicator of {name}", causality="local")
+        if self.contact_formulas:
             for s in self.actives:
                 text = f"sum of the impulses of {s.name}_force at impacts"
                 yield layout.event_output(f"{s.name}_impulse", units.momentum(s.unit), text)

@@ -117,8 +117,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         )
         self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in self.passive_constraints)
-        contacts = (*self.unilaterals, *self.dry_frictions)
-        self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in contacts)
+        self.contact_forces = self._symbols(suffixed(c.name, "_force") for c in self.contact_formulas)
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
     # ---- defined by components -----------------------------------------------------------------------------
@@ -175,9 +174,7 @@ class Mechanism(MechanicalComponent, abstract=True):
     def contact_force(self, name: str) -> ca.SX:
         """Force of a unilateral liaison, or of dry friction, of this name; for outputs."""
         of = "unilateral liaisons or dry frictions"
-        return self._symbol(
-            suffixed(name, "_force"), f"contact_force({name!r})", (*self.unilaterals, *self.dry_frictions), of
-        )
+        return self._symbol(suffixed(name, "_force"), f"contact_force({name!r})", self.contact_formulas, of)
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
@@ -260,9 +257,8 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def _check_beside_newton(self) -> None:
         """Refuse what needs momenta that are linear in the rates."""
-        contacts, factor = (*self.unilaterals, *self.dry_frictions), ca.SX(self.friction_coefficient())
-        others = [item.name for item in (*self.all_constraints, *contacts, *self.orientations)]
-        if others or not factor.is_zero():
+        others = [item.name for item in (*self.all_constraints, *self.contact_formulas, *self.orientations)]
+        if others or not ca.SX(self.friction_coefficient()).is_zero():
             name = (others or ["friction_coefficient"])[0]
             raise ComponentError(
                 f"{type(self).__name__}: {name} needs a Lagrangian that is quadratic in the rates; take independent "

@@ -1,12 +1,10 @@
 """An operator: source of σ(t) and its two derivatives, from one expression."""
 
-from __future__ import annotations
-
 import logging
 import sys
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise, takewhile
 from typing import Any, final
@@ -18,11 +16,11 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import is_smooth
 from liaisons.language.checks import Formulas, call
-from liaisons.language.component import Component, DeclarationsOf
-from liaisons.language.declarations import Input, ParameterArray
-from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
+from liaisons.language.component import SignalComponent
+from liaisons.language.declarations import ParameterArray
+from liaisons.language.layout import Layout, readable
 from liaisons.language.sampled import SampledStates
-from liaisons.language.variables import State, Terminal, TerminalMember
+from liaisons.language.variables import Terminal, TerminalMember
 
 _log = logging.getLogger(__name__)
 
@@ -42,7 +40,7 @@ class Lookup:
     end: ca.SX
 
 
-class Operator(Component, abstract=True):
+class Operator(SignalComponent, abstract=True):
     """Source of a signal y(t) and its derivatives, for an active port; abstract.
 
     A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, also :meth:`events`,
@@ -55,17 +53,7 @@ class Operator(Component, abstract=True):
         derivatives jumps with an input.
     """
 
-    inputs = DeclarationsOf(Input)
-    lookups: list[Lookup] | None
-    clock: ca.SX
-    input_column: ca.SX
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.lookups = None  # a list: rows are symbols, kept in it
-        self.clock = ca.SX.sym("t")
-        self.internal = self._symbols(state.name for state in self.internal_states)
-        self.input_column = self._symbols(item.name for item in self.inputs)
+    lookups: list[Lookup] | None = None  # a list: rows are symbols, kept in it
 
     @abstractmethod
     def signal(self, t: ca.SX) -> ca.SX:
@@ -97,26 +85,22 @@ class Operator(Component, abstract=True):
     def _chosen(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
         """Rows of :meth:`interval` as expressions of all rows."""
         instants, ascends = ca.vertsplit(self.table[0].value_in(self)), ca.SX(1)
-        begun, has_length = [], []
+        last = len(instants) - 1
+        has_length = []
         for t_0, t_1 in pairwise(instants):
             ascends = ca.logic_and(ascends, t_1 >= t_0)
             has_length.append(ca.logic_and(ascends, ca.logic_or(rests, t_1 > t_0)))
-            begun.append(ca.logic_and(has_length[-1], t >= (t_1 if rests else t_0)))
-        last = len(instants) - 1
-        order = [(k, begun[k]) for k in reversed(range(last))]
-        order += [] if rests else list(enumerate(has_length))
-        chosen, passed = [ca.SX(0)] * len(instants), ca.SX(0)
-        for k, holds in order:
-            row = k + 1 if rests else k
-            chosen[row] += ca.logic_and(holds, ca.logic_not(passed))
-            passed = ca.logic_or(passed, holds)
-        chosen[0 if rests else last - 1] += ca.logic_not(passed)
-        begin, end = stack(chosen), stack([ca.SX(0), *chosen[:-1]])
-        if rests:
-            more = stack([*has_length, ca.SX(0)])  # whether there is a next row
-            end = stack([ca.SX(0), *ca.vertsplit(begin * more)[:-1]]) + begin * (1 - more)
+        row = ca.SX(0 if rests else -1)
+        for k, begin in enumerate(instants[1:] if rests else instants[:-1]):
+            reached = t >= begin if rests else ca.logic_or(t >= begin, row < 0)
+            row = ca.if_else(ca.logic_and(has_length[k], reached), k + rests, row)
+        begun = stack(row == k for k in range(last + 1))
+        if not rests:  # where no interval has a length
+            begun[last - 1] = ca.logic_or(begun[last - 1], row < 0)
+        has_next = stack([*has_length, 0]) if rests else 1
+        ended = stack([0, *ca.vertsplit(begun * has_next)[:-1]]) + begun * (1 - has_next)
         whole = [next(p for p in self.table if p.name == name).value_in(self) for name in columns]
-        return [ca.dot(begin, x) for x in whole], [ca.dot(end, x) for x in whole]
+        return [ca.dot(begun, x) for x in whole], [ca.dot(ended, x) for x in whole]
 
     @property
     def table(self) -> list[ParameterArray]:
@@ -125,7 +109,6 @@ class Operator(Component, abstract=True):
         return [p for p in arrays if p.dimension == arrays[0].dimension]
 
     def conditions(self) -> Mapping[str, ca.SX]:
-        """Return expressions that must stay > 0, by the message of their error."""
         return {}
 
     def events(self) -> Sequence[ca.SX]:
@@ -138,21 +121,11 @@ class Operator(Component, abstract=True):
         return []
 
     def layout(self) -> Layout:
-        of_states = [list(of_internal(state)) for state in self.internal_states]
-        return Layout(
-            parameters=(
-                *self._declared_parameters(),
-                *map(start_of_internal, self.internal_states),
-                *(self.starts() if isinstance(self, SampledStates) else ()),
-            ),
-            inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
-            outputs=(
-                *(readable(name, units.ANY, text) for name, text in zip(TRIPLE, _TEXTS, strict=True)),
-                *(state for state, _ in of_states),
-                *(rate for _, rate in of_states),
-                *(self.held() if isinstance(self, SampledStates) else ()),
-            ),
-            states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
+        inner = super().layout()
+        signals = (readable(name, units.ANY, text) for name, text in zip(TRIPLE, _TEXTS, strict=True))
+        return replace(
+            inner,
+            outputs=(*signals, *inner.outputs),
             ports=(Terminal("y", "signal", tuple(map(TerminalMember, ("s", "v", "a"), TRIPLE))),),
             dimensions=tuple(dict.fromkeys(p.dimension for p in self.parameters if isinstance(p, ParameterArray))),
         )
@@ -170,7 +143,7 @@ class Operator(Component, abstract=True):
             )
         formulas.internal_rates(symbols if isinstance(self, SampledStates) else self.symbols)
         if isinstance(self, SampledStates):
-            formulas.each("update", symbols, {item.name: item.unit for item in self.discrete_states})
+            self._check_update(formulas)
         formulas.check_units(self.layout().variables, symbols, t="s")
         for name, expression in zip(TRIPLE, self.triple(), strict=True):
             if self.inputs and ca.depends_on(expression, self.input_column):

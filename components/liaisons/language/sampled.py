@@ -1,9 +1,8 @@
 """Components in discrete time: states and outputs that change at samples alone."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import final
 
 import casadi as ca
@@ -13,16 +12,15 @@ from liaisons.base.units import ANY
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import Formulas
-from liaisons.language.component import Component, DeclarationsOf
-from liaisons.language.declarations import DiscreteOutput, DiscreteState, Input, Parameter
+from liaisons.language.component import DeclarationsOf, SignalComponent
+from liaisons.language.declarations import DiscreteOutput, DiscreteState, Parameter
 from liaisons.language.layout import Layout, event_output
-from liaisons.language.variables import Variable
 
 LATE = "each sample has to be a communication point: choose a communication step that divides the period"
 """Message of a step across a sample, whose inputs nobody knows."""
 
 
-class SampledStates(Component, abstract=True):
+class SampledStates(SignalComponent, abstract=True):
     """Discrete states that are updated at samples; abstract, and the base of what has them.
 
     The memory of its FMU has the discrete states before the last sample, those after it, and its instant [s], so that a
@@ -31,7 +29,6 @@ class SampledStates(Component, abstract=True):
 
     period = Parameter(0.1, "s", "sampling period", above=0)
     discrete_states = DeclarationsOf(DiscreteState)
-    clock: ca.SX
     discrete: ca.SX
 
     def __init__(self) -> None:
@@ -65,9 +62,8 @@ class SampledStates(Component, abstract=True):
         is_due = ca.logic_and(is_sample, instant > last - 2 * near)
         return ca.vertcat(before, ca.if_else(is_due, self._updated(before), after), ca.if_else(is_due, instant, last))
 
-    @final
     def memory_at_start(self, start: ca.SX) -> ca.SX:
-        """Memory at initialization, before the sample that may be due.
+        """Memory at initialization; of an operator before the sample that may be due.
 
         :param start: discrete states.
         """
@@ -79,18 +75,20 @@ class SampledStates(Component, abstract=True):
         near = CLOCK_ERROR * self.period
         return self._split(memory)[2] + 2 * near - self.last_sample(self.clock - 4 * near)
 
-    def starts(self) -> list[Variable]:
-        """Parameters: discrete states before the first sample."""
-        return [state.variable("parameter", "fixed", f"{state.name}_0") for state in self.discrete_states]
-
-    def held(self) -> list[Variable]:
-        """Variables of the discrete states."""
-        return [event_output(item.name, item.unit, item.description, item.causality) for item in self.discrete_states]
+    def layout(self) -> Layout:
+        inner, states = super().layout(), self.discrete_states
+        starts = (state.variable("parameter", "fixed", f"{state.name}_0") for state in states)
+        held = (event_output(item.name, item.unit, item.description, causality=item.causality) for item in states)
+        return replace(inner, parameters=(*inner.parameters, *starts), outputs=(*inner.outputs, *held))
 
     def _split(self, memory: ca.SX) -> list[ca.SX]:
         """Discrete states before and after the last sample, and its instant."""
         n = self.discrete.numel()
         return ca.vertsplit(memory, [0, n, 2 * n, 2 * n + 1])
+
+    def _check_update(self, formulas: Formulas) -> None:
+        unit = {item.name: ANY if item.unchecked else item.unit for item in self.discrete_states}
+        formulas.each("update", self.symbols | {"t": self.clock}, unit)
 
     def _updated(self, before: ca.SX) -> ca.SX:
         values = self.update()
@@ -108,30 +106,13 @@ class Sampled(SampledStates, abstract=True):
     """
 
     delay = Parameter(0.0, "s", "delay of computation: from a sample to the change of outputs", minimum=0)
-    inputs = DeclarationsOf(Input)
-    input_column: ca.SX
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.clock = ca.SX.sym("t")
-        self.input_column = self._symbols(item.name for item in self.inputs)
-
-    def layout(self) -> Layout:
-        return Layout(
-            parameters=(*self._declared_parameters(), *self.starts()),
-            inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
-            outputs=tuple(self.held()),
-            states=(),
-            ports=(),
-        )
 
     def _check(self) -> None:
         if not self.discrete_states:
             raise ComponentError(f"{type(self).__name__} declares no DiscreteState and no DiscreteOutput")
-        formulas, symbols = Formulas(self), self.symbols | {"t": self.clock}
-        unit = {item.name: ANY if item.unchecked else item.unit for item in self.discrete_states}
-        formulas.each("update", symbols, unit)
-        formulas.check_units(self.layout().variables, symbols, t="s")
+        formulas = Formulas(self)
+        self._check_update(formulas)
+        formulas.check_units(self.layout().variables, self.symbols | {"t": self.clock}, t="s")
 
     @final
     def readable(self, memory: ca.SX) -> ca.SX:
@@ -144,10 +125,12 @@ class Sampled(SampledStates, abstract=True):
         )
 
     @final
-    def conditions(self, memory: ca.SX) -> dict[str, ca.SX]:
-        """What has to stay > 0, by the message of its error."""
-        lasting = (1 + CLOCK_ERROR) * self.period - self.delay
-        return {LATE: self.margin(memory), "delay must stay <= period": lasting}
+    def memory_at_start(self, start: ca.SX) -> ca.SX:
+        return self.after_sample(super().memory_at_start(start))
+
+    @final
+    def conditions(self) -> dict[str, ca.SX]:
+        return {"delay must stay <= period": (1 + CLOCK_ERROR) * self.period - self.delay}
 
     @final
     def events(self) -> Sequence[ca.SX]:

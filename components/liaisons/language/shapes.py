@@ -1,7 +1,5 @@
 """Shapes of a mechanism's picture, which ``picture(self)`` returns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import cos, pi, sin

@@ -1,8 +1,6 @@
 """Model of a component, as FMU back ends take it."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -13,12 +11,12 @@ from liaisons.language.chain import Chain
 from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
-from liaisons.language.sampled import LATE, Sampled, SampledStates
+from liaisons.language.sampled import LATE, SampledStates
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.mechanisms import mechanism_model
 from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, described
-from liaisons.mechanics.printing import of_operator, of_sampled
+from liaisons.mechanics.printing import of_signals
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
@@ -28,39 +26,46 @@ def assemble(component: type[Component], n: object = None) -> Model:
     :param n: number of links of a chain, or of elements of a mechanism; as declared by default.
     :raises ComponentError: if n is no whole number, is too small, or the component has no Size n.
     """
-    return next(model(component, n) for kind, model in _MODELS.items() if issubclass(component, kind))
+    if issubclass(component, Chain):
+        return chain_model(component, component(n).sizes["n"])
+    if issubclass(component, Mechanism):
+        return mechanism_model(component if n is None else component.of_size(n))
+    return _signal_model(component, n)
 
 
-def _operator_model(component: type[Operator], n: object) -> Model:
-    """Model of an operator: variables and functions."""
-    _reject_size(component, n)
-    operator = component()
-    operator.lookups = []
-    x, rates = operator.internal, operator.internal_rate_column()
-    triple, next_event = operator.triple(), operator.next_event_time()
+def _signal_model(component: Any, n: object) -> Model:
+    """Model of an operator, or of a sampled component: variables and functions."""
+    if n is not None:
+        raise ComponentError(f"{component.__name__}: n = {n!r}: it has no size")
+    m = component()
+    if isinstance(m, Operator):
+        m.lookups = []
+    x, rates = m.internal, m.internal_rate_column()
+    triple, next_event = m.triple(), m.next_event_time()
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
-    k, memory, names, limits = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1), (), operator.conditions()
+    k, memory, names, limits = ca.vertcat(m.parameter_column, start), ca.SX(0, 1), (), m.conditions()
     own: dict[str, Any] = {"derivatives": rates, "outputs_function": stack([*triple, x, rates])}
-    events, at_start = stack(map(ca.SX, operator.events())), memory
-    if isinstance(operator, SampledStates):
-        before, memory, names = _memory(operator)
-        k, at_start, held = ca.vertcat(k, before), operator.memory_at_start(before), operator.readable(memory)
-        own["outputs_function"] = ca.vertcat(own["outputs_function"], operator.discrete)
-        own = {name: ca.substitute(value, operator.discrete, held) for name, value in own.items()}
-        own |= {"sample": operator.after_sample(memory), "events": events}
-        limits = {LATE: operator.margin(memory), **limits}
-    vectors = {"t": operator.clock, "y": x, "u": operator.input_column, "k": k, "m": memory}
+    events, at_start = stack(map(ca.SX, m.events())), memory
+    if isinstance(m, SampledStates):
+        states = [state.name for state in m.discrete_states]
+        names = (*(f"{name}_before" for name in states), *states, "last_sample")
+        before, memory = stack(ca.SX.sym(f"{name}_0") for name in states), ca.SX.sym("m", len(names))
+        k, at_start = ca.vertcat(k, before), m.memory_at_start(before)
+        own["outputs_function"] = ca.vertcat(own["outputs_function"], m.discrete)
+        own = {name: ca.substitute(value, m.discrete, m.readable(memory)) for name, value in own.items()}
+        own |= {"sample": m.after_sample(memory), "events": events}
+        limits = {LATE: m.margin(memory), **limits}
+    vectors = {"t": m.clock, "y": x, "u": m.input_column, "k": k, "m": memory}
     read = {
         **own,
         "jump": x,
         "conditions": stack(map(ca.SX, limits.values())),
         **({} if next_event is None else {"draw": next_event}),
     }
-    equations = of_operator(operator, triple[0])
-    table = None
-    if operator.lookups:
-        table = _lookup_table(operator, vectors, read)
-        read = _with_all_rows(operator, read)
+    equations, table = of_signals(m), None
+    if isinstance(m, Operator) and m.lookups:
+        table = _lookup_table(m, vectors, read)
+        read = _with_all_rows(m, read)
     results = {
         "events": events,
         **read,
@@ -69,7 +74,7 @@ def _operator_model(component: type[Operator], n: object) -> Model:
         "nominals": ca.SX.ones(x.shape),
     }
     return Model(
-        **described(operator),
+        **described(m),
         memory=names,
         **model_functions(vectors, results, merge=False),
         drawn=() if next_event is None else (NEXT_EVENT,),
@@ -77,55 +82,6 @@ def _operator_model(component: type[Operator], n: object) -> Model:
         equations=equations,
         table=table,
     )
-
-
-def _sampled_model(component: type[Sampled], n: object) -> Model:
-    """Model of a sampled component, whose memory has its discrete states."""
-    _reject_size(component, n)
-    sampled, none = component(), ca.SX(0, 1)
-    start, memory, names = _memory(sampled)
-    k, y = ca.vertcat(sampled.parameter_column, start), ca.SX.sym("y", 0)
-    vectors = {"t": sampled.clock, "y": y, "u": sampled.input_column, "k": k, "m": memory}
-    limits = sampled.conditions(memory)
-    results = {
-        **dict.fromkeys(("derivatives", "jump", "nominals"), none),
-        "start": (none, sampled.after_sample(sampled.memory_at_start(start))),
-        "sample": sampled.after_sample(memory),
-        "remember": memory,
-        "outputs_function": sampled.readable(memory),
-        "conditions": stack(limits.values()),
-        "events": stack(sampled.events()),
-        "draw": sampled.next_event_time(),
-    }
-    return Model(
-        **described(sampled),
-        memory=names,
-        **model_functions(vectors, results, merge=False),
-        drawn=(NEXT_EVENT,),
-        condition_texts=tuple(limits),
-        equations=of_sampled(sampled),
-    )
-
-
-def _memory(sampled: SampledStates) -> tuple[ca.SX, ca.SX, tuple[str, ...]]:
-    """Start values of discrete states, the memory that has them, and names of its numbers."""
-    names = [state.name for state in sampled.discrete_states]
-    start = stack(ca.SX.sym(f"{name}_0") for name in names)
-    return start, ca.SX.sym("m", 2 * len(names) + 1), (*(f"{name}_before" for name in names), *names, "last_sample")
-
-
-def _reject_size(component: type[Component], n: object) -> None:
-    if n is not None:
-        raise ComponentError(f"{component.__name__}: n = {n!r}: it has no size")
-
-
-_MODELS: dict[type[Component], Callable[[Any, object], Model]] = {
-    Chain: lambda component, n: chain_model(component, component(n).sizes["n"]),
-    Mechanism: lambda component, n: mechanism_model(component if n is None else component.of_size(n)),
-    Operator: _operator_model,
-    Sampled: _sampled_model,
-}
-"""Model of a component of each kind, of some size where it is not None."""
 
 
 def _lookup_table(operator: Operator, vectors: Mapping[str, ca.SX], results: Mapping[str, ca.SX]) -> LookupTable:

@@ -5,8 +5,6 @@ where they need each other, as acceleration and force between two mechanisms do,
 symbolically.  So the one model has no coupling error: it is the equations of motion of the whole.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce

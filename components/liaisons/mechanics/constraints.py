@@ -4,8 +4,6 @@ Passive constraints σ(x) = 0 (K eq. 2), rheonomic ones π(x) = σ(t) (M eq. 20)
 (K eq. 110) differ in how often they are differentiated; after that they are rows of one linear system.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """Terms of Lagrange's equations: by differentiation of the Lagrangian, or of a linkage by recursion over its bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

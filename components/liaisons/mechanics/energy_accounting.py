@@ -1,7 +1,5 @@
 """Energy accounting of a model: work done through the ports, energy dissipated by friction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -20,8 +20,6 @@ An orientation has the angular velocity ω in the body frame for ẋ, and its mo
 Ḣ is the torque, zero unless L depends on the orientation, so that H is conserved to rounding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

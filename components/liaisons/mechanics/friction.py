@@ -1,7 +1,5 @@
 """Friction by Rayleigh's dissipation function D: the forces Q = −∂D/∂q̇ on free and active coordinates alike."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -15,8 +15,6 @@ Vectors are named by letters, see :mod:`liaisons.mechanics.model`; of functions 
 ====  ==========================================================================================
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

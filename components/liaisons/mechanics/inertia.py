@@ -8,8 +8,6 @@ coordinates and on the point before.  With their rates áº‡ as unknowns beside qÌ
 whose elimination from the leaves inward is the articulated-body method (Featherstone 2008, ch. 7).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

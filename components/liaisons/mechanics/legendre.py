@@ -4,8 +4,6 @@ Solved is ∂L/∂v = p (M eq. 10) with the Hessian A = ∂²L/∂v∂v, from v 
 φ = L − p·v is least at the solution; the length of the first steps makes φ small, so that rates stay where L exists.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.expressions.algebra import gradient, solve_symmetric

@@ -1,7 +1,5 @@
 """Model of a mechanism: its equations of motion as vectors and functions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from itertools import accumulate
@@ -150,7 +148,7 @@ def _nominal_states(equations: Equations) -> ca.SX:
 def _conditions(equations: Equations) -> dict[str, ca.SX]:
     """Expressions that must stay positive, by the message for a violation."""
     m = equations.mechanism
-    conditions = {item.description: ca.SX(getattr(m, item.name)) for item in m.assertions}
+    conditions = {item.description: m.expression_of(item) for item in m.assertions}
     for q in m.coordinates:
         conditions |= domain_conditions(q, m.symbols[q.name])
     for rate, p, distance in zip(*map(ca.vertsplit, (m.free.q_dot, m.free.p, equations.convergence)), strict=False):

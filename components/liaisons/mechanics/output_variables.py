@@ -1,7 +1,5 @@
 """Expressions of the output variables that mechanisms and chains have in common."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
@@ -34,7 +32,7 @@ def mechanical_outputs(
         outputs |= {f"{name}{end}": x for end, x in zip(("", "_dot", "_ddot"), motion, strict=True)}
     kinetic, potential = energies
     outputs |= {"kinetic_energy": kinetic, "potential_energy": potential, "energy": kinetic + potential}
-    return outputs | {item.name: ca.SX(getattr(m, item.name)) for item in (*m.outputs, *m.calculated_parameters)}
+    return outputs | {item.name: m.expression_of(item) for item in (*m.outputs, *m.calculated_parameters)}
 
 
 def contact_outputs(m: MechanicalComponent, gaps: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:

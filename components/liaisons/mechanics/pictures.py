@@ -1,7 +1,5 @@
 """Picture of a component: shapes whose coordinates are numbers or names of variables; of a chain, link by link."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, final

@@ -4,8 +4,6 @@ A second derivation from the Lagrangian: generalised forces and multipliers stay
 :mod:`liaisons.mechanics.equations` solves for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import casadi as ca
@@ -15,10 +13,10 @@ from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
+from liaisons.language.component import SignalComponent
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.linkage import Linkage
 from liaisons.language.mechanical import MechanicalComponent
-from liaisons.language.operator import Operator
 from liaisons.language.sampled import Sampled
 from liaisons.mechanics.constraints import differentiated_constraints
 from liaisons.mechanics.dynamics import elastic_forces
@@ -55,7 +53,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         *_row_equations("forces", [f"{name}_force" for name in actives[: m.active.adapted]], balances[len(rates) :, 0]),
         *_effective_mass_equations(_effective_mass_matrix(equations, balances[len(rates) :, 0]), actives),
         *_row_equations("points", equations.points, stack(equations.points.values())),
-        *(Equation("outputs", item.name, ca.SX(getattr(m, item.name))) for item in m.outputs),
+        *(Equation("outputs", item.name, m.expression_of(item)) for item in m.outputs),
     )
 
 
@@ -83,17 +81,15 @@ def of_linkage(equations: Equations, m: Linkage) -> tuple[Equation, ...]:
     )
 
 
-def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
-    """Signal and rates of the internal states, as equations."""
-    names = (f"{x.name}_dot" for x in operator.internal_states)
-    internal = _row_equations("internal", names, operator.internal_rate_column())
-    arrays = any(isinstance(p, ParameterArray) for p in operator.parameters)  # a choice among many is no formula
-    return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
-
-
-def of_sampled(sampled: Sampled) -> tuple[Equation, ...]:
-    """Discrete states after a sample."""
-    return tuple(Equation("update", name, ca.SX(value)) for name, value in sampled.update().items())
+def of_signals(m: SignalComponent) -> tuple[Equation, ...]:
+    """Signal of an operator, rates of the internal states, and discrete states after a sample, as equations."""
+    arrays = any(isinstance(p, ParameterArray) for p in m.parameters)  # a choice among many is no formula
+    names = (f"{x.name}_dot" for x in m.internal_states)
+    return (
+        *(Equation("signal", "y", y) for y in m.triple()[:1] if not arrays),
+        *_row_equations("internal", names, m.internal_rate_column()),
+        *(Equation("update", name, ca.SX(x)) for name, x in (m.update() if isinstance(m, Sampled) else {}).items()),
+    )
 
 
 def of_chain(chain: Chain) -> tuple[Equation, ...]:
@@ -109,7 +105,7 @@ def of_chain(chain: Chain) -> tuple[Equation, ...]:
         *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
         *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
         *_row_equations("points", points, stack(points.values())),
-        *(Equation("unilateral", item.name, ca.SX(getattr(chain, item.name))) for item in chain.unilaterals),
+        *(Equation("unilateral", item.name, chain.expression_of(item)) for item in chain.unilaterals),
         *_friction_equations(chain),
     )
 
@@ -241,9 +237,9 @@ def _constraint_equations(equations: Equations) -> Iterator[Equation]:
     """Yield the passive constraints, and the functions that operators prescribe, as equations."""
     m = equations.mechanism
     for item in m.passive_constraints:
-        yield Equation("constraints", "0", ca.SX(getattr(m, item.name)))
+        yield Equation("constraints", "0", m.expression_of(item))
     for item in m.rheonomic_constraints:
-        yield Equation("constraints", item.name, ca.SX(getattr(m, item.name)))
+        yield Equation("constraints", item.name, m.expression_of(item))
 
 
 def _contact_equations(equations: Equations) -> Iterator[Equation]:
@@ -263,7 +259,7 @@ def _contact_equations(equations: Equations) -> Iterator[Equation]:
 def _friction_equations(m: MechanicalComponent) -> Iterator[Equation]:
     """Yield relative velocities of dry friction, and their thresholds."""
     for item in m.dry_frictions:
-        yield Equation("dry_friction", item.name, ca.SX(getattr(m, item.name)))
+        yield Equation("dry_friction", item.name, m.expression_of(item))
         normal = m.symbols[suffixed(item.normal, "_force")] if item.normal else ca.SX(1)
         for letter, threshold in zip("SK", dict.fromkeys((item.static, item.sliding)), strict=False):
             yield Equation("dry_friction", f"{letter}_{item.name}", m.threshold(threshold) * normal)

@@ -17,8 +17,6 @@ mass matrix    composite rigid bodies
 The recursion of q̇ is Hamilton's form of the method of articulated bodies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import casadi as ca

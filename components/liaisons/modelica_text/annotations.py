@@ -1,7 +1,5 @@
 """Annotations of components: an icon from the picture at the start, and the sources."""
 
-from __future__ import annotations
-
 import html
 import inspect
 from typing import Any

@@ -1,7 +1,5 @@
 """The motion of chains as a model: one loop over the links."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """Packages: one component, a system with its components, or a library."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 
 from liaisons.language import Chain, Mechanism, Operator

@@ -4,8 +4,6 @@ Impacts, thresholds and the end of bounces are those of the FMU, docs/explanatio
 each other obey a rule for all of them at once, which is not written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """The faces of a motion: signals, and flanges; and the connectors of flanges."""
 
-from __future__ import annotations
-
 import re
 
 from liaisons.language.mechanical import MechanicalComponent

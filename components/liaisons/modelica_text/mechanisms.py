@@ -1,7 +1,5 @@
 """The motion of mechanisms as a model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import partial
@@ -54,7 +52,7 @@ def motion(component: type[Mechanism]) -> list[str]:
     unit = units_of(m)
     discrete, contact_starts, clauses = add_contacts(e, section, unit, partial(_with_outer_forces, e))
     for item in m.calculated_parameters:
-        section.add(item.name, ca.SX(getattr(m, item.name)), LONGEST)
+        section.add(item.name, m.expression_of(item), LONGEST)
     section.add("kinetic_energy", e.kinetic_energy)
     section.add("potential_energy", e.potential_energy)
     section.add("energy", ca.SX.sym("kinetic_energy") + ca.SX.sym("potential_energy"))

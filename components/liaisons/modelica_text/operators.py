@@ -1,7 +1,5 @@
 """Operators: the signal with its derivatives, and flanges that follow it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

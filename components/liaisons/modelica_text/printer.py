@@ -1,7 +1,5 @@
 """Formulas as Modelica expressions."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

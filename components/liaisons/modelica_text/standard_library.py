@@ -1,7 +1,5 @@
 """Text that uses the Modelica Standard Library: its flanges, and its types in the place of units."""
 
-from __future__ import annotations
-
 import re
 
 from liaisons.modelica_text.text import STRING, filled

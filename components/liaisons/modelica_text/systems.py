@@ -1,7 +1,5 @@
 """Systems: components whose flanges are connected."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, final

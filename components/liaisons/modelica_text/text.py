@@ -1,7 +1,5 @@
 """Pieces of classes: literals, declarations, equations, and the lines that they fill."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

@@ -5,8 +5,6 @@ the pendulum.  Type checkers read the names in ``__init__.pyi``, which ``python 
 and M, by which sources are named, are the texts of Kneller and Marle: see ``liaisons/bibliography.md``.
 """
 
-from __future__ import annotations
-
 import pkgutil
 import re
 from importlib import import_module

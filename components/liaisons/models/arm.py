@@ -1,7 +1,5 @@
 """The arm with six axes."""
 
-from __future__ import annotations
-
 from math import pi
 
 from liaisons.language import Body, BodyPoint, Experiment, Linkage, Revolute, Spherical, ground

@@ -1,7 +1,5 @@
 """Balls on a line."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Mechanism, Parameter, Size, unilateral

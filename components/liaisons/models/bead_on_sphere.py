@@ -1,7 +1,5 @@
 """The bead that slides off a sphere."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

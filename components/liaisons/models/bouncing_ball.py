@@ -1,7 +1,5 @@
 """The ball that bounces on a table."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, unilateral

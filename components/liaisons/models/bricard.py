@@ -1,7 +1,5 @@
 """Bricard's mechanism."""
 
-from __future__ import annotations
-
 from math import pi
 
 from liaisons.language import Body, BodyPoint, Experiment, Linkage, Revolute, ground

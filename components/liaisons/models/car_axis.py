@@ -1,7 +1,5 @@
 """The car axis of the IVP Test Set."""
 
-from __future__ import annotations
-
 from liaisons.language import Body, BodyPoint, Experiment, Linkage, Parameter, Prismatic, Revolute, SpringDamper, ground
 
 

@@ -1,7 +1,5 @@
 """The plane pendulum in Cartesian coordinates: constraints instead of an angle."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

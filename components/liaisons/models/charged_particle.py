@@ -1,7 +1,5 @@
 """The charged particle in uniform electric and magnetic fields."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, output

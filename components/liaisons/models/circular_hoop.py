@@ -1,7 +1,5 @@
 """The bead on a circular hoop that turns about a point off its centre."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -1,7 +1,5 @@
 """The operator that holds a value."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray

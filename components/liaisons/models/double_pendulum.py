@@ -1,7 +1,5 @@
 """The double pendulum: two rods, two point masses."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point

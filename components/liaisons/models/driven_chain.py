@@ -1,7 +1,5 @@
 """The linear chain whose left end an operator moves."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment

@@ -1,7 +1,5 @@
 """The oscillator with dry friction, on a belt."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, dry_friction

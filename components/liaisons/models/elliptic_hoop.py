@@ -1,7 +1,5 @@
 """The bead on an elliptic hoop that turns about any point inside it."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -1,7 +1,5 @@
 """The flywheel: one angle, one inertia."""
 
-from __future__ import annotations
-
 import casadi as ca
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The four-bar linkage."""
 
-from __future__ import annotations
-
 from liaisons.language import Body, Linkage, Revolute, ground
 
 

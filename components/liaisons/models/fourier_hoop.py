@@ -1,7 +1,5 @@
 """The bead on a star-shaped hoop of any shape, given by the Fourier series of its radius."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

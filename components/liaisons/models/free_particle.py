@@ -1,7 +1,5 @@
 """The free particle: Newton's equations from a Lagrangian, and free fall."""
 
-from __future__ import annotations
-
 import casadi as ca
 from numpy.typing import NDArray
 

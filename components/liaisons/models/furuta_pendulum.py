@@ -1,7 +1,5 @@
 """The Furuta pendulum."""
 
-from __future__ import annotations
-
 from liaisons.language import Body, BodyPoint, Linkage, Revolute, ground
 
 

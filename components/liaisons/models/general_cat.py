@@ -1,7 +1,5 @@
 """Any body that changes its shape in free fall."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """Any system that turns in one piece about an axis."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, assertion, output, unchecked

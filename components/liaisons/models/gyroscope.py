@@ -1,7 +1,5 @@
 """The gyroscope in gimbals."""
 
-from __future__ import annotations
-
 from liaisons.language import Body, Experiment, Linkage, Revolute, ground
 
 

@@ -1,7 +1,5 @@
 """Base class of hoops: a bead on a closed plane curve that an operator turns about a point O inside it."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Parameter, output, point

@@ -1,7 +1,5 @@
 """The oscillator at constant kinetic energy: a non-holonomic constraint as a thermostat."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output

@@ -1,7 +1,5 @@
 """The junction: a point at which two mechanisms hang."""
 
-from __future__ import annotations
-
 import casadi as ca
 from numpy.typing import NDArray
 

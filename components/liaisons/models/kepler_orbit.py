@@ -1,7 +1,5 @@
 """The planet in the field of a fixed star."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, assertion, output

@@ -1,7 +1,5 @@
 """Operators that move through knots, and sample there."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

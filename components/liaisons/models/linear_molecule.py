@@ -1,7 +1,5 @@
 """The linear molecule of three atoms, for example CO2, moving along its axis."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, calculated, output

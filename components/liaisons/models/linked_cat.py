@@ -1,7 +1,5 @@
 """The planar cat by bodies and joints."""
 
-from __future__ import annotations
-
 from math import pi
 
 from liaisons.language import Body, Experiment, Linkage, Planar, Revolute, ground

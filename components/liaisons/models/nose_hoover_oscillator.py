@@ -1,7 +1,5 @@
 """The oscillator with the thermostat of Nosé and Hoover: constant temperature on the average."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, InternalState, Mechanism, Parameter, output

@@ -1,7 +1,5 @@
 """The damped linear oscillator on a movable support."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output

@@ -1,7 +1,5 @@
 """The linear chain: equal masses in a row, bound by equal springs, with free ends."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Chain, Coordinate, Experiment, Parameter, Size, calculated

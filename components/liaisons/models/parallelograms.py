@@ -1,7 +1,5 @@
 """Parallelograms in a row: a mechanism that passes through singular configurations, where its constraints lose rank."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from types import new_class
 from typing import Any

@@ -1,7 +1,5 @@
 """Hoops whose coordinate is not the arc length, which then is a quadrature."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -1,7 +1,5 @@
 """The plane pendulum with movable pivot and variable length."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray

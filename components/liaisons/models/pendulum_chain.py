@@ -1,7 +1,5 @@
 """The hanging chain: many pendulums, each hung on the one above."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """The sampled PID controller with bounds and anti-windup."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The falling cat in the plane: a body with two limbs, which turns itself round without angular momentum."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import casadi as ca

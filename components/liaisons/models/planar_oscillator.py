@@ -1,7 +1,5 @@
 """The oscillator in the plane, in Cartesian coordinates."""
 
-from __future__ import annotations
-
 import casadi as ca
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Base class of motions on a closed plane curve about a point O."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The operator that runs through a plan: knots, between which it moves as smoothly as they are given."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

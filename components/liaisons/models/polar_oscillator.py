@@ -1,7 +1,5 @@
 """The oscillator in the plane, in polar coordinates."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter

@@ -1,7 +1,5 @@
 """The polynomial of degree five between two knots."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

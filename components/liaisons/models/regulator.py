@@ -1,7 +1,5 @@
 """The operator that holds a mechanism to a motion: it reads states, and corrects its coordinate where they are off."""
 
-from __future__ import annotations
-
 from operator import mul
 
 import casadi as ca

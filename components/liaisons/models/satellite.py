@@ -1,7 +1,5 @@
 """The satellite with three reaction wheels."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, assertion

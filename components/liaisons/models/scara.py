@@ -1,7 +1,5 @@
 """The SCARA robot."""
 
-from __future__ import annotations
-
 from liaisons.language import Body, BodyPoint, Linkage, Prismatic, Revolute, ground
 
 

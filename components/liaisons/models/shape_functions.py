@@ -1,7 +1,5 @@
 """Mechanisms that are given by functions of their shape."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping
 from types import new_class

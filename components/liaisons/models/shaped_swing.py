@@ -1,7 +1,5 @@
 """The general swing: any system that turns in one piece about an axis, from four functions of its shape."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from liaisons.language import ActiveCoordinate

@@ -1,7 +1,5 @@
 """The slewing crane."""
 
-from __future__ import annotations
-
 from liaisons.language import Body, BodyPoint, Linkage, Prismatic, Revolute, Universal, ground
 
 

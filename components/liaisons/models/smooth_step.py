@@ -1,7 +1,5 @@
 """The operator that goes from one value to another, smoothly."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray

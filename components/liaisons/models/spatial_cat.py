@@ -1,7 +1,5 @@
 """The falling cat in space: two equal halves that bend and twist against each other."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter

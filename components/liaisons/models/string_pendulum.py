@@ -1,7 +1,5 @@
 """The pendulum on a string that may go slack."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

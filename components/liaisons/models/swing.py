@@ -1,7 +1,5 @@
 """The child on a swing: two masses, one of them moved about the other."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

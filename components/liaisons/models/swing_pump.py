@@ -1,7 +1,5 @@
 """The operator of a swing that closes the loop: it watches the swing and moves the length."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from liaisons.base.units import ANY

@@ -1,7 +1,5 @@
 """MJCF: the format of models of MuJoCo."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from math import pi
 from pathlib import Path

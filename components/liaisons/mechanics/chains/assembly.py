@@ -1,7 +1,5 @@
 """Model of a chain of n links: its sweeps as vectors and functions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -83,7 +81,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
         "k": _is_per_link(layout.parameters),
         "m": (False,) * len(MEMORY) + _is_per_link(v for v in layout.outputs if v.variability == "discrete"),
         "z": _is_per_link(layout.outputs),
-        "x": tuple(not item.last for item in (*m.unilaterals, *m.dry_frictions)),
+        "x": tuple(not item.last for item in m.contact_formulas),
     }
     drawable = symbols | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
     rows = {letter: Vector(x, shapes[letter]) for letter, x in vectors.items()}

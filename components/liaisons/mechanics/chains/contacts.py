@@ -1,7 +1,5 @@
 """Contacts of the links of a chain: their names, and the numbers of a link by which modes are chosen."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import casadi as ca
@@ -47,7 +45,7 @@ def link_contact_numbers(
     :param slope: ∂w/∂s at the base.
     """
     rates, v, a = m.contact_rates(), link.v, moving.accelerations
-    gaps = stack(ca.SX(getattr(m, item.name)) for item in m.unilaterals)
+    gaps = stack(map(m.expression_of, m.unilaterals))
     sizes = ca.SX(ca.DM([q.nominal for q in m.coordinates]))
     F_dot = link.rate(link.tip)
     w, w_dot, w_ddot = (ca.SX.sym(f"{name}_scale", link.w.shape[0]) for name in ("w", "w_dot", "w_ddot"))

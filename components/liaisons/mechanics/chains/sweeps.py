@@ -16,8 +16,6 @@ virtual work (K eq. 14), forces of contacts by that of their rates.
 Source of the method: R. Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7; here it is written for momenta.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -68,7 +66,7 @@ def link_of(m: Chain, given: Mapping[str, ca.SX] | None = None) -> ChainLink:
         loads = stack(given[f"{name}_load"] for name in points)
     kinetic = ca.SX(m.kinetic_energy())
     rubbing = ca.SX(m.dissipation_function()) + bonded * ca.SX(m.bond_dissipation())
-    last, contacts = ca.SX.sym("last"), (*m.unilaterals, *m.dry_frictions)
+    last = ca.SX.sym("last")
     return ChainLink(
         q=m.q,
         v=m.q_dot,
@@ -84,7 +82,7 @@ def link_of(m: Chain, given: Mapping[str, ca.SX] | None = None) -> ChainLink:
         potential=ca.SX(m.potential_energy()) + bonded * ca.SX(m.bond_energy()),
         friction=Dissipation(ca.SX(m.friction_coefficient()), kinetic, rubbing),
         last=last,
-        contact_rates=m.contact_rates() * stack(last if item.last else ca.SX(1) for item in contacts),
+        contact_rates=m.contact_rates() * stack(last if item.last else ca.SX(1) for item in m.contact_formulas),
         contact_forces=m.contact_forces,
         gaps=len(m.unilaterals),
     )

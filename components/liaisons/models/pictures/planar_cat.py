@@ -1,7 +1,5 @@
 """The plane cat: trunk, head, tail and legs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

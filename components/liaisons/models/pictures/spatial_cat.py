@@ -1,7 +1,5 @@
 """The cat in space: two halves with head, ears, legs and tail."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

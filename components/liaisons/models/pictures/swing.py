@@ -1,7 +1,5 @@
 """The child on its swing."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

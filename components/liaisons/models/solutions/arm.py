@@ -1,7 +1,5 @@
 """Torques of an arm at rest, by moments of the weights."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Balls in a row: impacts of all at once, by Moreau's rule, and one after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

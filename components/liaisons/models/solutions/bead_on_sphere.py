@@ -1,7 +1,5 @@
 """A bead that slides from rest on a sphere, and leaves it."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The pendulum of small angle whose length grows or shrinks at a constant rate."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import jv, yv

@@ -1,7 +1,5 @@
 """A ball that falls onto a table: its bounces, where they end, and bouncing in step with a table that is shaken."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The pendulum in Cartesian coordinates."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The charge in uniform fields, v' = a + turn∧v: a turn across the magnetic field, uniform acceleration along it."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """The bead on a circular hoop: a pendulum at constant rate, the dynamic field, and a shaft that turns freely."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """Small motions of the double pendulum: two normal modes, and their sum."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """A chain whose left end an operator holds: normal modes, the motion under a sine, and what comes before a wave."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import jv

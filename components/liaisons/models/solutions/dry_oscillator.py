@@ -1,7 +1,5 @@
 """A mass on a spring that rubs on a belt: at rest, at constant speed, or shaken."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

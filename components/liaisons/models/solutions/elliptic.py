@@ -12,8 +12,6 @@ What remains is the conditioning of the problem itself: a relative error ε of t
 a swing, and the motion by e^Ωt while it passes the upper equilibrium.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

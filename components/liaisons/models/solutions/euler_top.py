@@ -11,8 +11,6 @@ is the angular momentum, 2E twice the energy.  With a, c pointed so that ω_a > 
 form, which keeps its digits.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipkm1, elliprf, elliprj

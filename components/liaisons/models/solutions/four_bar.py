@@ -1,7 +1,5 @@
 """Freudenstein's equation of the four-bar linkage."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """The bead on a hoop of any shape at constant rate, from Jacobi's integral: ½ ξ_dot² - ½ β_dot² r² is constant."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import quad

@@ -1,7 +1,5 @@
 """The published equations of the Furuta pendulum."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

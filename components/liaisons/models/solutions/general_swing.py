@@ -1,7 +1,5 @@
 """Any swing in a fixed shape: a compound pendulum."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """Steady precession of a gyroscope in gimbals."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from liaisons.language import Values, closed_form

@@ -1,7 +1,5 @@
 """References whose last step is a quadrature or an integration, done to rounding."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

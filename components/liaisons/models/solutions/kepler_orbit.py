@@ -10,8 +10,6 @@ counted like the time from the pericentre r_p, where x points and the angular mo
 Plane vectors are complex numbers.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

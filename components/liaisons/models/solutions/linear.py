@@ -9,8 +9,6 @@ They are continuous where K eq. 127 and 124 divide by zero: at critical damping 
 undamped resonance (iω = λ_1, secular growth).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """Normal modes of the linear molecule of three atoms (K eq. 148-158); masses and displacements numbers or symbols."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

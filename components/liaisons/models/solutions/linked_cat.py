@@ -1,7 +1,5 @@
 """The linked cat with its limbs held still."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

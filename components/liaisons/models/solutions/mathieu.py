@@ -1,7 +1,5 @@
 """Mathieu's equation θ'' + (δ - 2ε cos 2t) θ = 0: where its solutions stay bounded (Floquet; δ of either sign)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import mathieu_a, mathieu_b

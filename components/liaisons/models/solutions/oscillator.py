@@ -1,7 +1,5 @@
 """The oscillator under a sine of its support or of a force: its motion, its stationary motion, its resonance."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Normal modes of a chain with free ends, and their sum."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

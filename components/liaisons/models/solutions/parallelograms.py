@@ -1,7 +1,5 @@
 """Parallelograms in a row that move as such: all standing rods at one angle, J θ'' = -G cos θ."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The pendulum: period, action, small swings, and a length that grows evenly."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ellipe, ellipk

@@ -1,7 +1,5 @@
 """Small motions of the hanging chain: normal modes by Laguerre polynomials, and their sum."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import eval_laguerre, roots_laguerre

@@ -1,7 +1,5 @@
 """Free fall of the plane cat, and the rate of its trunk without angular momentum (M eq. 58)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """The ellipse of a plane oscillator in polar coordinates."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The pendulum pumped by its length (M 8.1)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipk

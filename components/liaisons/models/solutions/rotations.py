@@ -1,7 +1,5 @@
 """Unit quaternions in NumPy, scalar first, shape (4, ...): q turns a vector of the body into the fixed frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """A satellite turned by its wheels (M 8.3): Euler's top with locked wheels, slews from rest, and any rates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

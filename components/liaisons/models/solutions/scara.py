@@ -1,7 +1,5 @@
 """The mass matrix of a SCARA robot."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

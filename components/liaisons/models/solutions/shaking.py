@@ -1,7 +1,5 @@
 """The pendulum on a pivot z = amplitude · sin(angular_frequency · t): Mathieu's equation, Kapitza's potential."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

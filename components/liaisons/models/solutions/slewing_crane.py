@@ -1,7 +1,5 @@
 """Steady slewing of a crane, by Euler's equations."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

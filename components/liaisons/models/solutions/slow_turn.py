@@ -15,8 +15,6 @@ all, <> the mean over it, a = r²θ' and r² = |OP|², a bead that runs at the s
 Source: M 8.4, eq. 64, averaged to the orders given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

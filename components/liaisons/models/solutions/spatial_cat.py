@@ -1,7 +1,5 @@
 """Turns of the cat without angular momentum and twist (M 8.2): about a + b, which keeps its direction, by χ alone."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import quad

@@ -1,7 +1,5 @@
 """A bob on a string that goes slack, pivot and length at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ c_1(θ²) = sin θ / θ,   c_2(θ²) = (1 - cos θ) / θ²,   c_3(θ²) = (θ - 
 negative arguments; 1, 1/2, 1/6 at 0.
 """
 
-from __future__ import annotations
-
 from math import factorial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The child on a swing: its motion in a fixed posture, and what leaning does to it (M 8.1, J ≠ 0)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
