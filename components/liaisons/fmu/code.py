@@ -373,8 +373,13 @@ def _contact_members(model: Model, contact: ca.Function) -> dict[str, object]:
         "operators": len(impulsive_operators(model)),
         "indicators": len(model.contacts),
     }
-    starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
-    rows = (f".{name} = {start}" for name, start in zip((*contact.name_out(), "count"), starts, strict=True))
+    names = contact.name_out()
+    sizes = {name: contact.numel_out(i) for i, name in enumerate(names)}
+    if "G" not in sizes:
+        counts["momenta"] = sizes["momenta_by_forces"] // len(model.contacts)
+        sizes["G"] = len(model.contacts) ** 2  # a product, which the runtime calculates
+    starts = accumulate(sizes.values(), initial=0)
+    rows = (f".{name} = {start}" for name, start in zip((*sizes, "count"), starts, strict=True))
     return {
         **counts,
         "rows": _initializer(*rows),

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from liaisons.base.arguments import shown
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import stack
+from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact
 from liaisons.planning import problems
 from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, with_sizes
@@ -96,19 +97,11 @@ class _Phase:
     @cached_property
     def forces(self) -> ca.SX:
         """Contact forces: v̇ = a + G x is 0 where a gap is closed or friction sticks."""
-        n, numbers = len(self.contacts), self.numbers
-        held = [i for i, closed in self.gaps.items() if closed] + [i for i, d in self.frictions.items() if not d]
-        P, offset = ca.SX.eye(n), ca.SX.zeros(n)
-        for i, direction in self.frictions.items():
-            drag, normal = -direction * numbers["slide"][i], self.normal(i)
-            if direction and normal < 0:
-                offset[i] = drag
-            elif direction:
-                P[i, normal] = drag
-        if not held:
-            return offset
-        G = ca.reshape(numbers["G"], n, n)
-        return P[:, held] @ ca.solve((G @ P)[held, held], -(numbers["a"] + G @ offset)[held]) + offset
+        contacts = range(len(self.contacts))
+        held = ca.SX([float(self.gaps.get(i, self.frictions.get(i) == 0)) for i in contacts])
+        drag = -ca.DM([self.frictions.get(i, 0) for i in contacts]) * self.numbers["slide"]
+        normals = [*map(self.normal, contacts)]
+        return Compliance.of_numbers(self.numbers).forces(self.numbers["a"], held, drag, normals)[0]
 
     def normal(self, friction: int) -> int:
         """Index of the gap whose force bounds a friction; -1 if its bound is a force."""
