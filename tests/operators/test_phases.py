@@ -195,13 +195,16 @@ def test_a_ball_is_caught_at_rest() -> None:
     assert abs(motion.replay()["impact_loss"][-1]) < 1e-12
 
 
+FEET = (-1.0, 1.0, 0.2)
+
+
 class Tray(Mechanism):
     """Tray in a plane on a table, on feet of which three or more are redundant; it stays where it lands."""
 
     feet = Size(3, "number of feet")
     mass, inertia = Parameter(1.0, "kg", "mass", above=0), Parameter(0.5, "kg.m2", "moment of inertia", above=0)
     bounce = Parameter(0.8, "1", "coefficient of restitution", minimum=0, maximum=1)
-    along = Parameter((-1.0, 1.0, 0.2), "m", "positions of the feet", size="feet")
+    along = Parameter(FEET, "m", "positions of the feet", size="feet")
     gravity = Gravity()
     height, tilt = Coordinate("m", "height of the centre"), Coordinate("rad", "angle with the horizontal")
     table = ActiveCoordinate("m", "height of the table")
@@ -237,11 +240,14 @@ def test_a_tray_on_redundant_feet_is_lifted_by_the_same_stroke_as_a_ball(kind: t
     assert motion.cost == pytest.approx(stroke.cost, rel=1e-11)
     assert motion.duration == pytest.approx(stroke.duration, rel=1e-9)
     assert end_error(motion) < 1e-11
-    run, times = motion.replay(), np.array([0.0, 0.1, 0.2])
-    legs = np.column_stack([np.ones(kind.feet.default), kind.along.default[: kind.feet.default]])
-    weight = GRAVITY + motion.sigma(times)["table_ddot"]
-    forces = [np.interp(times, run.time, run[f"gap_force[{i}]"]) for i in range(1, len(legs) + 1)]
-    np.testing.assert_allclose(forces, np.outer(np.linalg.pinv(legs.T)[:, 0], weight), rtol=1e-3)
+    run, count = motion.replay(), kind.feet.default
+    closed = run.time < 0.24
+    assert closed.sum() > 2
+    forces = np.array([run[f"gap_force[{i}]"] for i in range(1, count + 1)])
+    shares = np.linalg.pinv(np.vstack([np.ones(count), FEET[:count]]))[:, 0]
+    pressing = GRAVITY + run["height_ddot"]
+    np.testing.assert_allclose(forces[:, closed], np.outer(shares, pressing[closed]), rtol=1e-9)
+    assert not forces[:, run.time > 0.26].any()
 
 
 @pytest.mark.slow
