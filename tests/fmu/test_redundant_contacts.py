@@ -204,6 +204,15 @@ def test_feet_share_a_load(library, kind: type[Plank], feet: int) -> None:
             np.testing.assert_allclose(feet_of(instance, feet, "_force"), expected, rtol=1e-9, atol=1e-12)
             instance.step(time, 0.5)
         assert np.abs(feet_of(instance, feet)).max() < 1e-14
+        indicators = feet_of(instance, feet, "_indicator")
+        assert (indicators[expected == 0] < 1e-12).all()
+        pushing = expected > 0
+        compliances = legs**2 @ [1 / MASS, *[1 / INERTIA] * len(moments)]
+        scales = np.abs(legs) @ [GRAVITY + 1e-3, *(np.abs(moments) / INERTIA + 1e-3)]  # of free accelerations
+        margins = expected * compliances / scales
+        watched = pushing & (margins < 0.9)  # it is 1 at most, as that of no contradiction
+        np.testing.assert_allclose(indicators[watched], margins[watched], rtol=1e-9)
+        assert watched.any()
         assert instance["energy_balance"] == pytest.approx(0, abs=1e-12)
     assert pulled
 

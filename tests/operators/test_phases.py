@@ -235,8 +235,9 @@ def on_all_feet(kind: type[Tray], *phases: dict[str, Any]) -> list[dict[str, Any
 @pytest.mark.parametrize("kind", [Stool, Tray])
 def test_a_tray_on_redundant_feet_is_lifted_by_the_same_stroke_as_a_ball(kind: type[Tray], stroke: Plan) -> None:
     """Its forces by least norm add up to the ball's, and vanish at the same instant."""
-    goal: dict[str, Any] = STROKE | {"phases": on_all_feet(kind, *STROKE["phases"])}
-    motion = plan(kind, "table", tries=1, **goal | {"start": {"height": 0.0, "tilt": 0.0}})
+    start = {"height": 0.0, "tilt": 0.0}
+    goal: dict[str, Any] = STROKE | {"start": start, "phases": on_all_feet(kind, *STROKE["phases"])}
+    motion = plan(kind, "table", tries=1, **goal)
     assert motion.cost == pytest.approx(stroke.cost, rel=1e-11)
     assert motion.duration == pytest.approx(stroke.duration, rel=1e-9)
     assert end_error(motion) < 1e-11
@@ -254,10 +255,15 @@ def test_a_tray_on_redundant_feet_is_lifted_by_the_same_stroke_as_a_ball(kind: t
 @pytest.mark.parametrize("kind", [Stool, Tray])
 def test_a_tray_on_redundant_feet_is_caught_as_a_ball_is(kind: type[Tray]) -> None:
     """Where it arrives at the table's speed, or sticks to it without restitution."""
-    names = {"end": {"table": 0, "table_dot": 0}, "duration": 0.6, "minimize": "table_ddot**2", "bounce": 0.8}
+    goal: dict[str, Any] = {
+        "end": {"table": 0, "table_dot": 0},
+        "duration": 0.6,
+        "minimize": "table_ddot**2",
+        "bounce": 0.8,
+    }
     phases = [{"gap": "open"}, {"gap": "closed"}]
-    ball = plan("BouncingBall", phases=phases, tries=4, start={"height": 1.0}, **names)
-    tray = plan(kind, phases=on_all_feet(kind, *phases), tries=4, start={"height": 1.0, "tilt": 0.0}, **names)
+    ball = plan("BouncingBall", phases=phases, tries=4, start={"height": 1.0}, **goal)
+    tray = plan(kind, phases=on_all_feet(kind, *phases), tries=4, start={"height": 1.0, "tilt": 0.0}, **goal)
     assert tray.cost == pytest.approx(ball.cost, rel=1e-10)
     verified(tray)
     assert abs(tray.replay()["impact_loss"][-1]) < 1e-12
