@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import casadi as ca
 
@@ -226,6 +227,56 @@ def table(legs: Sequence[tuple[float, float]]) -> type[Mechanism]:
 
 Table = table([(-1.0, -0.8), (1.0, -0.8), (1.2, 0.9), (-0.9, 0.7)])
 SquareTable = table([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+
+
+FEET = (
+    *((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)),
+    *((i * 0.7549 % 2 - 1, i * 1.1398 % 2 - 1) for i in range(60)),
+)
+"""Corners of a square, and points inside."""
+
+
+class Plank(Mechanism):
+    """Plank in a plane on feet in a row, of which the first two are at its ends."""
+
+    n = Size(4, "number of feet")
+    mass = Parameter(2.0, "kg", "mass", above=0)
+    inertia = Parameter(0.5, "kg.m2", "moment of inertia", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    along = Parameter(tuple(x for x, _ in FEET), "m", "positions of the feet", size="n")
+    gravity = Gravity()
+    z = Coordinate("m", "height of the centre")
+    pitch = Coordinate("rad", "angle with the horizontal")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.z) ** 2 + self.inertia / 2 * self.dot(self.pitch) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z
+
+    @unilateral("m", "heights of the feet", restitution="bounce", size="n")
+    def gap(self) -> ca.SX:
+        return self.z + self.along * ca.sin(self.pitch)
+
+
+class Plate(Plank):
+    """Plate on feet, of which the first four are at its corners; it tilts about two axes."""
+
+    across = Parameter(tuple(y for _, y in FEET), "m", "positions of the feet across", size="n")
+    roll = Coordinate("rad", "angle with the horizontal across")
+
+    def kinetic_energy(self) -> ca.SX:
+        return super().kinetic_energy() + self.inertia / 2 * self.dot(self.roll) ** 2
+
+    @unilateral("m", "heights of the feet", restitution="bounce", size="n")
+    def gap(self) -> ca.SX:
+        return self.z + self.along * ca.sin(self.pitch) + self.across * ca.sin(self.roll)
+
+
+@cache
+def on_feet(kind: type[Plank], feet: int) -> type[Plank]:
+    """Plank or plate on so many feet."""
+    return type(f"{kind.__name__}{feet}", (kind,), {"__doc__": kind.__doc__, "n": Size(feet, "number of feet")})
 
 
 class Skid(Mechanism):

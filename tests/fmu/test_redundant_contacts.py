@@ -7,13 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from bodies import Nine, Skid, SquareTable, Table, Twelve, TwoFloors
+from bodies import FEET, Nine, Plank, Plate, Skid, SquareTable, Table, Twelve, TwoFloors, on_feet
 from driver import Instance
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
+from scipy.optimize import nnls
 
-from liaisons import simulate
+from liaisons import assemble, simulate
+from liaisons.errors import ComponentError
 
 GRAVITY, MASS, INERTIA = 9.81, 2.0, 0.5
 WEIGHT = MASS * GRAVITY
@@ -152,3 +154,117 @@ def test_more_than_eight_contacts_at_once(library) -> None:
     expected = [together - 0.6, *[together] * 11]
     assert row.get(*(f"x_dot[{i}]" for i in range(1, 13))) == pytest.approx(expected, rel=1e-12)
     assert row["energy_balance"] == pytest.approx(0, abs=1e-13)
+
+
+# ---- many feet -------------------------------------------------------------------------------------------------------
+
+_slow = pytest.mark.slow
+BODIES = [
+    pytest.param(Plank, 4, marks=_slow),
+    (Plank, 16),
+    pytest.param(Plank, 64, marks=_slow),
+    (Plate, 8),
+    pytest.param(Plate, 16, marks=_slow),
+    pytest.param(Plate, 64, marks=_slow),
+]
+bodies = pytest.mark.parametrize(("kind", "feet"), BODIES)
+
+
+def levers(kind: type[Plank], feet: int) -> NDArray[np.float64]:
+    """Change of heights of the feet by z, pitch and, of a plate, roll."""
+    return np.column_stack([np.ones(feet), np.array(FEET[:feet])])[:, : 3 if kind is Plate else 2]
+
+
+def feet_of(instance: Instance, feet: int, ending: str = "") -> NDArray[np.float64]:
+    return np.array(instance.get(*(f"gap{ending}[{i}]" for i in range(1, feet + 1))))
+
+
+def least_pushing_norm(legs: NDArray[np.float64], loads: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shortest forces λ >= 0 with legsᵀ λ = loads: SciPy finds which of them push, NumPy how much."""
+    penalty = 1e5
+    stacked = np.vstack([penalty * legs.T, np.eye(len(legs))])
+    pushing = nnls(stacked, np.concatenate([penalty * loads, np.zeros(len(legs))]))[0] > 1e-6
+    result = np.zeros(len(legs))
+    result[pushing] = np.linalg.pinv(legs[pushing].T) @ loads
+    return result
+
+
+@bodies
+def test_feet_share_a_load(library, kind: type[Plank], feet: int) -> None:
+    """By least norm, where all push, and where some would have to pull."""
+    legs = levers(kind, feet)
+    pulled = 0
+    for part in (0.0, 0.1, 0.85):
+        moments = part * WEIGHT * np.array([1.0, -0.1])[: legs.shape[1] - 1]
+        expected = least_pushing_norm(legs, np.array([WEIGHT, *moments]))
+        pulled += (expected == 0).any()
+        names = ("pitch_load", "roll_load")[: len(moments)]
+        instance = library(on_feet(kind, feet)).start(**dict(zip(names, moments, strict=True)))
+        for time in (0.0, 0.5):
+            np.testing.assert_allclose(feet_of(instance, feet, "_force"), expected, rtol=1e-9, atol=1e-12)
+            instance.step(time, 0.5)
+        assert np.abs(feet_of(instance, feet)).max() < 1e-14
+        indicators = feet_of(instance, feet, "_indicator")
+        assert (indicators[expected == 0] < 1e-12).all()
+        pushing = expected > 0
+        compliances = legs**2 @ [1 / MASS, *[1 / INERTIA] * len(moments)]
+        scales = np.abs(legs) @ [GRAVITY + 1e-3, *(np.abs(moments) / INERTIA + 1e-3)]  # of free accelerations
+        margins = expected * compliances / scales
+        watched = pushing & (margins < 0.9)  # it is 1 at most, as that of no contradiction
+        np.testing.assert_allclose(indicators[watched], margins[watched], rtol=1e-9)
+        assert watched.any()
+        assert instance["energy_balance"] == pytest.approx(0, abs=1e-12)
+    assert pulled
+
+
+@bodies
+def test_feet_share_an_impulse(library, kind: type[Plank], feet: int) -> None:
+    """Flat, it falls and bounces as a ball; tilted, it comes to rest on all of them."""
+    instance = library(on_feet(kind, feet)).start(z_0=0.2)
+    fall = math.sqrt(2 * 0.2 / GRAVITY)
+    instance.step(0.0, 1.5 * fall)
+    impulse = np.array([1.5 * MASS * GRAVITY * fall, 0, 0])
+    legs = levers(kind, feet)
+    expected = np.linalg.pinv(legs.T) @ impulse[: legs.shape[1]]
+    np.testing.assert_allclose(feet_of(instance, feet, "_impulse"), expected, rtol=1e-10, atol=1e-12)
+    assert instance["z_dot"] == pytest.approx(0.0, abs=1e-10)
+    assert instance["energy_balance"] == pytest.approx(0, abs=1e-11)
+    tilted = library(on_feet(kind, feet)).start(z_0=1.2, pitch_0=0.3)
+    tilted.step(0.0, 8.0)
+    assert np.abs(feet_of(tilted, feet)).max() < 1e-12
+    assert tilted["impact_loss"] == pytest.approx(1.2 * WEIGHT, rel=1e-7)
+    assert tilted["energy_balance"] == pytest.approx(0, abs=1e-7)
+
+
+@bodies
+def test_all_feet_but_those_of_one_edge_lift_off(library, kind: type[Plank], feet: int) -> None:
+    """Under more than m g a it turns about the edge at a = 1 m, against SciPy."""
+    moment = 1.3 * WEIGHT
+    instance = library(on_feet(kind, feet)).start(pitch_load=moment)
+    edge = np.array(FEET[:feet])[:, 0] == 1.0
+    instance.step(0.0, 0.4)
+
+    def turning(_: float, y: NDArray[np.float64]) -> list[float]:
+        sine, cosine = math.sin(y[0]), math.cos(y[0])
+        return [y[1], (moment - WEIGHT * cosine + MASS * sine * cosine * y[1] ** 2) / (INERTIA + MASS * cosine**2)]
+
+    y = solve_ivp(turning, (0, 0.4), np.zeros(2), rtol=1e-12, atol=1e-14).y[:, -1]
+    assert -instance["pitch"] == pytest.approx(y[0], rel=1e-9)
+    assert ((np.abs(feet_of(instance, feet)) < 1e-12) == edge).all()
+    assert instance["energy_balance"] == pytest.approx(0, abs=1e-10)
+
+
+@pytest.mark.parametrize("kind", [Plank, Plate])
+def test_code_grows_with_the_number_of_feet(kind: type[Plank]) -> None:
+    """In proportion: the exponent of its operations, by regression, is 1."""
+    counts = [8, 16, 32, 64]
+    models = [assemble(kind, feet) for feet in counts]
+    for name in ("derivatives", "outputs_function", "contact", "push", "indicate"):
+        operations = [getattr(model, name).n_instructions() for model in models]
+        assert np.polyfit(np.log(counts), np.log(operations), 1)[0] < 1.02, name
+
+
+@pytest.mark.parametrize("kind", [Plank, Plate])
+def test_more_feet_than_an_fmu_takes_are_refused(kind: type[Plank]) -> None:
+    with pytest.raises(ComponentError, match=r"gap are 65 contacts; an FMU takes 64 at most: take a smaller size$"):
+        assemble(on_feet(kind, 65))

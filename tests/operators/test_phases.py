@@ -14,7 +14,16 @@ from scipy.optimize import minimize
 
 from liaisons import Plan, hold, observe, plan
 from liaisons.errors import PlanError
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, dry_friction, unilateral
+from liaisons.language import (
+    ActiveCoordinate,
+    Coordinate,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Size,
+    dry_friction,
+    unilateral,
+)
 
 from .conftest import verified
 
@@ -184,6 +193,80 @@ def test_a_ball_is_caught_at_rest() -> None:
     assert motion.cost == pytest.approx(least(cost, 0.38), rel=1e-11)
     verified(motion)
     assert abs(motion.replay()["impact_loss"][-1]) < 1e-12
+
+
+FEET = (-1.0, 1.0, 0.2)
+
+
+class Tray(Mechanism):
+    """Tray in a plane on a table, on feet of which three or more are redundant; it stays where it lands."""
+
+    feet = Size(3, "number of feet")
+    mass, inertia = Parameter(1.0, "kg", "mass", above=0), Parameter(0.5, "kg.m2", "moment of inertia", above=0)
+    bounce = Parameter(0.8, "1", "coefficient of restitution", minimum=0, maximum=1)
+    along = Parameter(FEET, "m", "positions of the feet", size="feet")
+    gravity = Gravity()
+    height, tilt = Coordinate("m", "height of the centre"), Coordinate("rad", "angle with the horizontal")
+    table = ActiveCoordinate("m", "height of the table")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.height) ** 2 + self.inertia / 2 * self.dot(self.tilt) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.height
+
+    @unilateral("m", "heights of the feet above the table", restitution="bounce", size="feet")
+    def gap(self) -> ca.SX:
+        return self.height + self.along * ca.sin(self.tilt) - self.table
+
+
+class Stool(Tray):
+    """The same on two feet, which are not redundant."""
+
+    feet = Size(2, "number of feet")
+
+
+def on_all_feet(kind: type[Tray], *phases: dict[str, Any]) -> list[dict[str, Any]]:
+    """Phases in which all feet have the mode of ``gap``."""
+    names = [f"gap[{i}]" for i in range(1, kind.feet.default + 1)]
+    return [{**{n: e for n, e in one.items() if n != "gap"}, **dict.fromkeys(names, one["gap"])} for one in phases]
+
+
+@pytest.mark.parametrize("kind", [Stool, Tray])
+def test_a_tray_on_redundant_feet_is_lifted_by_the_same_stroke_as_a_ball(kind: type[Tray], stroke: Plan) -> None:
+    """Its forces by least norm add up to the ball's, and vanish at the same instant."""
+    start = {"height": 0.0, "tilt": 0.0}
+    goal: dict[str, Any] = STROKE | {"start": start, "phases": on_all_feet(kind, *STROKE["phases"])}
+    motion = plan(kind, "table", tries=1, **goal)
+    assert motion.cost == pytest.approx(stroke.cost, rel=1e-11)
+    assert motion.duration == pytest.approx(stroke.duration, rel=1e-9)
+    assert end_error(motion) < 1e-11
+    run, count = motion.replay(), kind.feet.default
+    closed = run.time < 0.24
+    assert closed.sum() > 2
+    forces = np.array([run[f"gap_force[{i}]"] for i in range(1, count + 1)])
+    shares = np.linalg.pinv(np.vstack([np.ones(count), FEET[:count]]))[:, 0]
+    pressing = GRAVITY + run["height_ddot"]
+    np.testing.assert_allclose(forces[:, closed], np.outer(shares, pressing[closed]), rtol=1e-9)
+    assert not forces[:, run.time > 0.26].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [Stool, Tray])
+def test_a_tray_on_redundant_feet_is_caught_as_a_ball_is(kind: type[Tray]) -> None:
+    """Where it arrives at the table's speed, or sticks to it without restitution."""
+    goal: dict[str, Any] = {
+        "end": {"table": 0, "table_dot": 0},
+        "duration": 0.6,
+        "minimize": "table_ddot**2",
+        "bounce": 0.8,
+    }
+    phases = [{"gap": "open"}, {"gap": "closed"}]
+    ball = plan("BouncingBall", phases=phases, tries=4, start={"height": 1.0}, **goal)
+    tray = plan(kind, phases=on_all_feet(kind, *phases), tries=4, start={"height": 1.0, "tilt": 0.0}, **goal)
+    assert tray.cost == pytest.approx(ball.cost, rel=1e-10)
+    verified(tray)
+    assert abs(tray.replay()["impact_loss"][-1]) < 1e-12
 
 
 class Parcel(Mechanism):

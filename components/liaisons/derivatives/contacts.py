@@ -24,7 +24,6 @@ from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.errors import SimulationError
 from liaisons.expressions.algebra import stack
 from liaisons.fmu.calls import Call
-from liaisons.mechanics.unilateral import eliminated
 
 _TOUCHING, _STILL, _BALANCED, _OVERLAP, _DRIFT, _STUCK = 1e-12, 2e-12, 1e-13, 1e-9, 1e-3, 1e-9
 """Parts of the scales of positions, rates and accelerations that are rounding; an overlap; the drift of what is closed;
@@ -140,7 +139,6 @@ class Contacts:
         ends = np.cumsum([0, *(column.numel() for column in contacts.numbers.values())]).tolist()
         self._slices = {name: slice(*pair) for name, pair in zip(contacts.numbers, pairwise(ends), strict=True)}
         self._normals = [self.names.index(c.normal) if c.normal else -1 for c in contacts.contacts]
-        self._dependent = [i for i, c in enumerate(contacts.contacts) if c.dependent]
 
     # ---- functions
 
@@ -208,18 +206,13 @@ class Contacts:
 
     def _forces(self, rate: ca.SX, held: ca.SX, direction: ca.SX, *, impulses: bool) -> ca.SX:
         """Forces x in modes, with G x = -rate where it is held."""
-        G, P, d = self._matrix(), ca.SX.eye(self.count), ca.SX.zeros(self.count, 1)
-        for i, normal in enumerate(self._normals[self.gaps :], start=self.gaps):
-            sliding = -direction[i] * self._contacts.numbers["slide"][i - self.gaps]
-            if normal >= 0:
-                P[i, normal] = sliding
-            elif not impulses:
-                d[i] = sliding
-        K = ca.diag(held) @ G @ P + ca.diag(1 - held)
-        return P @ eliminated(K, -held * (rate + G @ d), self._dependent) + d
+        acting = [0.0 if impulses and normal < 0 else 1.0 for normal in self._normals]
+        slide = ca.vertcat(ca.SX.zeros(self.gaps), self._contacts.numbers["slide"])
+        drag = -ca.DM(acting) * direction * slide
+        return self._contacts.compliance.forces(rate, held, drag, self._normals)[0]
 
     def _matrix(self) -> ca.SX:
-        return ca.reshape(self._contacts.numbers["G"], self.count, self.count)
+        return self._contacts.compliance.matrix
 
     def _slacks(self, rate: Any, x: Any, G: Any, modes: tuple[Any, Any], bound: Any) -> list[Any]:
         """What is >= 0 in consistent modes: forces of what is closed, rates of what is not; in units of rates.

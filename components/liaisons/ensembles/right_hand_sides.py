@@ -22,6 +22,7 @@ from liaisons.expressions.algebra import closure, stack
 from liaisons.language import Component, Operator, Variable
 from liaisons.library import Target, component, flattening
 from liaisons.mechanics import assemble
+from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact, Model, refuse_contacts, refuse_samples
 from liaisons.mechanics.unilateral import impulsive_operators
 
@@ -38,6 +39,7 @@ class ContactColumns:
 
     :param contacts: unilateral liaisons, then dry friction; ``gaps``: number of the former.
     :param numbers: by which modes are chosen, without contact forces, as in ``core.h``.
+    :param compliance: change of rates by contact forces, G in ``numbers``.
     :param indicators: each falls below 0 where the mode of its contact ends.
     :param pushed: y after ``impulses`` of the contacts; ``restored``: also moved along the gaps, and nothing is summed.
     """
@@ -45,6 +47,7 @@ class ContactColumns:
     contacts: tuple[Contact, ...]
     gaps: int
     numbers: dict[str, ca.SX]
+    compliance: Compliance
     indicators: ca.SX
     pushed: ca.SX
     restored: ca.SX
@@ -301,14 +304,18 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
     impulses, shifts, unmoved = ca.SX.sym("impulses", len(contacts)), ca.SX.sym("shifts", gaps), ca.SX.zeros(gaps)
     once, _ = _scalars(model.push, *point, impulses, unmoved)
     twice, operators = _scalars(model.push, point[0], once, *point[2:], impulses, unmoved)
-    compliance = ca.reshape(numbers["G"], len(contacts), len(contacts))
-    lost = -impulses * (numbers["v"] + compliance @ impulses / 2)  # at the mean of the rates before and after
+    compliance = Compliance.of_numbers(numbers)
+    numbers = {name: numbers[name] for name in numbers.keys() - compliance.numbers().keys()}
+    numbers["G"] = ca.vec(compliance.matrix)
+    change = compliance.U @ (compliance.V @ impulses)
+    lost = -impulses * (numbers["v"] + change / 2)  # at the mean of the rates before and after
     losses = list(map(_loss, contacts))
     of_parts = [sum(lost[i] for i, name in enumerate(losses) if name == part) for part in dict.fromkeys(losses)]
     columns = ContactColumns(
         contacts,
         gaps,
         numbers,
+        compliance,
         indicators=_scalars(model.indicate, *point)[0],
         pushed=ca.vertcat((y + twice) / 2, sums + ca.vertcat(impulses[:gaps, :], operators, *of_parts)),
         restored=ca.vertcat(_scalars(model.push, *point, impulses, shifts)[0], sums),

@@ -352,20 +352,28 @@ def _struct_members(model: Model, guid: str, tables: Iterable[_Table]) -> dict[s
         "impulses": sum(len(sums) for _, sums in _impulse_ranges(model)) + len(_reaction_rows(model)),
         **{table.size: len(table.rows) for table in tables if table.size},
     }
+    offsets = _contact_offsets(model.contact, len(model.contacts)) if model.contact else {}
     return {
         "name": _c_string(model.name),
         "guid": _c_string(guid),
         "tolerance": _c_number(model.experiment.tolerance),
         **{name: number for name, number in numbers.items() if number},
         **{table.member: table.member for table in tables},
-        **({"rows": _contact_offsets(model.contact)} if model.contact else {}),
+        **offsets,
     }
 
 
-def _contact_offsets(contact: ca.Function) -> str:
-    """Return the C initializer with the first row of each result in the stacked results of contacts."""
-    starts = accumulate((contact.numel_out(i) for i in range(contact.n_out())), initial=0)
-    return _initializer(*map(".{} = {}".format, (*contact.name_out(), "count"), starts))
+def _contact_offsets(contact: ca.Function, contacts: int) -> dict[str, object]:
+    """Return the first row of each result in the stacked results of contacts, as a C initializer.
+
+    :param contacts: their number; where redundant ones have factors of G, their product has rows behind the results.
+    """
+    sizes, momenta = {name: contact.numel_out(i) for i, name in enumerate(contact.name_out())}, 0
+    if "G" not in sizes:
+        momenta = sizes["momenta_by_forces"] // contacts
+        sizes["G"] = contacts**2
+    rows = _initializer(*map(".{} = {}".format, (*sizes, "count"), accumulate(sizes.values(), initial=0)))
+    return {"rows": rows, **({"momenta": momenta} if momenta else {})}
 
 
 class _Table(NamedTuple):

@@ -213,7 +213,7 @@ class _Joined:
             return tuple(conditions), model_functions(self.vectors, results) | drawn
         numbers = {name: connected(self._contact_numbers(name, kinds)) for name, kinds in CONTACT_NUMBERS.items()}
         modes = ContactModes(self.contacts, self.vectors, results, numbers, layout, memory=self.memory)
-        self.contacts, conditions = modes.contacts, modes.painleve_conditions() | conditions
+        conditions = modes.painleve_conditions() | conditions
         return tuple(conditions), modes.functions(self._to_column(conditions.values())) | drawn
 
     def _contact_numbers(self, name: str, kinds: tuple[bool, ...]) -> ca.SX:

@@ -82,7 +82,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     if contacts:
         numbers = dict(zip(numbers, columns, strict=True))
         modes = ContactModes(contacts, vectors, results, numbers, flat, memory=memory)
-        contacts, conditions = modes.contacts, modes.painleve_conditions() | conditions
+        conditions = modes.painleve_conditions() | conditions
         functions = modes.functions(stack(conditions.values()))
     else:
         functions = model_functions(vectors, results)

@@ -101,7 +101,6 @@ class Contact:
     name: str
     friction: bool = False
     normal: str = ""  # of dry friction: the unilateral liaison whose force bounds it
-    dependent: bool = field(default=False, compare=False)  # on contacts before it, in some configuration
 
     def variable(self, ending: str) -> str:
         """Name of a variable of the contact with this ending."""

@@ -20,7 +20,6 @@ Source: docs/explanation/unilateral.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -33,15 +32,15 @@ from liaisons.language.declarations import Orientation
 from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.constraints import STABILISATION
+from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.functions import model_functions
 from liaisons.mechanics.model import Contact, Model
 
 OPEN_MARGIN, FORCE_MARGIN = 1e-13, 1e-12
 """Parts of its scale by which an event indicator is below the number that it watches when it crosses 0."""
 
-SINGULAR, SAME = 1e-10, 1e-10
-"""Part of its diagonal below which a pivot belongs to a contact that depends on others; part of its scale by which its
-acceleration may contradict theirs."""
+SAME = 1e-10
+"""Part of its scale by which the acceleration of a redundant contact may contradict those of others."""
 
 MOST_CONTACTS, _SAMPLES = 64, 5
 """Of one model, as in complementarity.h; configurations in which it is looked for contacts that depend on others."""
@@ -148,13 +147,9 @@ class ContactModes:
         self._states, self.memory = [state.name for state in layout.states], memory
         outputs = (v.name for v in layout.outputs)
         self._outputs = dict(zip(outputs, ca.vertsplit(results["outputs_function"]), strict=True))
-        self._G = ca.jacobian(numbers["a"], vectors["x"])
-        dependent = self._dependent(layout) if len(contacts) > 1 else set[int]()
-        self.contacts = tuple(replace(c, dependent=i in dependent) for i, c in enumerate(contacts))
-        self._gaps, self._frictions = (
-            [c for c in self.contacts if c.friction is friction] for friction in (False, True)
-        )
-        rows = {"v": numbers["v"], "a": numbers["a"], "G": ca.vec(self._G)} | dict(numbers)
+        self._gaps, self._frictions = ([c for c in contacts if c.friction is friction] for friction in (False, True))
+        self._compliance = self._compliance_of(layout)
+        rows = {"v": numbers["v"], "a": numbers["a"], **self._compliance.numbers()} | dict(numbers)
         self._rows = {name: self._without_contact_forces(column) for name, column in rows.items()}
         self._forces, self._indicators = self._forces_and_indicators()
 
@@ -186,26 +181,35 @@ class ContactModes:
                 n, row = self._gap_index(c), len(self._gaps) + i
                 coefficient = self._memory_of(c, "direction") * self._numbers["slide"][i]
                 text = f"{c.normal} must have one force while {c.name} slides (Painlevé)"
-                conditions[text] = 1 - coefficient * self._G[n, row] / self._G[n, n]
+                G = self._compliance.element
+                conditions[text] = 1 - coefficient * G(n, row) / G(n, n)
         return conditions
 
-    def _dependent(self, layout: Layout) -> set[int]:
-        """Contacts whose rows of G depend on those before them somewhere: near the start, or where all gaps are 0."""
-        t, y, u, k = (self._vectors[letter] for letter in "tyuk")
+    def _compliance_of(self, layout: Layout) -> Compliance:
+        """The Delassus matrix, in two factors where contacts are redundant: near the start, or where all gaps are 0."""
+        t, y, u, k, x = (self._vectors[letter] for letter in "tyukx")
+        regular = Compliance.regular(ca.jacobian(self._numbers["a"], x))
+        if len(self.contacts) < 2:
+            return regular
+        U, V = ca.jacobian(self._numbers["v"], y), ca.jacobian(self._forced["derivatives"], x)
+        moved = sorted({*V.sparsity().row()} & {*U.sparsity().get_col()})
+        factors = Compliance(U[:, moved], V[moved, :], is_redundant=True)
         gap = self._without_contact_forces(self._numbers["gap"])
         starts = ca.Function("starts", [t, u, k], [self._without_contact_forces(self._forced["start"][0])])
-        point = ca.Function("point", [t, y, u, k], [self._without_contact_forces(self._G), gap, ca.jacobian(gap, y)])
+        results = [self._without_contact_forces(factors.matrix), gap, ca.jacobian(gap, y)]
+        point = ca.Function("point", [t, y, u, k], results)
         values = [np.array([v.start for v in group], dtype=float) for group in (layout.inputs, layout.parameters)]
-        first, random, dependent = starts(0, *values).full().ravel(), np.random.default_rng(0), set[int]()
+        first, random = starts(0, *values).full().ravel(), np.random.default_rng(0)
         for _ in range(_SAMPLES):
             near = first + 0.1 * random.normal(size=first.shape)
             for _ in range(_SAMPLES):
                 G, off, slope = (x.full() for x in point(0, near, *values))
                 if not np.isfinite(near).all() or not all(np.isfinite(x).all() for x in (G, off, slope)):
                     break
-                dependent |= _dependent_rows(G)
+                if _has_dependent_rows(G):
+                    return factors
                 near -= np.linalg.lstsq(slope, off, rcond=None)[0].ravel()
-        return dependent
+        return regular
 
     def _with_contact_forces(self, expression: ca.SX) -> ca.SX:
         """Expression with the contact forces of the modes for their symbols."""
@@ -232,37 +236,29 @@ class ContactModes:
         return self._is_closed(Contact(friction.normal)) if friction.normal else ca.SX(1)
 
     def _forces_and_indicators(self) -> tuple[ca.SX, ca.SX]:
-        """Contact forces x = P ζ + d in the modes of the memory, and the event indicators.
+        """Contact forces in the modes of the memory, and the event indicators.
 
-        In the rows that are held (closed, sticks) v̇ = -2α v - α² g, α = STABILISATION, as for constraints; in the
-        others ζ = 0.
+        In the rows that are held (closed, sticks) v̇ = -2α v - α² g, α = STABILISATION, as for constraints.
         """
-        numbers, first = self._numbers, len(self._gaps)
-        count = first + len(self._frictions)
-        held = [self._is_closed(c) for c in self._gaps]
-        P, d = ca.SX.eye(count), ca.SX.zeros(count, 1)
+        numbers, alpha, first = self._numbers, STABILISATION, len(self._gaps)
+        held, drag, normals = [self._is_closed(c) for c in self._gaps], [ca.SX(0)] * first, [-1] * first
         for i, c in enumerate(self._frictions):
             direction, touching = self._memory_of(c, "direction"), self._can_press(c)
             held.append((1 - direction**2) * touching)
-            if c.normal:
-                P[first + i, self._gap_index(c)] = -direction * numbers["slide"][i] * touching
-            else:
-                d[first + i] = -direction * numbers["slide"][i]
-        flags, v, alpha = stack(held), numbers["v"], STABILISATION
-        target = -2 * alpha * v - alpha**2 * ca.vertcat(numbers["gap"], ca.SX.zeros(count - first, 1))
-        K = ca.diag(flags) @ self._G @ P + ca.diag(1 - flags)
-        dependent, free = [i for i, c in enumerate(self.contacts) if c.dependent], self._rows["a"] + self._G @ d
-        solved, contradictions = _shared(K, flags * (target - free), -flags * free, dependent)
-        forces = P @ solved + d
-        return forces, self._watched(flags, forces, dict(zip(dependent, ca.vertsplit(contradictions), strict=True)))
+            drag.append(-direction * numbers["slide"][i] * touching)
+            normals.append(self._gap_index(c) if c.normal else -1)
+        flags, gap = stack(held), ca.vertcat(numbers["gap"], ca.SX.zeros(len(self._frictions), 1))
+        target = -2 * alpha * numbers["v"] - alpha**2 * gap
+        forces, contradictions = self._compliance.forces(self._rows["a"], flags, stack(drag), normals, target)
+        return forces, self._watched(flags, forces, contradictions)
 
-    def _watched(self, flags: ca.SX, forces: ca.SX, contradictions: Mapping[int, ca.SX]) -> ca.SX:
+    def _watched(self, flags: ca.SX, forces: ca.SX, contradictions: ca.SX) -> ca.SX:
         """Event indicators: each falls below 0 where the mode of its contact ends.
 
-        :param contradictions: accelerations that contacts would have by those on which they depend.
+        :param contradictions: accelerations of redundant contacts that the others do not allow.
         """
         numbers, first = self._numbers, len(self._gaps)
-        compliance, v = ca.diag(self._G) / self._rows["acceleration_scale"], numbers["v"]
+        compliance, v = self._compliance.diagonal() / self._rows["acceleration_scale"], numbers["v"]
         rows = []
         for i, c in enumerate(self._gaps):
             leaving = LEAVING * ca.fmax(v[i], 0) / numbers["rate_scale"][i]
@@ -278,8 +274,9 @@ class ContactModes:
             slides = direction * v[i] / numbers["rate_scale"][i] + FORCE_MARGIN
             own = flags[i] * sticks + direction**2 * slides
             rows.append(touching * own + 1 - touching)
-        for i, contradiction in contradictions.items():
-            rows[i] = ca.fmin(rows[i], 1 - ca.fabs(contradiction) / (SAME * self._rows["acceleration_scale"][i]))
+        for i in contradictions.sparsity().row():
+            same = 1 - ca.fabs(contradictions[i]) / (SAME * self._rows["acceleration_scale"][i])
+            rows[i] = ca.fmin(rows[i], same)
         return stack(rows)
 
     def _outputs_by_modes(self) -> dict[str, ca.SX]:
@@ -312,58 +309,11 @@ def _is_position(name: str, names: Sequence[str]) -> bool:
     return f"{part}{dot}p_{own}" in names or own.endswith(Orientation.quaternion)
 
 
-def eliminated(K: ca.SX, right: ca.SX, dependent: Sequence[int] = ()) -> ca.SX:
-    """Solution of K x = right by Gauss's elimination without pivoting: modes are chosen so that it needs none.
-
-    :param dependent: rows that are left out where they depend on those before them; x is then in the range of K.
-    """
-    return _shared(K, right, right, dependent)[0]
-
-
-def _shared(K: ca.SX, right: ca.SX, demand: ca.SX, dependent: Sequence[int]) -> tuple[ca.SX, ca.SX]:
-    """Solution as of :func:`eliminated`, and contradictions of the rows that are left out.
-
-    :param demand: another right side, for the contradictions.
-    """
-    if not dependent:
-        return _substituted(K, right, ())[0], ca.SX(0, 1)
-    columns = list(dependent)
-    solved, flags, left_out = _substituted(K, ca.horzcat(right, demand, -K[:, columns]), dependent)
-    left, left_flags, _ = _substituted(K.T, -K.T[:, columns], dependent)
-    unit = ca.SX.eye(K.shape[0])[:, columns]
-    vanishing, left = (solved[:, 2:] + unit) @ ca.diag(flags), (left + unit) @ ca.diag(left_flags)  # by K, and by K.T
-    amounts = eliminated(left.T @ vanishing + ca.diag(1 - flags), left.T @ solved[:, 0])
-    return solved[:, 0] - vanishing @ amounts, flags * left_out[:, 1]
-
-
-def _substituted(K: ca.SX, right: ca.SX, dependent: Sequence[int]) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Solution of K X = right with 0 in rows that depend on those before them, whether each does, and what is left."""
-    n, columns = right.shape
-    rows = [[K[i, j] for j in range(n)] + [right[i, j] for j in range(columns)] for i in range(n)]
-    flags, left_out = list[ca.SX](), list[ca.SX]()
-    for i in range(n):
-        if i in dependent:
-            flag = ca.fabs(rows[i][i]) <= SINGULAR * ca.fabs(K[i, i])
-            flags.append(flag)
-            left_out.append(ca.horzcat(*rows[i][n:]))
-            rows[i] = [(1 - flag) * a + flag * (j == i) for j, a in enumerate(rows[i])]
-        for below in range(i + 1, n):
-            factor = rows[below][i] / rows[i][i]
-            rows[below] = [a if factor.is_zero() else a - factor * b for a, b in zip(rows[below], rows[i], strict=True)]
-    solved = [[ca.SX(0)] * columns for _ in range(n)]
-    for i in reversed(range(n)):
-        for c in range(columns):
-            later = sum(rows[i][j] * solved[j][c] for j in range(i + 1, n))
-            solved[i][c] = (rows[i][n + c] - later) / rows[i][i]
-    return ca.vertcat(*(ca.horzcat(*row) for row in solved)), stack(flags), ca.vertcat(*left_out)
-
-
-def _dependent_rows(G: np.ndarray) -> set[int]:
-    """Rows of a symmetric matrix that depend on those before them."""
-    rest, dependent = G.copy(), set[int]()
+def _has_dependent_rows(G: np.ndarray) -> bool:
+    """Whether rows of a symmetric matrix depend on those before them."""
+    rest = G.copy()
     for i, pivot in enumerate(np.diag(G)):
         if abs(rest[i, i]) <= 1e-9 * abs(pivot):
-            dependent.add(i)
-        else:
-            rest -= np.outer(rest[:, i], rest[i]) / rest[i, i]
-    return dependent
+            return True
+        rest -= np.outer(rest[:, i], rest[i]) / rest[i, i]
+    return False

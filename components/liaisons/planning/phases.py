@@ -27,8 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.base.arguments import shown
+from liaisons.base.array_names import suffixed
 from liaisons.errors import PlanError, suggestion
 from liaisons.expressions.algebra import stack
+from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact
 from liaisons.planning import problems
 from liaisons.planning.goal_rows import GoalRows, Row, goal_rows, with_sizes
@@ -96,19 +98,11 @@ class _Phase:
     @cached_property
     def forces(self) -> ca.SX:
         """Contact forces: v̇ = a + G x is 0 where a gap is closed or friction sticks."""
-        n, numbers = len(self.contacts), self.numbers
-        held = [i for i, closed in self.gaps.items() if closed] + [i for i, d in self.frictions.items() if not d]
-        P, offset = ca.SX.eye(n), ca.SX.zeros(n)
-        for i, direction in self.frictions.items():
-            drag, normal = -direction * numbers["slide"][i], self.normal(i)
-            if direction and normal < 0:
-                offset[i] = drag
-            elif direction:
-                P[i, normal] = drag
-        if not held:
-            return offset
-        G = ca.reshape(numbers["G"], n, n)
-        return P[:, held] @ ca.solve((G @ P)[held, held], -(numbers["a"] + G @ offset)[held]) + offset
+        contacts = range(len(self.contacts))
+        held = ca.SX([float(self.gaps.get(i, self.frictions.get(i) == 0)) for i in contacts])
+        drag = -ca.DM([self.frictions.get(i, 0) for i in contacts]) * self.numbers["slide"]
+        normals = [*map(self.normal, contacts)]
+        return Compliance.of_numbers(self.numbers).forces(self.numbers["a"], held, drag, normals)[0]
 
     def normal(self, friction: int) -> int:
         """Index of the gap whose force bounds a friction; -1 if its bound is a force."""
@@ -125,13 +119,13 @@ class _Phase:
         rows, values = goal_rows(self.symbols), list[tuple[str, ca.SX]]()
         for i, closed in self.gaps.items():
             name = self.contacts[i].name
-            values.append((f"{name}_force", self.forces[i]) if closed else (name, self.numbers["gap"][i]))
+            values.append((suffixed(name, "_force"), self.forces[i]) if closed else (name, self.numbers["gap"][i]))
         for i, direction in self.frictions.items():
             name = self.contacts[i].name
             if direction:
                 values.append((name, direction * self.numbers["v"][i]))
             else:
-                values += [(f"{name}_force", margin) for margin in self.margins(i).values()]
+                values += [(suffixed(name, "_force"), margin) for margin in self.margins(i).values()]
         own = (Row(name, value, 0.0, np.inf) for name, value in values)
         return replace(rows, path=[*rows.path, *with_sizes(self.symbols, own)])
 
@@ -147,7 +141,7 @@ class _Phase:
         """Rows of what the phase conserves: gap and rate 0 where it is closed, sliding velocity 0 where it sticks."""
         v, gap, names = self.numbers["v"], self.numbers["gap"], [c.name for c in self.contacts]
         closed = [i for i, is_closed in self.gaps.items() if is_closed]
-        rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(f"{names[i]}_dot", v[i]))]
+        rows = [row for i in closed for row in (Row(names[i], gap[i]), Row(suffixed(names[i], "_dot"), v[i]))]
         rows += [Row(names[i], v[i]) for i, direction in self.frictions.items() if not direction]
         return with_sizes(self.symbols, rows)
 
@@ -165,7 +159,8 @@ def problem_of(goal: Goal) -> Problem:
     last, size = len(rows) - 1, next((one.cost_size for one in rows if one.cost.n_dep()), rows[0].cost_size)
     start = [*rows[0].start, *problems.rows_at_rest(symbols, {row.label for row in rows[0].start})]
     start += _independent_rows(symbols, "start", start, phases[0].held_rows(), phases[0].ranges())
-    end = [*_independent_rows(symbols, "end", phases[-1].held_rows(), rows[-1].end, phases[-1].ranges())]
+    held = [*_independent_rows(symbols, "end", [], phases[-1].held_rows(), [])]
+    end = [*_independent_rows(symbols, "end", held, rows[-1].end, phases[-1].ranges())]
     parts = []
     for k, (phase, one) in enumerate(zip(phases, rows, strict=True)):
         own = replace(one, start=start if k == 0 else [], end=end if k == last else [], cost_size=size)
@@ -285,7 +280,7 @@ class _Junction:
     def sizes(self) -> list[float]:
         """Sizes of the impulses."""
         symbols = self.before.symbols
-        return [symbols.sizes[f"{c.name}_force"] * symbols.time for c in self.before.contacts]
+        return [symbols.sizes[c.variable("force")] * symbols.time for c in self.before.contacts]
 
     @cached_property
     def struck(self) -> list[int]:
@@ -332,12 +327,12 @@ class _Junction:
         if i in self.struck:
             yield Row(name, gap)
             if not jumps:
-                yield Row(f"{name}_dot", v)
+                yield Row(suffixed(name, "_dot"), v)
         if is_pushed:
-            yield Row(f"{name}_dot", numbers["v"][i] + (0 if stays else numbers["restitution"][i] * v))
+            yield Row(suffixed(name, "_dot"), numbers["v"][i] + (0 if stays else numbers["restitution"][i] * v))
         yield Row("", self.impulses[i], 0.0, np.inf if is_pushed else 0.0)
         if self.before.gaps[i] and not stays:
-            yield Row(f"{name}_force", -self.before.forces[i], 0.0, np.inf)
+            yield Row(suffixed(name, "_force"), -self.before.forces[i], 0.0, np.inf)
 
     def _friction_rows(self, i: int) -> Iterator[Row]:
         """Conditions on dry friction, whose impulse is bounded by the sliding coefficient, as in FMUs.
@@ -362,4 +357,4 @@ class _Junction:
             yield Row(name, before.numbers["v"][i])
         if slips:
             stuck = replace(before, modes=dict(before.modes) | {name: "sticks"})
-            yield Row(f"{name}_force", -stuck.margins(i)[later or 0], 0.0, np.inf)
+            yield Row(suffixed(name, "_force"), -stuck.margins(i)[later or 0], 0.0, np.inf)

@@ -88,9 +88,10 @@ typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1
 } DryFriction;
 
 /* Numbers of contacts, gaps first, then dry friction, without contact forces: rates, accelerations, their change by
- * forces, sizes of their terms; of gaps; thresholds of dry friction. */
+ * forces G, sizes of their terms; of gaps; thresholds of dry friction.  Of redundant contacts G is the product of changes of
+ * rates by momenta, and of momenta by forces, column after column. */
 #define CONTACT_NUMBERS(NUMBER) \
-    NUMBER(v) NUMBER(a) NUMBER(G) NUMBER(rate_scale) NUMBER(acceleration_scale) \
+    NUMBER(v) NUMBER(a) NUMBER(G) NUMBER(rates_by_momenta) NUMBER(momenta_by_forces) NUMBER(rate_scale) NUMBER(acceleration_scale) \
     NUMBER(gap) NUMBER(scale) NUMBER(restitution) NUMBER(stick) NUMBER(slide)
 
 #define OFFSET(name) size_t name;
@@ -139,6 +140,7 @@ typedef struct {
     const size_t *operator;  /* where the memory sums the impulses of operators */
     const size_t *indicator; /* indices of the event indicators among the numbers */
     ContactRows rows;
+    size_t momenta; /* of the product that G is, which `contact` leaves out; 0: G is among its numbers */
     Function *contact;  /* (t, y, u, k) -> numbers of the contacts, at these rows; or NULL, as the next two */
     Function *push;     /* (t, y, u, k, m, impulses, shifts) -> y, impulses of operators */
     Function *indicate; /* (t, y, u, k, m) -> event indicators */

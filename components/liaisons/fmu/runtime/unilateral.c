@@ -34,7 +34,15 @@ static const char *name_of(const Model *model, size_t i) {
 
 /* Calculate the numbers of all contacts at the present state. */
 static void inspect(Instance *self, double time) {
-    evaluate(self, self->model->contact, time, self->v.y, self->contacts.numbers);
+    const Model *model = self->model;
+    Contacts *c = &self->contacts;
+    const size_t n = model->indicators, momenta = model->momenta;
+    double *G = c->numbers + model->rows.G;
+    evaluate(self, model->contact, time, self->v.y, c->numbers);
+    if (momenta > 0) memset(G, 0, n * n * sizeof *G);
+    for (size_t j = 0; j < n; j++)
+        for (size_t k = 0; k < momenta; k++)
+            for (size_t i = 0; i < n; i++) G[i + n * j] += c->rates_by_momenta[i + n * k] * c->momenta_by_forces[k + momenta * j];
 }
 
 /* Address of a mode in the memory, 1: closed, 0: open; below 0: open, and overlaps by less than this part of its scale

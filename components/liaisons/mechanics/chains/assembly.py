@@ -140,7 +140,7 @@ def _written_out(
     conditions = modes.painleve_conditions()
     functions = modes.functions(stack(conditions.values()))
     texts = tuple(conditions)
-    return {**functions, "memory": memory, "condition_texts": texts, "contacts": modes.contacts}
+    return {**functions, "memory": memory, "condition_texts": texts, "contacts": contacts}
 
 
 def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
