@@ -94,10 +94,8 @@ def test_an_impact_at_a_recorded_time_has_two_derivatives() -> None:
         "BouncingBall: t = 0.451523641 s: two branches of the motion meet: derivatives by height_0 are"
     )
     assert np.isnan(gradient("BouncingBall", lambda m: m["height"][1], **options)["height_0"])
-    assert (
-        gradient("BouncingBall", lambda m: m["height"][2], **options)["height_0"]
-        == s.derivative("height", "height_0")[2]
-    )
+    later = gradient("BouncingBall", lambda m: m["height"][2], **options)["height_0"]
+    assert later == pytest.approx(s.derivative("height", "height_0")[2], rel=1e-14)
 
 
 def test_a_start_at_rest_alone() -> None:
@@ -360,17 +358,20 @@ class ThrownBox(Mechanism):
 
 THROWN = {"bounce": 0.5, "grip": 0.3, "drag": 0.25, "mass": 2.0, "x_dot_0": 1.0, "z_0": 0.3}
 SWUNG = {"mu_static": 0.3, "mu_sliding": 0.2, "belt_dot": 0.2, "x_0": -0.1}
+ROWS = {"mass": (1.0, 2.0, 0.5), "x_0": (0.1, 1.0, 1.5), "x_dot_0": (1.0, 0.1, 0.2)}
 SHAKEN = {"height_0": 0.3, "bounce": 0.5, "table.amplitude": 0.02, "table.angular_frequency": 15.0}
+ROLLED = {f"{name}[{i}]": x for name, row in ROWS.items() for i, x in enumerate(row, 1)} | {"bounce": 0.6}
+"""More values than are differentiated at once."""
 MOTIONS: dict[str, tuple[Any, dict[str, float], dict[str, Any]]] = {
     "bounces that end": ("BouncingBall", BALL, {"record": ["height", "impact_loss", "gap_impulse", "energy"]}),
     "a table that moves": ("BouncingBall", SHAKEN, {"operators": {"table": "Sinusoid"}, "record": ["height", "work"]}),
     "stick-slip": ("DryOscillator", SWUNG, {"record": ["x", "x_dot", "dissipated"]}),
     "a thrown box": (ThrownBox, THROWN, {"record": ["x", "z", "impact_loss"], "start_values": {"belt_dot": 0.5}}),
-    "balls": ("BallRow", {"bounce": 0.6, "mass[2]": 2.0}, {"record": ["x"], "start_values": {"x_0[3]": 1.5}}),
+    "balls": ("BallRow", ROLLED, {"record": ["x"]}),
 }
 
 
-QUICK = {"bounces that end", "stick-slip"}
+QUICK = {"bounces that end", "stick-slip", "balls"}
 
 
 @pytest.fixture(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,41 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from liaisons.derivatives.modes import ModeChoice
+from liaisons.ensembles.steps import call, library
 
 Floats = NDArray[Any]
 TOLERANCE = 1e-13
+REASONS = ("", "no force keeps them", "they contradict each other")
+CHOICE = """
+long choose_modes(long gaps, long contacts, const double *G, const double *stick, const double *slide,
+                  const long *normal, const double *rate, const double *tolerance, long n, const long *contact,
+                  long *modes, double *forces, double *rates)
+{
+    Complementarity p = {.gaps = gaps, .contacts = contacts, .G = G, .stick = stick, .slide = slide};
+    Modes chosen = {0};
+    p.n = n;
+    for (long i = 0; i < contacts; ++i) {
+        if (i >= gaps)
+            p.normal[i - gaps] = normal[i];
+        p.rate[i] = rate[i];
+        p.tolerance[i] = tolerance[i];
+        chosen[i] = modes[i];
+    }
+    for (long i = 0; i < n; ++i)
+        p.contact[i] = contact[i];
+    const Choice choice = complementarity_choose(&p, chosen, forces, rates);
+    for (long i = 0; i < contacts; ++i)
+        modes[i] = chosen[i];
+    return choice;
+}
+"""
+
+
+def _choice() -> Any:
+    """The code of an FMU, with a function that ctypes can call."""
+    runtime = resources.files("liaisons.fmu") / "runtime"
+    header, code = ((runtime / f"complementarity.{end}").read_text("utf-8") for end in "hc")
+    return library(code.replace('#include "complementarity.h"', header) + CHOICE, "-ffp-contract=off")
 
 
 def chosen(
@@ -26,12 +58,14 @@ def chosen(
 ) -> tuple[str, Floats, Floats, Floats]:
     """Why there are no modes, modes, forces and rates; of contacts that were all open, the last ones sliding."""
     count, frictions = len(rate), len(normals or [])
-    choice = ModeChoice(count - frictions, [*(-1,) * (count - frictions), *(normals or [])])
-    choice.G[:], choice.rate[:], choice.tolerance[:] = G.T.ravel(), rate, TOLERANCE * (1 + np.abs(rate))
-    choice.stick[:frictions], choice.slide[:frictions], choice.modes[:] = stick, slide, 0
-    choice.modes[count - sliding :] = 1
-    why = choice.choose(range(count - sliding), impulses=False)
-    return why, choice.modes.copy(), choice.forces.copy(), choice.rates.copy()
+    gaps = count - frictions
+    bounds = np.repeat([[stick], [slide]], max(frictions, 1), axis=1)
+    modes, choices = np.repeat([0, 1], [count - sliding, sliding]), np.arange(count - sliding)
+    x, rates, tolerance = np.empty(count), np.empty(count), TOLERANCE * (1 + np.abs(rate))
+    normal = np.array([*(-1,) * gaps, *(normals or [])])
+    problem = [gaps, count, np.ascontiguousarray(G.T), *bounds, normal, rate.copy(), tolerance]
+    why = call(_choice(), "choose_modes", *problem, len(choices), choices, modes, x, rates)
+    return REASONS[why], modes, x, rates
 
 
 @pytest.mark.parametrize("count", [3, 8, 9, 20, 40, 64])

@@ -26,8 +26,8 @@ class MotionFunctions:
         """Take the model and the equations of the motion."""
         self._model, self._equations = model, equations
         self._t, self._k, self._s, self._y = equations.symbols
-        self.steps = CompiledSteps(equations)
         self.contacts = None if equations.contacts is None else Contacts(model.name, equations)
+        self.steps = CompiledSteps(equations, self.contacts)
         self.condition_texts = equations.condition_texts
         self.prescribed_names, self.states = tuple(equations.prescribed), self._y.numel()
 

@@ -31,7 +31,7 @@ _EVENT_MARGIN = 8
 _STEP_TOLERANCE, _LEAST_TOLERANCE = 0.002, 4e-15
 """Allowed difference of a step and two halves, over the tolerance, for derivatives have larger errors than states; and
 the least one, a rounding."""
-_CHUNK_NUMBERS, STAGE_NUMBERS = 2**21, 2**25
+CHUNK_NUMBERS, STAGE_NUMBERS = 2**21, 2**25
 """Most states of stages in memory: of the steps of one chunk, and of all steps."""
 ROUNDING_OF_INPUTS = 1e-9
 """Largest relative jump of an input that is rounding."""
@@ -349,7 +349,7 @@ class DifferentiableMotion(SteppedMotion):
         if key not in self._latest:
             segments, chunks = self._segments(k), list[Steps]()
             ends = frozen if order == _sequence(segments) else self._step_ends(k, segments)
-            most = max(1, _CHUNK_NUMBERS // (METHOD.stages + 1) // self.functions.states)
+            most = max(1, CHUNK_NUMBERS // (METHOD.stages + 1) // self.functions.states)
             for segment, own in zip(segments, ends, strict=True):
                 steps = steps_of(segment, own)
                 chunks += [steps.part(begin, begin + most) for begin in range(0, len(steps.t), most)]

@@ -305,7 +305,7 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
     once, _ = _scalars(model.push, *point, impulses, unmoved)
     twice, operators = _scalars(model.push, point[0], once, *point[2:], impulses, unmoved)
     compliance = Compliance.of_numbers(numbers)
-    numbers = {name: numbers[name] for name in numbers.keys() - compliance.numbers().keys()}
+    numbers = {name: column for name, column in numbers.items() if name not in compliance.numbers()}
     numbers["G"] = ca.vec(compliance.matrix)
     change = compliance.U @ (compliance.V @ impulses)
     lost = -impulses * (numbers["v"] + change / 2)  # at the mean of the rates before and after

@@ -1,0 +1,449 @@
+/* A motion through the events of its contacts, written down as entries: steps, and maps of the state.  Impacts and modes
+ * follow the rules of unilateral.c. */
+
+enum { RESTORATIONS = 2, MOST_IMPACTS = 1000, MOST_EVENTS = 1000, SAMPLES = 8, CORRECTIONS = 8 };
+
+/* Parts of the scales of positions, rates and accelerations that are rounding; an overlap; the drift of what is closed;
+ * the rate of what sticks. */
+static const double TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, DRIFT = 1e-3, STUCK = 1e-9;
+/* Bounces below this part of the scale are summed; those of what was closed; impacts count after a higher fall. */
+static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
+/* Of a number by which modes are chosen, a part of its scale that is 0; of an event indicator, its value at an event, as
+ * in events.c, and the distance from 0 at which it grazes. */
+static const double DEGENERATE = 1e-9, MARGIN = 1e-13, GRAZING = 1e-12;
+
+typedef Choice Choose(const Complementarity *, Modes, double x[], double rate[]);
+
+typedef struct {
+    const double *k, *limits;
+    double *y, *memory; /* of contacts, as it stands at the end of a row: modes; of gaps impacts, and instants of rest */
+    Entry *entries;
+    long count, most, rows;
+    double *table, *s; /* rows of shared values, and the last of these */
+    double *failure;   /* which, instant, value; contacts */
+    Choose *choose;
+    Contacts c;
+} Motion;
+
+static void inspect(Motion *m, double t) { contact_numbers(&t, m->k, m->s, m->y, (double *)&m->c); }
+
+/* Begin a row of shared values, with the present memory of the contacts. */
+static void begin_row(Motion *m, const double *shared) {
+    m->s = m->table + (m->rows <= m->most ? m->rows : m->most) * R;
+    m->rows++;
+    memcpy(m->s, shared, (R - MEMORY) * sizeof *shared);
+    memcpy(m->s + R - MEMORY, m->memory, MEMORY * sizeof *shared);
+}
+
+/* Add an entry; beyond the last one that there is memory for, they replace each other. */
+static Entry *append(Motion *m, int kind, double t) {
+    Entry *entry = m->entries + (m->count < m->most ? m->count : m->most);
+    m->count++;
+    *entry = (Entry){.kind = kind, .row = m->rows - 1, .which = -1, .record = -1, .t = t};
+    return entry;
+}
+
+/* Map the state, and add the entry. */
+static void apply(Motion *m, int kind, double t, const double flags[]) {
+    double after[N];
+    memcpy(append(m, kind, t)->flags, flags, FLAGS * sizeof *flags);
+    (kind == RESTORED ? restored : struck)(&t, m->k, m->s, m->y, flags, after);
+    memcpy(m->y, after, sizeof after);
+    inspect(m, t);
+}
+
+/* Add a number that must stay 0. */
+static void condition(Motion *m, int kind, double t, long which, double scale, const double flags[]) {
+    Entry *entry = append(m, kind, t);
+    entry->which = which;
+    entry->h = scale;
+    if (flags) memcpy(entry->flags, flags, sizeof entry->flags);
+}
+
+static int refuse(Motion *m, int why, double t, double value, const Complementarity *p) {
+    m->failure[0] = why;
+    m->failure[1] = t;
+    m->failure[2] = value;
+    for (size_t k = 0; k < p->n; ++k) m->failure[3 + p->contact[k]] = 1;
+    return 0;
+}
+
+/* ---- modes */
+
+static Complementarity problem(const Motion *m, int impulses) {
+    Complementarity p = {.gaps = GAPS, .contacts = CONTACTS, .G = m->c.G, .slide = m->c.slide, .impulses = impulses};
+    p.stick = impulses ? m->c.slide : m->c.stick;
+    for (int i = GAPS; i < CONTACTS; ++i) p.normal[i - GAPS] = NORMALS[i];
+    return p;
+}
+
+/* Whether a contact can have a force, by the gaps that are closed, or touch. */
+static int presses(const int gaps[], int i) {
+    const long normal = i < GAPS ? i : NORMALS[i];
+    return normal < 0 || gaps[normal];
+}
+
+/* What is held in modes, and directions of what slides and presses. */
+static void describe(const signed char modes[], double flags[]) {
+    int closed[CONTACTS];
+    for (int i = 0; i < GAPS; ++i) closed[i] = modes[i] == CLOSED;
+    memset(flags, 0, FLAGS * sizeof *flags);
+    for (int i = 0; i < CONTACTS; ++i) {
+        flags[i] = presses(closed, i) && modes[i] == (i < GAPS ? CLOSED : STICKS);
+        flags[CONTACTS + i] = i >= GAPS && presses(closed, i) ? modes[i] : 0;
+    }
+}
+
+static void read_modes(const Motion *m, Modes modes) {
+    for (int i = 0; i < CONTACTS; ++i) modes[i] = (signed char)m->memory[i];
+}
+
+/* Choose modes, the present ones first; forces x, rates with them, and of contacts what is >= 0 in consistent modes:
+ * forces of what is closed, rates of what is not, in units of rates. */
+static int choose_modes(Motion *m, double t, const Complementarity *p, Modes modes, double x[], double rate[],
+                        double flags[], double slack[]) {
+    const Choice choice = m->choose(p, modes, x, rate);
+    if (choice != CHOSEN) return refuse(m, choice, t, 0, p);
+    describe(modes, flags);
+    for (int i = 0; i < CONTACTS; ++i) {
+        const double least = i < GAPS ? 0 : p->stick[i - GAPS] * (NORMALS[i] >= 0 ? x[NORMALS[i]] : 1);
+        const double force = i < GAPS ? x[i] : least - fabs(x[i]);
+        slack[i] = flags[i] * force * m->c.G[i * (CONTACTS + 1)] + (i < GAPS ? 1 - flags[i] : flags[CONTACTS + i]) * rate[i];
+    }
+    return 1;
+}
+
+/* ---- an event */
+
+/* Put the drift of what is closed or sticks to 0. */
+static void restore(Motion *m, double t) {
+    Modes modes;
+    double flags[FLAGS];
+    int any = 0;
+    read_modes(m, modes);
+    describe(modes, flags);
+    for (int i = 0; i < CONTACTS; ++i) any |= flags[i] != 0;
+    for (int i = 0; any && i < RESTORATIONS; ++i) apply(m, RESTORED, t, flags);
+}
+
+/* An impact of all gaps that touch. */
+static int strike(Motion *m, double t, const int touching[]) {
+    const Contacts before = m->c;
+    Complementarity p = problem(m, 1);
+    double x[CONTACTS], rate[CONTACTS], slack[CONTACTS], flags[FLAGS], loss = 0, size = 0;
+    Modes modes = {0};
+    for (int i = 0; i < CONTACTS; ++i) {
+        const long pressed = i < GAPS ? i : NORMALS[i];
+        const int takes = pressed >= 0 && touching[pressed] && before.v[pressed] <= STILL * before.rate_scale[pressed];
+        p.rate[i] = before.v[i] * (i < GAPS && before.v[i] < 0 ? 1 + before.restitution[i] : 1);
+        p.tolerance[i] = BALANCED * before.rate_scale[i];
+        modes[i] = i >= GAPS || takes;
+        if (takes) p.contact[p.n++] = i;
+    }
+    if (!choose_modes(m, t, &p, modes, x, rate, flags, slack)) return 0;
+    for (int i = 0; i < GAPS; ++i) {
+        const double v = before.v[i];
+        flags[2 * CONTACTS + i] = v < 0;
+        m->memory[CONTACTS + i] += x[i] > 0 && v < -STILL * before.rate_scale[i]
+                                   && v * v > 2 * fabs(before.a[i]) * COUNTED * before.scale[i];
+    }
+    for (size_t k = 0; k < p.n; ++k) {
+        const size_t i = p.contact[k];
+        if (slack[i] <= DEGENERATE * before.rate_scale[i]) condition(m, WEAK_IMPACT, t, i, before.rate_scale[i], flags);
+    }
+    apply(m, STRUCK, t, flags);
+    for (int i = 0; i < CONTACTS; ++i) {
+        loss -= x[i] * (before.v[i] + m->c.v[i]) / 2;
+        size += fabs(x[i]) * (fabs(before.v[i]) + 1e-2 * before.rate_scale[i]);
+    }
+    return loss < -1e-9 * size ? refuse(m, GAINS, t, 0, &p) : 1;
+}
+
+/* Choose modes of what touches and rests. */
+static int rest(Motion *m, double t, const int touching[], const double present[], Complementarity *p, Modes modes,
+                double rate[], double flags[], double slack[]) {
+    const Contacts *c = &m->c;
+    double x[CONTACTS];
+    *p = problem(m, 0);
+    read_modes(m, modes);
+    for (int i = 0; i < CONTACTS; ++i) {
+        const int still = fabs(c->v[i]) <= (i >= GAPS && present[i] ? STUCK : STILL) * c->rate_scale[i];
+        p->rate[i] = c->a[i];
+        p->tolerance[i] = BALANCED * c->acceleration_scale[i];
+        if (!presses(touching, i) || (i < GAPS && !still)) modes[i] = 0;
+        else if (!still) modes[i] = c->v[i] > 0 ? FORWARD : BACKWARD;
+        else p->contact[p->n++] = i;
+    }
+    return choose_modes(m, t, p, modes, x, rate, flags, slack);
+}
+
+/* A gap whose bounces are summed from here on, or GAPS; *size: a step in which the next impact of all others lies. */
+static int lowest_bounce(const Motion *m, const int bounces[], const double present[], const double rate[], double *size) {
+    const Contacts *c = &m->c;
+    *size = INFINITY;
+    for (int i = 0; i < GAPS; ++i) {
+        const double v = c->v[i], a = rate[i];
+        if (!bounces[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
+        if (v * v / (-2 * a) <= (present[i] ? LIFTED : LOWEST) * c->scale[i]) return i;
+        *size = fmin(*size, -2.5 * v / a);
+    }
+    return GAPS;
+}
+
+/* Impacts and modes of an instant, at which a contact has its event, or -1; 0 where that fails. */
+static int settle(Motion *m, double t, long which, int started, double *size) {
+    const Contacts *c = &m->c;
+    const double tick = nextafter(fabs(t), INFINITY) - fabs(t);
+    int touching[CONTACTS], bounces[CONTACTS], closed[CONTACTS], stopped[CONTACTS] = {0}, impacts = 0;
+    double flags[FLAGS], present[FLAGS], rate[CONTACTS], slack[CONTACTS], flight, *rests_from = m->memory + CONTACTS + GAPS;
+    Complementarity p = {0};
+    Modes modes;
+    read_modes(m, modes);
+    describe(modes, present);
+    inspect(m, t);
+    for (int i = 0; i < GAPS; ++i) {
+        const double rounding = TOUCHING * c->scale[i] + 2 * tick * c->rate_scale[i];
+        touching[i] = c->gap[i] <= (present[i] ? DRIFT * c->scale[i] : rounding);
+        if (touching[i]) p.contact[p.n++] = i;
+        if (c->gap[i] < -OVERLAP * c->scale[i] - rounding) {
+            p = (Complementarity){.n = 1, .contact = {i}};
+            return refuse(m, OVERLAPS, t, c->gap[i], &p);
+        }
+        if (touching[i] && !present[i] && i != which) condition(m, WEAK_GAP, t, i, c->scale[i], NULL);
+    }
+    for (;;) {
+        int approaches = 0;
+        for (int i = 0; i < GAPS; ++i) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
+        if (!approaches) break;
+        if (++impacts > MOST_IMPACTS) return refuse(m, REPEATS, t, 0, &p);
+        if (!strike(m, t, touching)) return 0;
+    }
+    for (;;) {
+        double held[FLAGS] = {0};
+        if (!rest(m, t, touching, present, &p, modes, rate, flags, slack)) return 0;
+        for (int i = 0; i < GAPS; ++i) {
+            held[i] = closed[i] = modes[i] == CLOSED;
+            bounces[i] = touching[i] && !closed[i] && !stopped[i];
+        }
+        const int low = lowest_bounce(m, bounces, present, rate, &flight);
+        if (low == GAPS) break;
+        rests_from[low] = t + (present[low] ? 0 : 2 * c->v[low] / (-rate[low] * (1 - c->restitution[low])));
+        held[low] = stopped[low] = 1;
+        apply(m, STRUCK, t, held);
+    }
+    *size = fmin(*size, flight);
+    for (int i = 0; i < GAPS; ++i)
+        if (closed[i] && !present[i] && !stopped[i]) rests_from[i] = t;
+    for (size_t k = 0; k < p.n; ++k) {
+        const size_t i = p.contact[k];
+        if (slack[i] <= DEGENERATE * c->acceleration_scale[i] && presses(closed, i))
+            condition(m, WEAK_REST, t, i, c->acceleration_scale[i], flags);
+    }
+    for (int i = 0; i < CONTACTS; ++i) {
+        const int holds = started && present[i];
+        if (fabs(c->v[i]) <= STILL * c->rate_scale[i] && !holds && i != which && presses(touching, i))
+            condition(m, WEAK_RATE, t, i, c->rate_scale[i], NULL);
+        m->memory[i] = modes[i];
+    }
+    return 1;
+}
+
+/* ---- steps, and the first event in one */
+
+/* Indicators at a fraction of a step, by its quintic Hermite polynomial through start, middle and end. */
+static void look(double t, double h, double part, const double *limits, const double *k, const double *s,
+                 const double *y, const double *f, double *values) {
+    const double x = part, p = x * x, q = (1 - x) * (1 - x), m = 2 * x - 1;
+    const double at_0 = q * m * m * (1 + 6 * x), at_1 = 16 * p * q, at_2 = p * m * m * (7 - 6 * x);
+    const double by_0 = x * q * m * m, by_1 = 8 * p * q * m, by_2 = p * m * m * (x - 1);
+    double at[N], time = clipped(t + part * h, limits);
+    for (int j = 0; j < N; ++j)
+        at[j] = at_0 * y[j] + at_1 * y[N + j] + at_2 * y[2 * N + j]
+                + h * (by_0 * f[j] + by_1 * f[N + j] + by_2 * f[2 * N + j]);
+    watch(&time, k, s, at, values);
+}
+
+/* First fraction of a step at which an indicator falls to 0, and which; 2 if there is none.  Where one comes nearer
+ * to 0 than GRAZING, and does not fall below, *graze is the fraction. */
+static double first_event(double t, double h, const double *limits, const double *k, const double *s, const double *y,
+                          const double *f, int *which, double *slope, double *graze) {
+    double values[I], row[SAMPLES + 1][I], first = 2.0;
+    for (int n = 0; n <= SAMPLES; ++n) look(t, h, n / (double)SAMPLES, limits, k, s, y, f, row[n]);
+    for (int i = 0; i < I; ++i) row[0][i] = fmax(row[0][i], 0.0);
+    for (int n = 0; n < SAMPLES && first > 1.0; ++n)
+        for (int i = 0; i < I; ++i) {
+            double a = n / (double)SAMPLES, b = (n + 1) / (double)SAMPLES, at_a = row[n][i], at_b = row[n + 1][i];
+            if (at_b >= 0 && n + 2 <= SAMPLES && at_a > GRAZING && at_b < at_a
+                && at_b <= row[n + 2][i] && row[n + 2][i] > GRAZING) { /* it turns between */
+                double low = a, high = b + 1.0 / SAMPLES;
+                for (int m = 0; m < 60 && at_b >= 0; ++m) {
+                    const double left = low + 0.382 * (high - low), right = low + 0.618 * (high - low);
+                    double at_left;
+                    look(t, h, left, limits, k, s, y, f, values);
+                    at_left = values[i];
+                    look(t, h, right, limits, k, s, y, f, values);
+                    b = at_left < values[i] ? left : right;
+                    at_b = fmin(at_left, values[i]);
+                    if (at_left < values[i]) high = right;
+                    else low = left;
+                    if (at_b > fmax(1e-3 * at_a, GRAZING) && high - low < 0.01) break;
+                }
+                if (at_b >= 0 && at_b < GRAZING) *graze = t + b * h;
+            }
+            if (!(at_b < 0)) continue;
+            const double target = at_a > MARGIN ? MARGIN : 0.0;
+            double left = at_a - target, right = at_b - target;
+            for (int m = 0; m < 60 && b - a > 1e-14; ++m) { /* regula falsi, Illinois */
+                const double part = fmax(a + (b - a) * left / (left - right), a + 1e-15 * b);
+                look(t, h, part, limits, k, s, y, f, values);
+                if (values[i] - target <= 0) {
+                    b = part;
+                    right = values[i] - target;
+                    left /= 2;
+                } else {
+                    a = part;
+                    left = values[i] - target;
+                    right /= 2;
+                }
+                if (fabs(values[i] - target) < 1e-3 * MARGIN) break;
+            }
+            if (b < first) {
+                double high[I];
+                first = b;
+                *which = i;
+                look(t, h, b - 1e-3, limits, k, s, y, f, high);
+                look(t, h, b + 1e-3, limits, k, s, y, f, values);
+                *slope = (values[i] - high[i]) / (2e-3 * h);
+            }
+        }
+    return first;
+}
+
+/* Step to the event of an indicator, which is near a size; the size of the step. */
+static double step_to_event(Motion *m, double t, double now, double most, int which, double slope, double *kept) {
+    double at[N], values[I], best = now, least = INFINITY, earlier = 0.0, off_earlier = 0.0;
+    double time = clipped(t, m->limits);
+    watch(&time, m->k, m->s, m->y, values);
+    const double target = values[which] > MARGIN ? MARGIN : 0.0; /* 0 where it begins below */
+    for (int n = 0; n < CORRECTIONS; ++n) {
+        memcpy(at, m->y, sizeof at);
+        step(t, now, m->limits, m->k, m->s, at, kept);
+        time = clipped(t + now, m->limits);
+        watch(&time, m->k, m->s, at, values);
+        const double off = values[which] - target;
+        if (n > 0 && (off - off_earlier) / (now - earlier) < 0) slope = (off - off_earlier) / (now - earlier);
+        earlier = now;
+        off_earlier = off;
+        if (fabs(off) < least) {
+            least = fabs(off);
+            best = now;
+        }
+        if (!(slope < 0) || fabs(off) <= 1e-3 * MARGIN) break;
+        now = fmin(fmax(now - off / slope, 0.5 * now), most);
+    }
+    best = fmin(t + best - t, most);
+    step(t, best, m->limits, m->k, m->s, m->y, kept);
+    return best;
+}
+
+/* Steps through the intervals of a segment, and what contacts do between them.  How many entries there are, more than
+ * `most` if the memory is too small; failure[0] is not 0 if the motion ends before. */
+long follow(long intervals, const double *cuts, const long *rows, const double *limits, const double *k,
+            const double *shared, double tolerance, const double *sizes, double *size, double *y, double *kept, long most,
+            Entry *entries, double *table, const long *records, double *memory, long started, double *failure,
+            Choose *const *choose) {
+    Motion m = {k, limits, y, memory, entries, .most = most, .table = table, .failure = failure,
+                .choose = *choose};
+    double t = cuts[0], begin = t;
+    long phase = 0, first = 0, stuck = 0;
+    int which = -1, settled = 0;
+    begin_row(&m, shared + rows[0] * R);
+    for (long interval = 0; interval < intervals && m.count <= most;) {
+        const double end = cuts[interval + 1], *own = shared + rows[interval] * R;
+        if (!settled) {
+            const double instant = fmax(t, limits[0]);
+            if (!settle(&m, instant, which, started, size)) return m.count;
+            begin_row(&m, own);
+            append(&m, SETTLED, instant)->record = m.rows == 2 ? records[0] : -1;
+            settled = started = 1;
+            phase = interval;
+            begin = t;
+            first = m.count;
+        }
+        const int last = *size >= 0.999999 * (end - t);
+        double h = last ? end - t : t + fmin(*size, 0.5 * (end - t)) - t, path[3 * N], f[3 * N], whole[N], factor;
+        if (!try_step(t, h, limits, k, m.s, y, tolerance, sizes, size, whole, path, kept, &factor)) {
+            if (t + 1e-3 * *size == t) {
+                failure[0] = SHORT;
+                failure[1] = t;
+                return m.count;
+            }
+            continue;
+        }
+        double slope = 0.0, graze = NAN;
+        for (int n = 0; n < 3; ++n) {
+            const double time = clipped(t + 0.5 * n * h, limits);
+            rates(&time, k, m.s, path + n * N, f + n * N);
+        }
+        const double part = first_event(t, h, limits, k, m.s, path, f, &which, &slope, &graze);
+        const int stops = part <= 1.0;
+        if (isfinite(graze)) append(&m, GRAZED, graze);
+        if (stops) h = step_to_event(&m, t, part * h, h, which, slope, kept);
+        else memcpy(y, whole, sizeof whole);
+        const double cut = interval > phase ? cuts[interval] : begin, span = end - cut;
+        const double before = span > 0 ? (t - cut) / span : 0.0, share = span > 0 ? h / span : 1.0;
+        Entry *entry = append(&m, STEP, t);
+        entry->h = h;
+        if (interval == phase) {
+            entry->moved[0] = 1 - before;
+            entry->moved[1] = -share;
+        }
+        if (interval == intervals - 1) {
+            entry->moved[2] = before;
+            entry->moved[3] = share;
+        }
+        if (!stops) {
+            *size = fmax(last ? *size : 0.0, h * fmin(factor, 4.0));
+            t = last ? end : t + h;
+            if (t < end) continue;
+            entry->record = records[interval + 1];
+            first = m.count;
+            if (++interval < intervals && rows[interval] != rows[interval - 1])
+                begin_row(&m, shared + rows[interval] * R);
+            continue;
+        }
+        entry->which = which;
+        for (long n = first; n < m.count && n < most; ++n) { /* sizes of steps up to an event do not change with others */
+            const double moves = interval == phase;
+            memcpy(entries[n].moved, (double[]){moves, 0.0, 0.0, 0.0}, sizeof entries[n].moved);
+        }
+        t = fmin(t + h, end);
+        stuck = t - begin <= 8 * (nextafter(fabs(begin), INFINITY) - fabs(begin)) ? stuck + 1 : 0;
+        if (stuck > MOST_EVENTS) {
+            refuse(&m, STALLED, begin, 0, &(Complementarity){.n = 1, .contact = {which}});
+            return m.count;
+        }
+        restore(&m, t);
+        settled = 0;
+    }
+    if (isfinite(limits[1])) {
+        append(&m, LAST, limits[1]);
+        restore(&m, limits[1]);
+    }
+    return m.count;
+}
+
+/* States after entries, and before each; of steps those of the stages, and before the projection. */
+void retrace(long count, const Entry *entries, const double *limits, const double *k, const double *table, double *y,
+             double *states, double *kept, long stride) {
+    for (long n = 0; n < count; ++n) {
+        const Entry *entry = entries + n;
+        const double *s = table + entry->row * R;
+        double *own = kept + n * stride;
+        if (entry->kind == STEP) step(entry->t, entry->h, limits, k, s, y, own);
+        else memcpy(own, y, N * sizeof *y);
+        if (entry->kind == RESTORED) restored(&entry->t, k, s, own, entry->flags, y);
+        else if (entry->kind == STRUCK) struck(&entry->t, k, s, own, entry->flags, y);
+        memcpy(states + n * N, y, N * sizeof *y);
+    }
+}
