@@ -167,9 +167,11 @@ class Impacts:
         self._nodes = [_Node(name, ports, instances, bus) for name in names]
         self._count = len(ports)
         contacts = [contact for name in names for contact in contact_variables(simulation.parts[name])]
-        self._gaps, self._rates = (as_indices([bus.index[c[k]] for c in contacts]) for k in range(2))
+        self._gaps, self._rates, self._closed = (as_indices([bus.index[c[k]] for c in contacts]) for k in range(3))
         sums = sums_of(simulation, ports)
         self._sums, self._forces = (as_indices([bus.index[p] for p in places]) for places in (sums, sums.values()))
+        pushing = [force for name in names for force in contact_impulses(simulation.parts[name]).values()]
+        self._pushing = as_indices([bus.index[force] for force in pushing])
 
     def begin(self) -> None:
         """Begin at the start; warn of impacts there, which each FMU has had by itself."""
@@ -197,6 +199,11 @@ class Impacts:
         sums, forces = after[self._sums], np.fmax(np.abs(before[self._forces]), np.abs(after[self._forces]))
         least = _NOTHING * (np.abs(sums) + size * forces)
         return bool(np.any(np.abs(sums - before[self._sums]) > least))
+
+    def changed(self, before: Vector, after: Vector) -> bool:
+        """Whether a contact has begun or ended to push between these values of the bus."""
+        pushed, pushes = ((row[self._closed] != 0) | (row[self._pushing] > 0) for row in (before, after))
+        return bool(np.any(pushed != pushes))
 
     def next_contact(self, values: Vector) -> float:
         """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""
