@@ -63,6 +63,14 @@ def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
     return found
 
 
+def friction_directions(part: SystemComponent) -> list[VariableReference]:
+    """Sign of the velocity of each of its dry frictions, 0 while it sticks."""
+    variables = part.fmu.variables
+    names = ((name, *name.rpartition("_sticks")) for name in variables)
+    pairs = [f"{base}_direction{element}" for _, base, ending, element in names if ending]
+    return [(part.name, name) for name in pairs if name in variables]
+
+
 def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableReference]:
     """Sum of the impulses of each of its contacts -> force of the contact, which acts alike."""
     sums: dict[VariableReference, VariableReference] = {}
@@ -97,7 +105,8 @@ def accumulated(
         errors[1:] = 1.0
         return errors
     tiny = np.broadcast_to(crossing, times.shape)[1:]
-    struck = (np.diff(impacts) != 0) | (tiny & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1]))
+    turned = (closed[:, :-1] == 0) & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1] / 2)
+    struck = (np.diff(impacts) != 0) | (tiny & turned)
     released = np.any(np.diff(closed) != 0, axis=0)
     accelerations = _accelerations(rates, steps, struck | tiny)
     lowest = _lowest(gaps, rates, accelerations, steps)
@@ -120,7 +129,7 @@ def accumulated(
                     e**2 * xv + e * b * xx,
                     e**2 * vv + 2 * e * b * xv + b**2 * xx + ((1 + e) * d_dot + abs(b) * d) ** 2,
                 )
-            elif not closed[c, max(k - 1, 0) : k + 1].any() and lowest[c, k] < reach:
+            elif not closed[c, max(k - 2, 0) : k + 1].any() and lowest[c, k] < reach:
                 vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
         xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
         xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
@@ -148,7 +157,8 @@ def _lowest(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -
     cubic = g + x * v * steps + x**2 * c_2 + x**3 * c_3
     bend = np.abs(np.diff(accelerations, prepend=accelerations[:, :1]))
     slack = bend * steps / 8
-    falls_and_rises = (rates[:, :-1] < slack) & (rates[:, 1:] > -slack)
+    leaving = (accelerations > 0) & (np.append(accelerations[:, :1], accelerations[:, :-1], axis=1) > 0)
+    falls_and_rises = (rates[:, :-1] < np.where(leaving, 0.0, slack)) & (rates[:, 1:] > -slack)
     return np.where(falls_and_rises, cubic.min(axis=0) - bend * steps**2 / 32, math.inf)
 
 

@@ -25,7 +25,7 @@ from liaisons.cosim.arrays import Vector, as_indices
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.messages import logger
-from liaisons.cosim.running.contacts import contact_impulses, contact_variables
+from liaisons.cosim.running.contacts import contact_impulses, contact_variables, friction_directions
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
@@ -172,6 +172,8 @@ class Impacts:
         self._sums, self._forces = (as_indices([bus.index[p] for p in places]) for places in (sums, sums.values()))
         pushing = [force for name in names for force in contact_impulses(simulation.parts[name]).values()]
         self._pushing = as_indices([bus.index[force] for force in pushing])
+        directions = [one for name in names for one in friction_directions(simulation.parts[name])]
+        self._directions = as_indices([bus.index[direction] for direction in directions])
 
     def begin(self) -> None:
         """Begin at the start; warn of impacts there, which each FMU has had by itself."""
@@ -201,9 +203,9 @@ class Impacts:
         return bool(np.any(np.abs(sums - before[self._sums]) > least))
 
     def changed(self, before: Vector, after: Vector) -> bool:
-        """Whether a contact has begun or ended to push between these values of the bus."""
+        """Whether a contact has begun or ended to push, or to slide, between these values of the bus."""
         pushed, pushes = ((row[self._closed] != 0) | (row[self._pushing] > 0) for row in (before, after))
-        return bool(np.any(pushed != pushes))
+        return bool(np.any(pushed != pushes) or np.any(before[self._directions] != after[self._directions]))
 
     def next_contact(self, values: Vector) -> float:
         """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""

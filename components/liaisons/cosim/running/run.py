@@ -40,7 +40,13 @@ from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, collect_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
 from liaisons.cosim.running.breaks import Breaks
-from liaisons.cosim.running.contacts import contact_variables, missing_impulses, sums_of_missing, warn_of_missing
+from liaisons.cosim.running.contacts import (
+    contact_variables,
+    friction_directions,
+    missing_impulses,
+    sums_of_missing,
+    warn_of_missing,
+)
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.impacts import Impacts, impulsive_ports, sums_of
@@ -126,6 +132,7 @@ class Run:
             )
             contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
             contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
+            contacts += [v for port in through for p in (port.mover, port.moved) for v in friction_directions(parts[p])]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             recorded += [variable for pair in sums_of(simulation, through).items() for variable in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
