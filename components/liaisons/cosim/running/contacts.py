@@ -34,6 +34,8 @@ _DIVERGED = 1e100
 """Distance or rate above which every error is the largest one, and squares would overflow."""
 _TOUCHING = 1e-12
 """Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
+LEAST_IMPULSE = 1e-8
+"""Smallest impulse that counts, relative to a sum of them, and to a force times the time in which it acts."""
 _DEVIATIONS = 2
 """Number of standard deviations in an error."""
 
@@ -171,10 +173,6 @@ def _impact(gap: float, rates: Vector, change: float, a: float) -> tuple[float, 
     return jump / w - 1, w
 
 
-_NOTHING = 1e-8
-"""Smallest impulse that counts, relative to the largest force times the whole time."""
-
-
 class MissingImpulses(NamedTuple):
     """Sum of impulses that a connection lacks, at the communication points; ``points`` where it has changed."""
 
@@ -185,17 +183,14 @@ class MissingImpulses(NamedTuple):
 
 
 def sums_of_missing(
-    simulation: Simulation,
-    solved: Collection[VariableReference],
-    received: Mapping[VariableReference, str],
+    simulation: Simulation, solved: Collection[VariableReference]
 ) -> dict[VariableReference, Connection]:
     """Sums of impulses, with the connection of a force that lacks them.
 
-    Those of the operators of a mechanism that is moved; those of the contacts of one that moves another, which
-    takes no part in the impacts; and those that one receives and does not hand on.
+    Those of the operators of a mechanism that is moved, and those of the contacts of one that moves another, which
+    takes no part in the impacts.
 
     :param solved: forces that are connected together with their impulses.
-    :param received: sums of impulses that an FMU receives -> load beside.
     """
     connections: dict[VariableReference, Connection] = {}
     for connection in simulation.connections:
@@ -205,13 +200,17 @@ def sums_of_missing(
         if (impulse := impulse_name(connection.source.name)) in moved.fmu.variables:
             connections[moved.name, impulse] = connection
         connections |= dict.fromkeys(contact_impulses(mover), connection)
-    return {**_not_handed_on(simulation, solved, received), **connections}
+    return connections
 
 
-def _not_handed_on(
+def not_handed_on(
     simulation: Simulation, solved: Collection[VariableReference], received: Mapping[VariableReference, str]
 ) -> dict[VariableReference, Connection]:
-    """Sums of impulses received, with the connection of a force that depends on what they or jumps of rates act on."""
+    """Sums of impulses received, with the connection of a force that depends on what they or jumps of rates act on.
+
+    :param solved: forces that are connected together with their impulses.
+    :param received: sums of impulses that an FMU receives -> load beside.
+    """
     unsolved = [c for c in simulation.connections if c.back and c.source.place not in solved]
     jumping = {place[0]: place for place in received}  # FMUs whose rates jump, by a sum of impulses that makes them
     for _ in unsolved:
@@ -245,7 +244,7 @@ def missing_impulses(
     missing: list[MissingImpulses] = []
     for variable, connection in connections.items():
         sums, force = columns[variable], columns[connection.source.place]
-        least = _NOTHING * np.abs(force).max() * (times[-1] - times[0])
+        least = LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
         if len(points := 1 + np.flatnonzero(np.abs(np.diff(sums)) > least)):
             missing.append(MissingImpulses(connection, variable, sums, points))
     return missing

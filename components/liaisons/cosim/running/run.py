@@ -49,7 +49,7 @@ from liaisons.cosim.running.contacts import (
 )
 from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.impacts import Impacts, impulsive_ports, sums_of
+from liaisons.cosim.running.impacts import Impacts, forces_through, impulsive_ports, sums_of
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
     contacts_of_fed,
@@ -76,7 +76,7 @@ _FEW_POINTS = 1024
 _TOGETHER = 1e-9
 """Time from an impact to a communication point below which they are one, relative to a step."""
 _SHORT = 1e-4
-"""Size of a step in which all inputs are extrapolated, as their differences are rounding, relative to one between points."""
+"""Size of a step in which inputs are extrapolated, as differences are rounding, relative to one between points."""
 _MOST_IMPACTS = 1000
 """Most impacts of several FMUs in a communication step."""
 _LATE = 1e-3
@@ -125,11 +125,7 @@ class Run:
             also = port_outputs(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
             through = impulsive_ports(simulation)
-            self._sums = sums_of_missing(
-                simulation,
-                {(port.moved, port.impulse.source.force or "") for port in through},
-                {port.impulse.target.place: port.impulse.target.force or "" for port in through},
-            )
+            self._sums = sums_of_missing(simulation, forces_through(through))
             contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
             contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
             contacts += [v for port in through for p in (port.mover, port.moved) for v in friction_directions(parts[p])]
@@ -582,7 +578,9 @@ class Run:
             refusals.clear()
             try:
                 if stop - start < shortest:
-                    loop.add(stop, self._cross_break(start, stop), result_time=stop if shown else None, after_break=True)
+                    loop.add(
+                        stop, self._cross_break(start, stop), result_time=stop if shown else None, after_break=True
+                    )
                     reached = 1
                 else:
                     if halves:
