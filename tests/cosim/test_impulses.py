@@ -462,7 +462,10 @@ def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tupl
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [*product(MOVERS, TOPS)])
 def test_twenty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str]) -> None:
-    """Of 500, by far the most agree to 1e-8; where bodies rattle before they rest, few are refused, or off unsaid."""
+    """Of 500 by far the most agree to 1e-8; where bodies rattle, few are refused, or off unsaid.
+
+    Bounces that are summed have no impulse of friction: a box that slides is off by what that would be.
+    """
     k = [*product(MOVERS, TOPS)].index(names)
     random = np.random.default_rng(100 + k)
     compared, refused = list[tuple[float, float]](), 0
@@ -473,7 +476,8 @@ def test_twenty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, nam
             if not re.search("does not converge|more than 1000 impacts", str(error)):
                 raise
             refused += 1
-    assert refused <= 1
+    assert refused <= (4 if names[1] == "two balls" else 0)
     differences, claimed = np.transpose(compared)
-    assert np.all(differences < np.maximum(1e-8, 3 * claimed))
-    assert np.mean(differences < 1e-8) > 0.7
+    least = 1e-6 if names[1] == "sliding box" else 1e-8
+    assert np.count_nonzero(differences > np.maximum(least, 3 * claimed)) <= 1
+    assert np.mean(differences < 1e-8) > 0.8
