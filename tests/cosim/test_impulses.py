@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from liaisons import (
     Result,
     System,
     build,
+    dry_friction,
     flatten,
     point,
     simulate,
@@ -112,8 +112,85 @@ class Between(Mechanism):
         return self.roof - self.height
 
 
-OWN = {class_.__name__: class_ for class_ in (Table, Bar, Between)}
-COORDINATES = {"height", "tilt", "theta", "x"}
+class Stack(Mechanism):
+    """Two balls above each other, above a table."""
+
+    mass = Parameter(1.0, "kg", "mass of the lower one", above=0)
+    upper_mass = Parameter(1.0, "kg", "mass of the upper one", above=0)
+    bounce = Parameter(0.5, "1", "coefficient of restitution", minimum=0, maximum=1)
+    gravity = Gravity()
+    height = Coordinate("m", "height of the lower one", start=0.3)
+    between = Coordinate("m", "distance of the balls", start=0.1)
+    table = ActiveCoordinate("m", "height of the table")
+
+    def kinetic_energy(self) -> ca.SX:
+        lower = self.dot(self.height)
+        return self.mass / 2 * lower**2 + self.upper_mass / 2 * (lower + self.dot(self.between)) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.gravity * (self.mass * self.height + self.upper_mass * (self.height + self.between))
+
+    @unilateral("m", "lower one above the table", restitution="bounce")
+    def lower(self) -> ca.SX:
+        return self.height - self.table
+
+    @unilateral("m", "distance of the balls", restitution="bounce")
+    def upper(self) -> ca.SX:
+        return self.between
+
+
+class Box(Mechanism):
+    """Box that lands on a table, and slides over it."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    bounce = Parameter(0.0, "1", "coefficient of restitution", minimum=0, maximum=1)
+    friction = Parameter(0.4, "1", "coefficient of friction", minimum=0)
+    gravity = Gravity()
+    height = Coordinate("m", "height of the box", start=0.3)
+    u = Coordinate("m", "way along the table")
+    table = ActiveCoordinate("m", "height of the table")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * (self.dot(self.height) ** 2 + self.dot(self.u) ** 2)
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.height
+
+    @unilateral("m", "distance of box and table", restitution="bounce")
+    def gap(self) -> ca.SX:
+        return self.height - self.table
+
+    @dry_friction("m/s", "sliding over the table", static="friction", normal="gap")
+    def slip(self) -> ca.SX:
+        return self.dot(self.u)
+
+
+class Brake(Table):
+    """Table with dry friction in its guide."""
+
+    grip = Parameter(2.0, "N", "largest force of the guide", minimum=0)
+
+    @dry_friction("m/s", "sliding in the guide", static="grip")
+    def guide(self) -> ca.SX:
+        return self.dot(self.x)
+
+
+class Tower(Table):
+    """Table on a second mass."""
+
+    base = Parameter(1.0, "kg", "mass below", above=0)
+    bend = Parameter(50.0, "N/m", "stiffness below", above=0)
+    sway = Coordinate("m", "height of the mass below")
+
+    def kinetic_energy(self) -> ca.SX:
+        return super().kinetic_energy() + self.base / 2 * self.dot(self.sway) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (self.x - self.sway) ** 2 + self.bend / 2 * self.sway**2
+
+
+OWN = {class_.__name__: class_ for class_ in (Table, Brake, Tower, Bar, Between, Stack, Box)}
+COORDINATES = {"height", "tilt", "theta", "x", "between", "u", "sway"}
 
 
 @pytest.fixture(scope="module")
@@ -292,28 +369,22 @@ class TwoSides(Table):
 @pytest.mark.parametrize(
     "links", [("part.u -> ball.table", "table.x -> part.base"), ("table.top_z -> ball.table", "table.x -> part.base")]
 )
-def test_impulses_that_are_not_handed_on_are_told(shared_folder: Path, links: tuple[str, ...]) -> None:
+def test_impact_on_what_hands_no_impulses_on_is_refused(shared_folder: Path, links: tuple[str, ...]) -> None:
     """What is carried has no contacts, and hands no impulses to what carries it, nor takes part in its jump."""
     ball, part, table = (build(kind, shared_folder / "carried") for kind in ("BouncingBall", Carried, TwoSides))
     system = wired(*links, ball=(ball, {"height_0": 0.3}), part=(part, {"carrier": 2.0}), table=table)
-    run = system.simulate(stop_time=0.3, step_size=0.01)
-    assert "impulses do not go through part.base_force -> table.x_load" in run.warnings[0]
-    assert np.isnan(coupling_errors(run)).sum() == 1
-
-
-@dataclass(frozen=True)
-class Pair:
-    """A kind of systems with contacts between their FMUs: connections, and random start values."""
-
-    links: tuple[str, ...]
-    parts: Callable[[np.random.Generator], Parts]
+    words = (
+        r"wired: the impact at t = 0\.\d+ s acts through part.base_force -> table.x_load too, which hands no impulses"
+    )
+    with pytest.raises(IncompleteError, match=words):
+        system.simulate(stop_time=0.3, step_size=0.01)
 
 
 def _uniform(random: np.random.Generator, low: float, high: float) -> float:
     return float(random.uniform(low, high))
 
 
-def _mass(random: np.random.Generator, low: float, high: float) -> float:
+def _mass(random: np.random.Generator, low: float = 0.2, high: float = 5.0) -> float:
     return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
 
@@ -321,89 +392,92 @@ def _bounce(random: np.random.Generator) -> float:
     return float(random.choice([0.0, 1.0, *random.uniform(0.1, 0.9, 2)]))
 
 
-def _table(random: np.random.Generator, **starts: float) -> tuple[str, Starts]:
-    own = {"mass": _mass(random, 0.2, 5), "stiffness": _mass(random, 20, 200), "x_0": _uniform(random, -0.05, 0.05)}
-    own |= {"x_dot_0": _uniform(random, -0.3, 0.3), "damping": float(random.choice([0, random.uniform(0, 2)]))}
-    return "Table", own | starts
+def _spring(random: np.random.Generator) -> Starts:
+    own = {"mass": _mass(random), "stiffness": _mass(random, 20, 200), "x_0": _uniform(random, -0.05, 0.05)}
+    return own | {"x_dot_0": _uniform(random, -0.3, 0.3)}
 
 
-def _ball(random: np.random.Generator, low: float, high: float) -> tuple[str, Starts]:
-    mass, bounce = _mass(random, 0.2, 3), _bounce(random)
-    return "BouncingBall", {"mass": mass, "bounce": bounce, "height_0": _uniform(random, low, high)}
+def _damping(random: np.random.Generator) -> Starts:
+    return {"damping": float(random.choice([0, random.uniform(0, 2)]))}
 
 
-def _bar(random: np.random.Generator) -> tuple[str, Starts]:
-    own = {"mass": _mass(random, 0.2, 5), "tilting": _mass(random, 0.02, 1), "bounce": _bounce(random)}
-    own |= {"height_0": _uniform(random, 0.15, 0.5), "tilt_0": _uniform(random, -0.05, 0.05)}
-    return "Bar", own | {"tilt_dot_0": _uniform(random, -0.3, 0.3)}
+def _lever(random: np.random.Generator) -> Starts:
+    starts = {"mass": _mass(random), "theta_0": _uniform(random, 1.2, 1.8)}
+    return starts | {"theta_dot_0": _uniform(random, -1, 1)}
 
 
-def _between(random: np.random.Generator) -> tuple[str, Starts]:
-    own = {"mass": _mass(random, 0.2, 5), "bounce": _bounce(random), "height_0": _uniform(random, 0.15, 0.5)}
-    return "Between", own | {"height_dot_0": _uniform(random, -2, 2)}
+def _bouncing(random: np.random.Generator) -> Starts:
+    return {"mass": _mass(random, 0.2, 3), "bounce": _bounce(random)}
 
 
-def _lever(random: np.random.Generator) -> tuple[str, Starts]:
-    own = {"mass": _mass(random, 0.2, 5), "theta_0": _uniform(random, 1.2, 1.8)}
-    return "Pendulum", own | {"theta_dot_0": _uniform(random, -1, 1)}
-
-
-PAIRS = {
-    "ball on a table": Pair(("table.x -> top.table",), lambda r: {"top": _ball(r, 0.1, 0.5), "table": _table(r)}),
-    "bar on a table": Pair(("table.x -> top.table",), lambda r: {"top": _bar(r), "table": _table(r)}),
-    "ball on a ball": Pair(
-        ("lower.height -> top.table",), lambda r: {"top": _ball(r, 0.4, 0.6), "lower": _ball(r, 0.1, 0.35)}
-    ),
-    "ball on a lever": Pair(("lever.bob_z -> top.table",), lambda r: {"top": _ball(r, 0.2, 0.6), "lever": _lever(r)}),
-    "ball between tables": Pair(
-        ("table.x -> top.table", "roof.x -> top.roof"),
-        lambda r: {
-            "top": _between(r),
-            "table": _table(r),
-            "roof": _table(r, x_0=_uniform(r, 0.7, 0.8), rest=0.75),
-        },
-    ),
+MOVERS: dict[str, tuple[str, str, Callable[[np.random.Generator], Starts]]] = {
+    "table": ("Table", "x", lambda r: _spring(r) | _damping(r)),
+    "brake": ("Brake", "x", lambda r: _spring(r) | {"grip": _uniform(r, 0.5, 10)}),
+    "tower": ("Tower", "x", lambda r: _spring(r) | {"base": _mass(r), "bend": _mass(r, 20, 200)}),
+    "lever": ("Pendulum", "bob_z", _lever),
+    "lower ball": ("BouncingBall", "height", lambda r: _bouncing(r) | {"height_0": _uniform(r, 0.1, 0.35)}),
 }
+"""What is moved, which takes impulses: component, port, and random start values."""
+
+
+def _bar(random: np.random.Generator) -> Starts:
+    own = {"tilting": _mass(random, 0.02, 1), "tilt_0": _uniform(random, -0.05, 0.05)}
+    return own | {"tilt_dot_0": _uniform(random, -0.3, 0.3)}
+
+
+TOPS: dict[str, tuple[str, Callable[[np.random.Generator], Starts]]] = {
+    "ball": ("BouncingBall", lambda _: {}),
+    "bar": ("Bar", _bar),
+    "ball under a roof": ("Between", lambda r: {"roof": _uniform(r, 1.0, 1.2), "height_dot_0": _uniform(r, -2, 2)}),
+    "two balls": ("Stack", lambda r: {"upper_mass": _mass(r), "between_0": _uniform(r, 0.02, 0.3)}),
+    "sliding box": ("Box", lambda r: {"friction": _uniform(r, 0.1, 1), "u_dot_0": _uniform(r, -2, 2)}),
+}
+"""What has contacts with what moves its table: component, and random start values beside mass, height and bounce."""
 
 
 def _check_pair(
-    fmus: Callable[[str, Fmi], Path], folder: Path, kind: str, fmi: Fmi, random: np.random.Generator
-) -> tuple[float, bool]:
-    """Compare a random pair with its flattened system; returns the difference, and whether it is said."""
-    pair = PAIRS[kind]
-    parts = pair.parts(random)
-    system = _system(fmus, fmi, parts, pair.links)
+    fmus: Callable[[str, Fmi], Path], folder: Path, names: tuple[str, str], fmi: Fmi, random: np.random.Generator
+) -> tuple[float, float]:
+    """Compare a random pair with its flattened system; returns the difference, and the coupling error that is said."""
+    (mover, port, starts), (top, own) = MOVERS[names[0]], TOPS[names[1]]
+    parts: Parts = {"mover": (mover, starts(random)), "top": (top, _bouncing(random) | own(random))}
+    parts["top"][1]["height_0"] = _uniform(random, 0.4, 0.7)
+    system = _system(fmus, fmi, parts, (f"mover.{port} -> top.table",))
     settings: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.0025, "tolerance": 1e-12}
-    run, whole = system.simulate(**settings), _whole(folder / kind.replace(" ", "_"), system, parts, **settings)
+    run, whole = system.simulate(**settings), _whole(folder / "_".join(names), system, parts, **settings)
     difference, claimed = _difference(run, whole), float(np.nansum(coupling_errors(run)))
     assert not any("impulses" in text for text in run.warnings)
     _energy_is_closed(run, parts, max(1e-7, 300 * claimed))
-    return difference, difference < max(1e-8, 3 * claimed)  # the error of closed contacts, in steps of a fixed size
+    return difference, claimed
 
 
-@pytest.mark.parametrize("kind", ["bar on a table", "ball on a lever"])
-def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, kind: str) -> None:
+@pytest.mark.parametrize("names", [("table", "bar"), ("lever", "ball")])
+def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str]) -> None:
     random = np.random.default_rng(1)
-    differences, said = zip(*(_check_pair(fmus, shared_folder, kind, "2", random) for _ in range(3)), strict=True)
+    differences, claimed = np.transpose([_check_pair(fmus, shared_folder, names, "2", random) for _ in range(3)])
     assert np.median(differences) < 1e-8
-    assert all(said)
+    assert np.all(differences < np.maximum(1e-8, 3 * claimed))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", PAIRS)
-@pytest.mark.parametrize("fmi", ["2", "3"])
-def test_fifty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, kind: str, fmi: Fmi) -> None:
-    """Of 500, by far the most agree to 1e-8; where bodies rattle before they rest, few are refused, or off unsaid."""
-    random = np.random.default_rng(35 + int(fmi))
-    compared, refused = list[tuple[float, bool]](), 0
-    for _ in range(50):
+@pytest.mark.parametrize("names", [*product(MOVERS, TOPS)])
+def test_twenty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str]) -> None:
+    """Of 500 by far the most agree to 1e-8; where bodies rattle, few are refused, or off unsaid.
+
+    Bounces that are summed have no impulse of friction: a box that slides is off by what that would be.
+    """
+    k = [*product(MOVERS, TOPS)].index(names)
+    random = np.random.default_rng(100 + k)
+    compared, refused = list[tuple[float, float]](), 0
+    for _ in range(20):
         try:
-            compared.append(_check_pair(fmus, shared_folder, kind, fmi, random))
+            compared.append(_check_pair(fmus, shared_folder, names, "3" if k % 2 else "2", random))
         except IncompleteError as error:
             if not re.search("does not converge|more than 1000 impacts", str(error)):
                 raise
             refused += 1
-    assert refused <= 2
-    differences, said = map(np.array, zip(*compared, strict=True))
-    assert np.count_nonzero(~said) <= 1
-    assert np.mean(differences < 1e-8) > 0.7
+    assert refused <= (4 if names[1] == "two balls" else 0)
+    differences, claimed = np.transpose(compared)
+    least = 1e-6 if names[1] == "sliding box" else 1e-8
+    assert np.count_nonzero(differences > np.maximum(least, 3 * claimed)) <= 1
+    assert np.mean(differences < 1e-8) > 0.8

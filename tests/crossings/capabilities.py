@@ -21,7 +21,7 @@ from driver import CO_SIMULATION, OK, Instance, Library
 from making import exchange_only
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from subjects import SAMPLE, STEP, STOP, SUBJECTS, Buffered, Hoist, Row, Signals, Subject, T, shaken_mass
+from subjects import LEAN, SAMPLE, STEP, STOP, SUBJECTS, Buffered, Hoist, Row, Signals, Subject, T, shaken_mass
 from wasm_driver import WasmLibrary
 
 from liaisons import (
@@ -450,6 +450,42 @@ def try_identify(workshop: Workshop, kind: str) -> None:
     data, start_values = {"time": T, name: subject.signals()[name]}, starts | {by: 0.97 * value}
     fit = identify(made, data, unknown=[by], noise=1e-6, start_values=start_values, **at_operators(subject))
     assert fit.values[by] == pytest.approx(value, rel=1e-6)
+
+
+IMPULSE, INSTANT = 1e-3, 1e-7  # [N.s], and a step in which forces change momenta by a thousandth of it at most
+
+JUMPS: dict[str, tuple[str, str, float]] = {
+    # port, what jumps, and its jump by a unit of the impulse that the port hands on, by Newton's law
+    "plain": ("theta", "p_theta", -1.0),
+    "jumps": ("x", "x_dot", -1.0),
+    "constraints": ("x", "x_dot", -(1 - LEAN**2)),  # along the circle
+    "non_holonomic": ("x", "x_dot", -2 / 3),  # across the velocity (1, 1, 1), whose size is kept
+    "linkage": ("swing", "p_swing", -1.0),
+    "arrays": ("x[2]", "x_dot[2]", -0.5),
+    "chain": ("u[2]", "u_dot[2]", -1.0),
+    "chain_contacts": ("u[2]", "u_dot[2]", -1.0),
+    "friction": ("x", "x_dot", -1.0),
+    "unilateral": ("height", "height_dot", -1.0),
+    "dry_friction": ("x", "x_dot", -1.0),
+    "internal_states": ("q", "q_dot", -1.0),
+    "system": ("mass.x", "mass.x_dot", -1.0),
+    "held": ("Pendulum.theta", "Pendulum.p_theta", -1.0),
+    "flattened": ("mass.x", "mass.x_dot", -1.0),
+}
+
+
+def try_impulses(workshop: Workshop, kind: str) -> None:
+    """An impulse that another FMU hands on through a port, in a short step."""
+    port, jumping, expected = JUMPS.get(kind, ("y", "y", 0.0))
+    system, before = workshop.system(kind)
+    base, bracket, index = port.partition("[")
+    impulse = f"{before}{base}_impulse{bracket}{index}"
+    with system.start(stop_time=1.0, step_size=INSTANT, tolerance=1e-10) as run:
+        run.step()
+        value = run[before + jumping]
+        run.step({impulse: IMPULSE})
+        jump = run[before + jumping] - value
+    assert jump == pytest.approx(expected * IMPULSE, abs=2e-6)
 
 
 # ---- text and pictures -------------------------------------------------------------------------------------------

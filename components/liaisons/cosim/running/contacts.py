@@ -34,6 +34,8 @@ _DIVERGED = 1e100
 """Distance or rate above which every error is the largest one, and squares would overflow."""
 _TOUCHING = 1e-12
 """Distance, relative to the inputs, that is rounding where it is never exceeded: bodies that touch all the time."""
+LEAST_IMPULSE = 1e-8
+"""Smallest impulse that counts, relative to a sum of them, and to a force times the time in which it acts."""
 _DEVIATIONS = 2
 """Number of standard deviations in an error."""
 
@@ -61,6 +63,14 @@ def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
         if ending and all(other in variables for other in names):
             found.append([(part.name, other) for other in names])
     return found
+
+
+def friction_directions(part: SystemComponent) -> list[VariableReference]:
+    """Sign of the velocity of each of its dry frictions, 0 while it sticks."""
+    variables = part.fmu.variables
+    names = ((name, *name.rpartition("_sticks")) for name in variables)
+    pairs = [f"{base}_direction{element}" for _, base, ending, element in names if ending]
+    return [(part.name, name) for name in pairs if name in variables]
 
 
 def contact_impulses(part: SystemComponent) -> dict[VariableReference, VariableReference]:
@@ -97,7 +107,8 @@ def accumulated(
         errors[1:] = 1.0
         return errors
     tiny = np.broadcast_to(crossing, times.shape)[1:]
-    struck = (np.diff(impacts) != 0) | (tiny & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1]))
+    turned = (closed[:, :-1] == 0) & (rates[:, :-1] < 0) & (rates[:, 1:] > rates[:, :-1] / 2)
+    struck = (np.diff(impacts) != 0) | (tiny & turned)
     released = np.any(np.diff(closed) != 0, axis=0)
     accelerations = _accelerations(rates, steps, struck | tiny)
     lowest = _lowest(gaps, rates, accelerations, steps)
@@ -120,7 +131,7 @@ def accumulated(
                     e**2 * xv + e * b * xx,
                     e**2 * vv + 2 * e * b * xv + b**2 * xx + ((1 + e) * d_dot + abs(b) * d) ** 2,
                 )
-            elif not closed[c, max(k - 1, 0) : k + 1].any() and lowest[c, k] < reach:
+            elif not closed[c, max(k - 2, 0) : k + 1].any() and lowest[c, k] < reach:
                 vv += 8 * abs(a) * (reach - max(lowest[c, k], 0.0))
         xx, vv = min(xx, length**2), min(max(vv, 0.0), speed**2)
         xv = min(max(xv, -math.sqrt(xx * vv)), math.sqrt(xx * vv))
@@ -148,7 +159,8 @@ def _lowest(gaps: Vector, rates: Vector, accelerations: Vector, steps: Vector) -
     cubic = g + x * v * steps + x**2 * c_2 + x**3 * c_3
     bend = np.abs(np.diff(accelerations, prepend=accelerations[:, :1]))
     slack = bend * steps / 8
-    falls_and_rises = (rates[:, :-1] < slack) & (rates[:, 1:] > -slack)
+    leaving = (accelerations > 0) & (np.append(accelerations[:, :1], accelerations[:, :-1], axis=1) > 0)
+    falls_and_rises = (rates[:, :-1] < np.where(leaving, 0.0, slack)) & (rates[:, 1:] > -slack)
     return np.where(falls_and_rises, cubic.min(axis=0) - bend * steps**2 / 32, math.inf)
 
 
@@ -161,10 +173,6 @@ def _impact(gap: float, rates: Vector, change: float, a: float) -> tuple[float, 
     return jump / w - 1, w
 
 
-_NOTHING = 1e-8
-"""Smallest impulse that counts, relative to the largest force times the whole time."""
-
-
 class MissingImpulses(NamedTuple):
     """Sum of impulses that a connection lacks, at the communication points; ``points`` where it has changed."""
 
@@ -175,17 +183,14 @@ class MissingImpulses(NamedTuple):
 
 
 def sums_of_missing(
-    simulation: Simulation,
-    solved: Collection[VariableReference],
-    received: Mapping[VariableReference, str],
+    simulation: Simulation, solved: Collection[VariableReference]
 ) -> dict[VariableReference, Connection]:
     """Sums of impulses, with the connection of a force that lacks them.
 
-    Those of the operators of a mechanism that is moved; those of the contacts of one that moves another, which
-    takes no part in the impacts; and those that one receives and does not hand on.
+    Those of the operators of a mechanism that is moved, and those of the contacts of one that moves another, which
+    takes no part in the impacts.
 
     :param solved: forces that are connected together with their impulses.
-    :param received: sums of impulses that an FMU receives -> load beside.
     """
     connections: dict[VariableReference, Connection] = {}
     for connection in simulation.connections:
@@ -195,13 +200,17 @@ def sums_of_missing(
         if (impulse := impulse_name(connection.source.name)) in moved.fmu.variables:
             connections[moved.name, impulse] = connection
         connections |= dict.fromkeys(contact_impulses(mover), connection)
-    return {**_not_handed_on(simulation, solved, received), **connections}
+    return connections
 
 
-def _not_handed_on(
+def not_handed_on(
     simulation: Simulation, solved: Collection[VariableReference], received: Mapping[VariableReference, str]
 ) -> dict[VariableReference, Connection]:
-    """Sums of impulses received, with the connection of a force that depends on what they or jumps of rates act on."""
+    """Sums of impulses received, with the connection of a force that depends on what they or jumps of rates act on.
+
+    :param solved: forces that are connected together with their impulses.
+    :param received: sums of impulses that an FMU receives -> load beside.
+    """
     unsolved = [c for c in simulation.connections if c.back and c.source.place not in solved]
     jumping = {place[0]: place for place in received}  # FMUs whose rates jump, by a sum of impulses that makes them
     for _ in unsolved:
@@ -235,7 +244,7 @@ def missing_impulses(
     missing: list[MissingImpulses] = []
     for variable, connection in connections.items():
         sums, force = columns[variable], columns[connection.source.place]
-        least = _NOTHING * np.abs(force).max() * (times[-1] - times[0])
+        least = LEAST_IMPULSE * np.abs(force).max() * (times[-1] - times[0])
         if len(points := 1 + np.flatnonzero(np.abs(np.diff(sums)) > least)):
             missing.append(MissingImpulses(connection, variable, sums, points))
     return missing

@@ -25,19 +25,26 @@ from liaisons.cosim.arrays import Vector, as_indices
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.messages import logger
-from liaisons.cosim.running.contacts import contact_impulses, contact_variables
+from liaisons.cosim.running.contacts import (
+    LEAST_IMPULSE,
+    contact_impulses,
+    contact_variables,
+    friction_directions,
+    not_handed_on,
+)
 from liaisons.cosim.structure.connections import Connection
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.errors import RefusedError
+from liaisons.errors import RefusedError, SimulationError
 
 _MOST_ITERATIONS, _MOST_STEPS, _MOST_AT_ONCE = 50, 200, 1000
 _DIFFERENCE, _LEAST_DIFFERENCE = 1e-3, 1e-7
 """Change of an unknown for derivatives, relative to it, and to its size, so that it stays in a linear piece."""
 _AGREEING, _ROUNDING, _MOST_ROUNDING = 1e-14, 8 * np.finfo(float).eps, 1e3
 """Difference of both sides of an interface, relative to jumps, and to sums; by how much more it may be if it stays."""
-_NOTHING = 1e-8
-"""Smallest impulse that counts, relative to the sum so far, and to a force times the step: interfaces agree as well."""
+_LOSS = "impact_loss"
+_GAIN = 1e-9
+"""Energy that an impact may gain by rounding, relative to what its impulses exchange."""
 _EARLY = 1e-11
 """How long before an impact FMUs stop, relative to a communication step."""
 
@@ -69,9 +76,12 @@ class ImpulsivePort:
 
 
 def impulsive_ports(simulation: Simulation) -> list[ImpulsivePort]:
-    """Connections through which impulses go: FMUs go back, take steps of any size, and follow polynomials."""
+    """Connections through which impulses go: FMUs go back, take steps of any size, and follow polynomials.
+
+    :raises SimulationError: if errors choose the steps.
+    """
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in simulation.parts.values())
-    if not (free and simulation.iterates) or simulation.error_tolerance is not None:
+    if not (free and simulation.iterates):
         return []
     by_target = {connection.target.place: connection for connection in simulation.connections}
     ports: list[ImpulsivePort] = []
@@ -88,7 +98,15 @@ def impulsive_ports(simulation: Simulation) -> list[ImpulsivePort]:
             continue
         factors = rate.conversion.factor, connection.conversion.factor
         ports.append(ImpulsivePort(connection, rate, (parts[0].name, jump), factors))
+    if ports and simulation.error_tolerance is not None:
+        words = f"impulses go through {ports[0].impulse}, across which error_tolerance chooses no steps"
+        raise SimulationError(f"{simulation.title}: {words}; give step_size instead, or make one FMU by flatten()")
     return ports
+
+
+def forces_through(ports: Iterable[ImpulsivePort]) -> set[VariableReference]:
+    """Forces that are connected together with their impulses."""
+    return {(port.moved, port.impulse.source.force or "") for port in ports}
 
 
 @final
@@ -128,10 +146,19 @@ class _Node:
         self._set = instance.setter([variables[variable] for _, variable in places], self.inputs)
         self._get = instance.getter([variables[variable] for _, variable in outputs], self.outputs)
         self._save, self._restore = instance.save_and_restore_calls()
+        lost = [variables[_LOSS]] if _LOSS in variables else []
+        self._lost, self._lost_before = np.zeros(1), 0.0
+        self._get_loss = [instance.getter(lost, self._lost)] if lost else []
+
+    def loss(self) -> float:
+        """Energy that its contacts have lost in this impact [J]."""
+        self._bus.perform(self._get_loss)
+        return float(self._lost[0] - self._lost_before)
 
     def begin(self, rates: Vector | None = None) -> None:
         """Begin with the present state; its rates are those on the bus, or those that an impact has left."""
-        self._bus.perform([self._save, self._get])
+        self._bus.perform([self._save, self._get, *self._get_loss])
+        self._lost_before = float(self._lost[0])
         self.before = self.outputs.copy()
         self.before[: len(self._rates)] = self.handed
         self.starts = self.sums.copy()
@@ -166,10 +193,17 @@ class Impacts:
         names = dict.fromkeys(name for port in ports for name in (port.moved, port.mover))
         self._nodes = [_Node(name, ports, instances, bus) for name in names]
         self._count = len(ports)
+        received = {port.impulse.target.place: port.impulse.target.force or "" for port in ports}
+        ends = not_handed_on(simulation, forces_through(ports), received)
+        self._ends = [ends.get(port.impulse.target.place) for port in ports]
         contacts = [contact for name in names for contact in contact_variables(simulation.parts[name])]
-        self._gaps, self._rates = (as_indices([bus.index[c[k]] for c in contacts]) for k in range(2))
+        self._gaps, self._rates, self._closed = (as_indices([bus.index[c[k]] for c in contacts]) for k in range(3))
         sums = sums_of(simulation, ports)
         self._sums, self._forces = (as_indices([bus.index[p] for p in places]) for places in (sums, sums.values()))
+        pushing = [force for name in names for force in contact_impulses(simulation.parts[name]).values()]
+        self._pushing = as_indices([bus.index[force] for force in pushing])
+        directions = [one for name in names for one in friction_directions(simulation.parts[name])]
+        self._directions = as_indices([bus.index[direction] for direction in directions])
 
     def begin(self) -> None:
         """Begin at the start; warn of impacts there, which each FMU has had by itself."""
@@ -195,8 +229,13 @@ class Impacts:
     def between(self, before: Vector, after: Vector, size: float) -> bool:
         """Whether there was an impact in a step of this size [s] between these values of the bus, beyond rounding."""
         sums, forces = after[self._sums], np.fmax(np.abs(before[self._forces]), np.abs(after[self._forces]))
-        least = _NOTHING * (np.abs(sums) + size * forces)
+        least = LEAST_IMPULSE * (np.abs(sums) + size * forces)
         return bool(np.any(np.abs(sums - before[self._sums]) > least))
+
+    def changed(self, before: Vector, after: Vector) -> bool:
+        """Whether a contact has begun or ended to push, or to slide, between these values of the bus."""
+        pushed, pushes = ((row[self._closed] != 0) | (row[self._pushing] > 0) for row in (before, after))
+        return bool(np.any(pushed != pushes) or np.any(before[self._directions] != after[self._directions]))
 
     def next_contact(self, values: Vector) -> float:
         """Time until the first distance is 0 at its present rate [s]; infinite if none decreases."""
@@ -232,12 +271,14 @@ class Impacts:
     def solve(self, time: float) -> None:
         """Solve the impacts at the present state, one after the other: all rates and momenta jump.
 
-        :raises RefusedError: if Newton's method does not converge, or if they have no end.
+        :raises RefusedError: if Newton's method does not converge, if they have no end or gain energy, or if they act
+            on what hands no impulses on.
         """
         for node in self._nodes:
             node.begin()
         for _ in range(_MOST_AT_ONCE):
             z = self._solve_one(time)
+            self._check_ends(time, z)
             left = [node.end() for node in self._nodes]
             if not np.any(z):
                 return
@@ -245,6 +286,19 @@ class Impacts:
                 node.begin(rates)
         words = f"more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
         raise RefusedError(f"{self._title}: {words}")
+
+    def _check_ends(self, time: float, z: Vector) -> None:
+        """Refuse an impact that acts on what hands no impulses on, or that gains energy."""
+        jumps, impulses = np.split(z, 2)
+        ends = [end for end, impulse in zip(self._ends, impulses, strict=True) if end and impulse]
+        loss = sum(node.loss() for node in self._nodes)
+        if ends:
+            why = f"acts through {ends[0]} too, which hands no impulses on: make one FMU of the system by flatten()"
+        elif loss < -_GAIN * (np.abs(jumps) @ np.abs(impulses)):
+            why = "would gain energy by Newton's restitution and friction (Kane): take less of either"
+        else:
+            return
+        raise RefusedError(f"{self._title}: the impact at t = {time:.10g} s {why}")
 
     def _solve_one(self, time: float) -> Vector:
         """Solve one impact; returns the jumps of rates, and the impulses."""

@@ -92,8 +92,9 @@ class Loop:
             self.add(time, self.rows[last], result_time=result_time, after_break=True)
 
     def withdraw(self, done: int) -> None:
-        """Remove the points after the first so many, which :meth:`advance` has reached."""
+        """Remove the points after the first so many."""
         self.internal.difference_update(range(done, self.done))
+        self.after_break[:] = [point for point in self.after_break if point < done]
         self.done = done
 
     def save(self) -> list[Any]:

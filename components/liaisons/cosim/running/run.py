@@ -40,9 +40,15 @@ from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, logger, warn_of_non_finite_values
 from liaisons.cosim.running.adaptive import Stepper, adapt_steps, divide_steps, unit_numbers
 from liaisons.cosim.running.breaks import Breaks, Deviations
-from liaisons.cosim.running.contacts import contact_variables, missing_impulses, sums_of_missing, warn_of_missing
+from liaisons.cosim.running.contacts import (
+    contact_variables,
+    friction_directions,
+    missing_impulses,
+    sums_of_missing,
+    warn_of_missing,
+)
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.impacts import Impacts, impulsive_ports, sums_of
+from liaisons.cosim.running.impacts import Impacts, forces_through, impulsive_ports, sums_of
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
     contacts_of_fed,
@@ -68,6 +74,8 @@ _FEW_POINTS = 1024
 """Points for which there is room at first in a run without an end."""
 _TOGETHER = 1e-9
 """Time from an impact to a communication point below which they are one, relative to a step."""
+_SHORT = 1e-4
+"""Size of a step in which inputs are extrapolated, as differences are rounding, relative to one between points."""
 _MOST_IMPACTS = 1000
 """Most impacts of several FMUs in a communication step."""
 _TINY = 1e-6
@@ -118,13 +126,10 @@ class Run:
             also = port_outputs(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
             through = impulsive_ports(simulation)
-            self._sums = sums_of_missing(
-                simulation,
-                {(port.moved, port.impulse.source.force or "") for port in through},
-                {port.impulse.target.place: port.impulse.target.force or "" for port in through},
-            )
+            self._sums = sums_of_missing(simulation, forces_through(through))
             contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
             contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
+            contacts += [v for port in through for p in (port.mover, port.moved) for v in friction_directions(parts[p])]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             recorded += [variable for pair in sums_of(simulation, through).items() for variable in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
@@ -512,8 +517,8 @@ class Run:
         return self._advance_with_impacts(self._impacts, instants[0], in_result=in_result)
 
     def _advance_with_impacts(self, impacts: Impacts, instant: float, *, in_result: bool) -> int:
-        """Step to an instant, and solve the impacts before it; returns 0 if a break was in between."""
-        loop, bus = self._loop, self._bus
+        """Step to an instant, and across the impacts before it; returns 0 if a break was in between."""
+        loop = self._loop
         for _ in range(_MOST_IMPACTS):
             start, (attempt, go_back, refusals) = float(loop.times[loop.done - 1]), self._repeatable_step(impacts)
             if attempt(instant, shown=in_result):
@@ -523,43 +528,66 @@ class Run:
                 if refusals:
                     raise refusals[0]
                 go_back()
-            if ends := instant - stop <= _TOGETHER * (instant - start):
-                stop = loop.times[loop.done - 1] = instant
-                if in_result:
-                    loop.internal.discard(loop.done - 1)
-            bus.set_step(stop, stop)
-            bus.perform(self._settle)  # so that inputs are outputs, whatever the tolerance of the step
-            impacts.solve(stop)
-            self._begin_piece(instant - start)
-            if ends:
+            if self._cross_impacts(impacts, stop, instant, instant - start, in_result=in_result):
                 return 1
         words = (
             f"more than {_MOST_IMPACTS} impacts before t = {instant:.10g} s: make one FMU of the system by flatten()"
         )
         raise RefusedError(f"{self._simulation.title}: {words}")
 
+    def _cross_impacts(self, impacts: Impacts, now: float, end: float, size: float, *, in_result: bool) -> bool:
+        """Cross what begins now: impacts, or a contact that begins or ends to push; returns whether that is the end.
+
+        :param size: of a communication step [s].
+        """
+        loop, bus, go_back = self._loop, self._bus, self._returning()
+        before = loop.rows[loop.done - 1]
+        stop = min(now + self._breaks.gap(now, size), end)
+        after = self._cross_break(now, stop) if stop > now else before
+        if not impacts.between(before, after, size):
+            loop.add(stop, after, result_time=stop if stop == end and in_result else None, after_break=True)
+            return stop == end
+        go_back()
+        if ends := end - now <= _TOGETHER * size:
+            now = loop.times[loop.done - 1] = end
+            if in_result:
+                loop.internal.discard(loop.done - 1)
+        bus.set_step(now, now)
+        bus.perform(self._settle)  # so that inputs are outputs, whatever the tolerance of the step
+        impacts.solve(now)
+        self._begin_piece(size)
+        return ends
+
     def _repeatable_step(self, impacts: Impacts) -> tuple[Callable[..., bool], Callable[[], None], list[RefusedError]]:
         """Prepare a step that begins now each time.
 
-        :returns: a function that steps to an instant, and returns whether there was neither an impact nor a refusal;
-            one that goes back; and the refusal of the last step, if there was one.
+        :returns: a function that steps to an instant, and returns whether nothing has happened to a contact, and there
+            was no refusal; one that goes back; and the refusal of the last step, if there was one.
         """
         loop, refusals = self._loop, list[RefusedError]()
         first, start, halves = loop.done, float(loop.times[loop.done - 1]), self._is_first_of_piece()
-        go_back = self._returning()
+        times, points, go_back = self._simulation.times, self._points, self._returning()
+        shortest = _SHORT * (times[points] - times[points - 1])
 
         def attempt(stop: float, *, shown: bool = False) -> bool:
             go_back()
             refusals.clear()
             try:
-                if halves:
-                    self._advance_smoothly([(start + stop) / 2], in_result=False)
-                reached = self._advance_smoothly([stop], in_result=shown)
+                if stop - start < shortest:
+                    loop.add(
+                        stop, self._cross_break(start, stop), result_time=stop if shown else None, after_break=True
+                    )
+                    reached = 1
+                else:
+                    if halves:
+                        self._advance_smoothly([(start + stop) / 2], in_result=False)
+                    reached = self._advance_smoothly([stop], in_result=shown)
             except RefusedError as error:
                 refusals.append(error)
                 return False
             before, after = loop.rows[[first - 1, loop.done - 1]]
-            return not reached or not impacts.between(before, after, stop - start)
+            changed = impacts.between(before, after, stop - start) or impacts.changed(before, after)
+            return not reached or not changed
 
         return attempt, go_back, refusals
 
