@@ -469,6 +469,8 @@ JUMPS: dict[str, tuple[str, str, float]] = {
     "dry_friction": ("x", "x_dot", -1.0),
     "internal_states": ("q", "q_dot", -1.0),
     "system": ("mass.x", "mass.x_dot", -1.0),
+    "two_way": ("second.x", "second.x_dot", -1.0),
+    "collision": ("ball.height", "ball.height_dot", -10.0),
     "held": ("Pendulum.theta", "Pendulum.p_theta", -1.0),
     "flattened": ("mass.x", "mass.x_dot", -1.0),
 }
@@ -480,7 +482,7 @@ def try_impulses(workshop: Workshop, kind: str) -> None:
     system, before = workshop.system(kind)
     base, bracket, index = port.partition("[")
     impulse = f"{before}{base}_impulse{bracket}{index}"
-    with system.start(stop_time=1.0, step_size=INSTANT, tolerance=1e-10) as run:
+    with system.start(stop_time=2 * INSTANT, step_size=INSTANT, tolerance=1e-10) as run:
         run.step()
         value = run[before + jumping]
         run.step({impulse: IMPULSE})
