@@ -1,11 +1,12 @@
-"""CasADi's scalar instructions: their interpretation, and their counterparts in C."""
+"""CasADi's scalar instructions: their interpretation, and their counterparts in C and NumPy."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, Self, TypeVar, final
+from typing import Any, NamedTuple, Self, TypeVar, final
 
 import casadi as ca
+import numpy as np
 
 T = TypeVar("T")
 X = TypeVar("X", ca.SX, ca.MX)
@@ -116,6 +117,35 @@ OPERATIONS |= {
     for arguments, names in _MATH.items()
     for name in names.split()
 }
+
+_SAME_NAMES = "sqrt exp expm1 log log1p sin cos tan sinh cosh tanh floor ceil sign fmod copysign hypot fmin fmax"
+_OTHER_NAMES = (
+    "ADD=add SUB=subtract MUL=multiply DIV=divide NEG=negative SQ=square POW=power CONSTPOW=power FABS=abs ASIN=arcsin "
+    "ACOS=arccos ATAN=arctan ATAN2=arctan2 ASINH=arcsinh ACOSH=arccosh ATANH=arctanh LT=less LE=less_equal EQ=equal "
+    "NE=not_equal NOT=logical_not AND=logical_and OR=logical_or"
+)
+
+
+def _erf(x: Any) -> Any:
+    from scipy.special import erf
+
+    return erf(x)
+
+
+NUMPY: dict[int, Callable[..., Any]] = {
+    **{getattr(ca, f"OP_{name.upper()}"): getattr(np, name) for name in _SAME_NAMES.split()},
+    **{
+        getattr(ca, f"OP_{name}"): getattr(np, function)
+        for name, function in (pair.split("=") for pair in _OTHER_NAMES.split())
+    },
+    ca.OP_ASSIGN: lambda x: x,
+    ca.OP_TWICE: lambda x: x + x,
+    ca.OP_INV: lambda x: 1.0 / x,
+    ca.OP_ERF: _erf,
+    ca.OP_REMAINDER: lambda x, y: x - y * np.rint(x / y),
+    ca.OP_IF_ELSE_ZERO: lambda condition, x: np.where(condition != 0, x, 0.0),
+}
+"""Operations in NumPy by CasADi's code; of conditions Booleans."""
 
 
 @final

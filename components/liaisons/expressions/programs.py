@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.expressions.algebra import stack
 from liaisons.expressions.common_factors import Factored
-from liaisons.expressions.operations import Instruction, interpret, perform
+from liaisons.expressions.operations import NUMPY, Instruction, interpret
 from liaisons.expressions.value_numbering import Builder
 
 _PASSES = 2  # what was used twice may be used once when factors have been put in front of sums
@@ -33,26 +31,25 @@ class Program:
     outputs: tuple[tuple[int, ...], ...]
 
     def evaluate(self, inputs: Sequence[ArrayLike]) -> list[NDArray[np.float64]]:
-        """Return the outputs, calculated by CasADi.
+        """Return the outputs, calculated by NumPy.
 
         :param inputs: arrays of shape (entries, ...) whose trailing shapes fit each other.
         :returns: arrays of shape (entries, ...), one an output.
         """
         arrays = [np.asarray(array, dtype=float) for array in inputs]
         trailing = np.broadcast_shapes(*(array.shape[1:] for array in arrays))
-        count = math.prod(trailing)
-        symbols, values = [ca.SX.sym("x", len(array)) for array in arrays], list[ca.SX]()
-        for node in self.nodes:
-            if node.operation is not None:
-                values.append(perform(node.operation, [values[number] for number in node.arguments]))
-            else:
-                column, row = node.arguments or (0, 0)
-                values.append(symbols[column][row] if node.constant is None else ca.SX(node.constant))
-        outputs = [stack(values[number] for number in entries) for entries in self.outputs]
-        function = ca.Function("program", symbols, outputs).map(count)
-        rows = ([np.broadcast_to(row, trailing) for row in array] for array in arrays)
-        tables = [np.reshape(parts, (len(parts), count)) for parts in rows]
-        return [np.array(table).reshape(-1, *trailing) for table in function.call([ca.DM(table) for table in tables])]
+        values: list[Any] = []
+        with np.errstate(all="ignore"):  # as in C; what is not finite is the caller's to see
+            for node in self.nodes:
+                if node.operation is not None:
+                    result = NUMPY[node.operation](*(values[number] for number in node.arguments))
+                    values.append(np.asarray(result, dtype=float))
+                elif node.constant is not None:
+                    values.append(np.float64(node.constant))
+                else:
+                    values.append(arrays[node.arguments[0]][node.arguments[1]])
+        columns = ([np.broadcast_to(values[number], trailing) for number in entries] for entries in self.outputs)
+        return [np.array(column, dtype=float).reshape(len(column), *trailing) for column in columns]
 
 
 def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
