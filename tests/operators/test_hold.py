@@ -14,7 +14,7 @@ from liaisons import Plan, hold, plan
 from liaisons.errors import LiaisonsError, PlanError
 from liaisons.fmu.code import model_code
 from liaisons.holding.controllers import ReferenceTrajectory
-from liaisons.holding.feedback import periodic_riccati, reachable_subspace, rest_targets, riccati, riccati_recursion
+from liaisons.holding.feedback import lqr_gains, periodic_riccati, reachable_subspace, rest_targets, riccati_recursion
 from liaisons.holding.subjects import sampled_mechanism
 from liaisons.library import component
 from liaisons.library import model as component_model
@@ -43,7 +43,7 @@ def test_gains_of_the_oscillator_tend_to_the_closed_form() -> None:
     errors = []
     for h in (1e-3, 5e-4):
         step: Any = expm(np.array([[0, 1, 0], [-(omega**2), 0, 1], [0, 0, 0]]) * h)
-        gains = riccati(step[:2, :2], step[:2, 2:], np.diag([h, 0]), np.array([[r * h]]))
+        gains = lqr_gains(step[:2, :2], step[:2, 2:], np.diag([h, 0]), np.array([[r * h]]))
         errors.append(np.max(np.abs(gains - [k_1, np.sqrt(2 * k_1)])))
     assert errors[0] < 2e-3  # of first order in h
     assert errors[1] == pytest.approx(errors[0] / 2, rel=1e-2)
@@ -72,7 +72,7 @@ def test_the_recursion_finds_the_least_sum() -> None:
         assert cost(off) > cost(0 * off)
     repeated = periodic_riccati(steps[:1], [Q], R)
     assert repeated is not None
-    np.testing.assert_allclose(repeated[0][0], riccati(*steps[0], Q, R), rtol=1e-8)
+    np.testing.assert_allclose(repeated[0][0], lqr_gains(*steps[0], Q, R), rtol=1e-8)
 
 
 def test_the_staircase_ends_where_control_does() -> None:
@@ -479,7 +479,9 @@ def test_the_next_jump_is_the_first_pair_that_differs_and_is_still_to_come() -> 
     times = np.array([0.0, 1.0, 1 + 1e-9, 2.0, 2 + 1e-9, 3.0, 3 + 1e-9])
     planned_values = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0])[None, None]  # the last pair does not differ
     trajectory = ReferenceTrajectory(times, planned_values, planned_values[0], "ends")
-    np.testing.assert_array_equal(trajectory.next_jump(1e-6), [times[2], times[2], times[4], times[4], *[1e30] * 3])
+    np.testing.assert_array_equal(
+        trajectory.next_jump_times(1e-6), [times[2], times[2], times[4], times[4], *[1e30] * 3]
+    )
 
 
 @pytest.mark.parametrize("most", [KNOTS, 10])

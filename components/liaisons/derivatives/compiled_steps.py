@@ -319,7 +319,7 @@ def source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | None
 def _forward_code(
     name: str, value: ca.SX, arguments: Sequence[Column], variables: Sequence[Column]
 ) -> tuple[int, list[str]]:
-    """Functions of the value and numbers that all directions share, and of derivatives along D; and how many numbers.
+    """Number of intermediates that all directions share, and C code: of the value with them, and of its derivatives.
 
     :param variables: those of the arguments that have derivatives.
     """

@@ -37,7 +37,7 @@ class Entries:
 
     @property
     def shared(self) -> Floats:
-        """Shared values, an entry a row."""
+        """The row of the table of shared values that each entry refers to, shape (entries, shared values)."""
         return self.table[self["row"]]
 
     def arguments(self, k: Floats) -> list[Any]:

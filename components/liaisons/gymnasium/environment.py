@@ -167,7 +167,7 @@ class Environment(gymnasium.Env[Any, Any]):
         return self._measured()
 
     def _read(self, name: str) -> float:
-        """A variable now: what acts move is at the end of the step, where the FMU has its start."""
+        """The present value of a variable: the environment's own one, if acts move it, else that of the run."""
         return self._own[name] if name in self._own else self._run[name]
 
     def _measured(self) -> Floats:

@@ -62,13 +62,13 @@ class ReferenceTrajectory:
         """States, and σ with its rates, at each communication point."""
         return zip(self.states.T, self.motion.transpose(2, 0, 1), strict=True)
 
-    def next_jump(self, apart: float) -> Array:
-        """Instant of the first jump of σ or a rate after each communication point [s]; 1e30 if there is none.
+    def next_jump_times(self, spacing: float) -> Array:
+        """Instant of the next jump of σ or of its rate, for each communication point [s]; 1e30 if there is none.
 
-        :param apart: two points less apart [s] whose motion differs are the two sides of a jump.
+        :param spacing: two points closer than this [s] whose motion differs are the two sides of a jump.
         """
         differs = np.any(np.diff(self.motion, axis=2) != 0, axis=(0, 1))
-        jumps = self.times[1:][differs & (np.diff(self.times) < apart)]
+        jumps = self.times[1:][differs & (np.diff(self.times) < spacing)]
         return np.append(jumps, _NO_JUMP)[np.searchsorted(jumps, self.times, side="right")]
 
 
@@ -193,7 +193,7 @@ class Controller:
         columns |= {f"gain_{j}": gain for j, gain in enumerate(gains.T, start=1)}
         columns |= {
             "instant": trajectory.times,
-            "next_jump": trajectory.next_jump(_JUMP_DISTANCE * self.step_size),
+            "next_jump": trajectory.next_jump_times(_JUMP_DISTANCE * self.step_size),
             "offset": np.sum(gains.T * trajectory.states, axis=0),
             "advance": self._round_change @ gains.T,
         }

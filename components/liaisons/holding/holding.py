@@ -27,11 +27,11 @@ from liaisons.holding.feedback import (
     image,
     input_matrix,
     least_defects,
+    lqr_gains,
     named_sum,
     periodic_riccati,
     reachable_subspace,
     rest_targets,
-    riccati,
     riccati_recursion,
     spectral_radius,
     transition_matrix,
@@ -185,7 +185,7 @@ def _hold_at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) ->
     R = criterion.effort * np.eye(B.shape[1])
     K = np.zeros((len(R), len(A)))
     with suppress(np.linalg.LinAlgError):
-        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
+        K = lqr_gains(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) @ V.T
     if not _perturbed_radius(V.T @ (A - B @ K) @ V) < 1:
         raise PlanError(
             f"{sampled.name} cannot be held there: {', '.join(sampled.moves)} every {H:g} s hardly reach all that "

@@ -113,7 +113,7 @@ class SampledMechanism:
         lengths that at which the mass has the angles' moment of inertia.  Rates, accelerations and momenta follow with
         :attr:`time`.
         """
-        coordinates, momenta, _ = self._base_sizes
+        coordinates, momenta, _ = self._magnitudes
         of_names = [coordinates.get(name, momenta.get(name, 1.0)) for name in self.names]
         of_moves = np.array([coordinates[m] for m in self.moves])
         return np.concatenate([of_names, *(of_moves / self.time**n for n in range(3))])[self.rows]
@@ -121,7 +121,7 @@ class SampledMechanism:
     @property
     def energy(self) -> float:
         """Kinetic energy [J] of a motion by the size of a coordinate in :attr:`time`."""
-        return self._base_sizes[2]
+        return self._magnitudes[2]
 
     @property
     def input_sizes(self) -> Array:
@@ -131,7 +131,7 @@ class SampledMechanism:
     @cached_property
     def start_sizes(self) -> dict[str, float]:
         """Sizes of all variables with start values by name: coordinates, rates, σ, σ̇ and σ̈."""
-        coordinates, *_ = self._base_sizes
+        coordinates, *_ = self._magnitudes
         rates = {name: coordinates[coordinate] / self.time for name, coordinate in self._rate_coordinates.items()}
         return coordinates | rates | {f"{m}_ddot": coordinates[m] / self.time**2 for m in self.moves}
 
@@ -144,8 +144,8 @@ class SampledMechanism:
         return own | {f"{m}_dot": m for m in self.moves}
 
     @cached_property
-    def _base_sizes(self) -> tuple[dict[str, float], dict[str, float], float]:
-        """Sizes of coordinates, σ and rotations; sizes of momenta; size of the energy [J]."""
+    def _magnitudes(self) -> tuple[dict[str, float], dict[str, float], float]:
+        """Typical magnitudes of coordinates, of momenta, and of the energy [J], by which numbers are scaled."""
         symbols, model, rates = self.symbols, self.symbols.model, self._rate_coordinates
         starts, states = symbols.start_parameters, symbols.state_names
         declared = {v.name: v.unit for v in model.variables}
@@ -376,7 +376,7 @@ class SampledMechanism:
         """Directions of deviation tangential to the constraints."""
         n, c = len(self.names), len(self.moves)
         slopes = np.array(self._projection(self.full_state(y), *sigma.T))[:, 1:]
-        of_moves = np.array([self._base_sizes[0][m] for m in self.moves])
+        of_moves = np.array([self._magnitudes[0][m] for m in self.moves])
         sizes = np.concatenate([self.sizes[:n], of_moves, of_moves / self.time])
         slopes *= sizes / sizes[:n, None]
         of_states = image(slopes[:, :n])

@@ -270,7 +270,7 @@ class _Joined:
         return ca.vertcat(*solved)
 
     def _loop_values(self, h: Any, members: list[int], solved: list[Any], explicit: Any) -> Any:
-        """Values v of an algebraic loop, h = H v + explicit."""
+        """Solution v of the algebraic loop v = H v + explicit."""
         inside = ca.vertcat(*(self.v[i] if i in members else value for i, value in enumerate(solved)))
         H = ca.jacobian(ca.substitute(h, self.v, inside)[members], self.v)[:, members]
         if ca.depends_on(H, self.v):

@@ -126,7 +126,7 @@ def accelerations_by_gauss(A: ca.SX, f: ca.SX, constraints: Constraints) -> tupl
 
 
 def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Constraints) -> ca.SX | None:
-    """Projection of (x, p) onto the constraints by Newton's method in the metric A, and onto unit quaternions.
+    """State (x, p) projected onto the constraints by Newton's method in the metric A, and onto unit quaternions.
 
     :returns: column of configuration and momenta; None without constraints and orientations.
     """

@@ -108,7 +108,7 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
     fmus = _unpack(archive, structure, directory)
     starts = _start_values(archive, structure, fmus)
-    owners = {_component_name(component): component for component in fmus}
+    owners = {_joined_name(component): component for component in fmus}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
         if owner not in owners:
@@ -119,7 +119,7 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
         starts[owners[owner]][variable] = value
     system = make(structure.name)
     parts = {
-        component: system.add(_component_name(component), fmu.path, start_values=starts[component])
+        component: system.add(_joined_name(component), fmu.path, start_values=starts[component])
         for component, fmu in fmus.items()
     }
     system.join(_connections(structure, parts))
@@ -127,8 +127,8 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
     return system
 
 
-def _component_name(element: ElementPath) -> str:
-    """Name of a component from those of nested elements."""
+def _joined_name(element: ElementPath) -> str:
+    """Names of nested elements, joined by underscores: the name of a component."""
     return "_".join(element).replace(".", "_")  # names of components have no dots
 
 
@@ -165,7 +165,7 @@ def _start_values(
                 fmu = fmus[component]
                 if variable in fmu.arrays or variable in fmu.variables:
                     starts[component].pop(variable, None)  # later values override
-                    starts[component][variable] = fitted(_component_name(component), fmu, variable, quantity)
+                    starts[component][variable] = fitted(_joined_name(component), fmu, variable, quantity)
                 else:
                     logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
     return starts

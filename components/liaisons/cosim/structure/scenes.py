@@ -79,7 +79,7 @@ def connected_groups(count: int, pairs: Iterable[tuple[int, int]]) -> list[list[
 
 
 def picture_of(part: SystemComponent) -> Picture:
-    """The picture inside an FMU, or its points.
+    """The picture that an FMU has inside; without one, points from its outputs in metres.
 
     :raises SimulationError: if it cannot be read, or refers to an unknown variable.
     """

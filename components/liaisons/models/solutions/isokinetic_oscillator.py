@@ -91,7 +91,7 @@ class Orbit:
 
 @closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """Orbits close to circles are refused; through the origin, or without a spring, the motion is straight."""
+    """Return the exact motion at the times t, without orbits close to circles: they are refused."""
     position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
     speed, norm = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(velocity)
     at.require(
