@@ -215,7 +215,7 @@ _loaded = partial(compiled.loaded.__wrapped__, compiled.STEPS, "steps are made b
 def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path / "cache")
     assert _loaded() is not None
-    (library,) = (path for path in (tmp_path / "cache").iterdir() if path.suffix != ".sha256")
+    (library,) = (path for path in (tmp_path / "cache").iterdir() if path.is_file() and path.suffix != ".sha256")
     monkeypatch.setattr(libraries, "compile_library", lambda *_: pytest.fail("compiled again"))
     found = _loaded()
     assert found is not None
@@ -247,7 +247,7 @@ def test_damaged_library_in_the_cache_is_made_again(
     """Half a library is loaded, and ends the process when its missing pages are touched."""
     monkeypatch.setattr("liaisons.base.cache.folder", lambda: tmp_path)
     assert _loaded() is not None
-    (library,) = (path for path in tmp_path.iterdir() if path.suffix != ".sha256")
+    (library,) = (path for path in tmp_path.iterdir() if path.is_file() and path.suffix != ".sha256")
     whole = library.read_bytes()
     library.unlink()  # what is loaded stays whole
     library.write_bytes(whole[: len(whole) // 2] if content is None else content)

@@ -90,7 +90,7 @@ def observe(
     def elements(label: str, values: Mapping[str, float] | None) -> dict[str, float]:
         """Standard deviations by scalars, from those of scalars, arrays and orientations."""
         scalars: dict[str, float] = {}
-        for name, value in named(f"observe: {label}", values or {}, PlanError).items():
+        for name, value in named(f"observe: {label}", {} if values is None else values, PlanError).items():
             positive(f"{sampled.name}: {label} of {name}", value, PlanError)
             scalars |= values_by_element(label, dict.fromkeys(quaternions.get(name, [name]), value), names)
         return scalars

@@ -123,7 +123,7 @@ def identify(
     starts = unknowns.by_element("start_values", values)
     unsure = noise is None and any(experiment.signals for experiment in experiments)
     levels = None if unsure else tuple(noise_levels(noise, experiment) for experiment in experiments)
-    limits = unknowns.limits(bounds or {}, min(float(e.times[0]) for e in experiments) - start_time)
+    limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
     started = {p.name: output for p in model.parameters if (output := _output_with_start(p.name)) in outputs}
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
@@ -141,7 +141,7 @@ def identify(
         start=start,
         limits=limits,
         noise=levels,
-        priors=tuple(unknowns.priors(prior or {})),
+        priors=tuple(unknowns.priors({} if prior is None else prior)),
         loss=loss,
         starts=started,
         start_time=start_time,
