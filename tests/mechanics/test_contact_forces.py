@@ -88,7 +88,7 @@ def test_independent_contacts_are_told_by_the_same_equations(name: str) -> None:
     x = values(x)
     np.testing.assert_allclose((rate + G @ x)[held == 1], 0, atol=1e-12)
     gap_of = {5: 2, 6: 0}
-    for i in np.flatnonzero(held == 0):
+    for i in np.flatnonzero(held == 0).tolist():
         assert x[i] == pytest.approx(drag[i] * (x[gap_of[i]] if i in gap_of else 1), abs=1e-14)
     assert wrong.nnz() == 0
 
