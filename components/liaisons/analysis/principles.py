@@ -214,7 +214,7 @@ def _hermite(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
 
 
 def _interval_action(equations: Equations, names: list[str], values: Mapping[str, float]) -> ca.Function:
-    """Function of the ends of an interval: its action, gradient, Hessian, and the norm ∫ δqᵀ A δq dt."""
+    """The action of an interval, its gradient and Hessian, and the norm ∫ δqᵀ A δq dt, as a function of both ends."""
     count, h = len(names), ca.SX.sym("h")
     ends = ca.SX.sym("ends", 4 * count)
     symbols = ca.vertcat(*(equations.symbols[suffixed(name, end)] for end in ("", "_dot") for name in names))

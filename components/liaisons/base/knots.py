@@ -88,7 +88,7 @@ def _checked_column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
 def _spline_knots(
     times: NDArray, values: NDArray, rates: NDArray | None, accelerations: NDArray | None
 ) -> NDArray[np.float64]:
-    """Knots of times and values, whose missing rates and accelerations come from a spline."""
+    """Knots at these times; rates and accelerations that are missing are those of a spline."""
     from scipy.interpolate import make_interp_spline  # slow to load
 
     def derivative(column: NDArray, order: int) -> NDArray[np.float64]:

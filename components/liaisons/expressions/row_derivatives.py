@@ -69,7 +69,7 @@ class _Adjoints:
         self._alone: dict[int, ca.SX] = {}
 
     def add(self, expressions: ca.SX, weights: ca.SX, *, single: bool) -> None:
-        """Accumulate the adjoints of the symbols in expressions from those of the expressions themselves."""
+        """Add to the adjoints of symbols what adjoints of expressions contribute to them."""
         if expressions.numel() == 0:
             return
         gathered = self._alone if single else self._at_links

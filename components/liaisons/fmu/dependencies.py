@@ -58,7 +58,7 @@ def _with_few_links(model: Model) -> Model:
 
 
 def initial_outputs(model: Model) -> ca.Function:
-    """Return the function (t, u, k) → z at initialization, where states and memory follow from these."""
+    """Return the function (t, u, k) → outputs at initialization, where states and memory follow from its arguments."""
     t, u, k = (ca.MX.sym(name, model.start.numel_in(i)) for i, name in enumerate("tuk"))
     y, m = _inlined_call(model.start, t, u, k)
     return ca.Function("initial", [t, u, k], _inlined_call(model.outputs_function, t, y, u, k, m))

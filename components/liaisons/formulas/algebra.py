@@ -180,7 +180,7 @@ class Algebra:
     # ---- from CasADi ------------------------------------------------------------------------------------------
 
     def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
-        """Return the scalar result of a function of scalars with these names."""
+        """Return the scalar result of a function, whose scalar arguments get these names."""
         (values,) = interpret(
             function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._operation_result
         )

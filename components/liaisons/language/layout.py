@@ -145,7 +145,7 @@ def start_of_internal(state: InternalState) -> Variable:
 
 
 def port(name: str, unit: str, kind: TerminalKind, *, impulse: bool = True) -> Terminal:
-    """A connector: position, rate, acceleration, force or load, and if it has them impulses."""
+    """The terminal of a mechanical connection: position, rate, acceleration, force or load, and impulses."""
     endings = ("", "_dot", "_ddot", "_force" if kind == "active" else "_load", *["_impulse"] * impulse)
     variables = [suffixed(name, ending) for ending in endings]
     roles = _ROTATION if unit == "rad" else _TRANSLATION

@@ -94,7 +94,7 @@ def elastic_forces(m: Linkage) -> tuple[ca.SX, ca.SX]:
 
 
 def _gyroscopic(m: Mechanism, p: ca.SX) -> ca.SX:
-    """∂L/∂ω × ω for an orientation: the body frame turns under the momentum."""
+    """The gyroscopic term ∂L/∂ω × ω of an orientation, whose momentum is written in the turning frame."""
     count = len(m.coordinates)
     rates = (getattr(m, orientation.name).rate for orientation in m.orientations)
     turning = [ca.cross(p[count + 3 * i : count + 3 * i + 3], rate) for i, rate in enumerate(rates)]

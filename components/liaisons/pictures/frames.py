@@ -84,7 +84,7 @@ class Frames:
 def frames(
     picture: Picture, time: NDArray, signal: Signal, *, title: str, shifts: Sequence[float] | None = None
 ) -> Frames:
-    """Return the shapes of a picture at some times, those of different groups side by side.
+    """Return the shapes of a picture at some times; groups of shapes are moved apart.
 
     :param title: for messages.
     :param shifts: of each shape along x [m]; None: what places the groups side by side at the first time.

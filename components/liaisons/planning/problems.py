@@ -243,7 +243,7 @@ def _problem_in_states(
 
 
 def candidate_states(symbols: GoalSymbols, order: int) -> list[StateCandidate]:
-    """States of the mechanism, and as many of σ and its rates as the order of control."""
+    """States of the mechanism, then σ and its rates below the order of control."""
     columns = [(symbols.state_names, symbols.state, symbols.rates, symbols.state_sizes)]
     names = [*zip(*map(motion_names, symbols.goal.moves), strict=True)]
     columns += [(names[n], *symbols.motion[n : n + 2], symbols.motion_sizes[n]) for n in range(order)]

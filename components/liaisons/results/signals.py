@@ -87,7 +87,7 @@ class LabelledSignals:
         return self._select(self.values, name)
 
     def error(self, name: str) -> Floats:
-        """Estimated largest error of a signal of an ensemble, shape (cases,); of a verified simulation, shape (times,).
+        """Estimated error of a signal: the largest of each case of an ensemble, or at each time if verified.
 
         :raises SimulationError: for an unknown name, or if there is no estimate.
         """

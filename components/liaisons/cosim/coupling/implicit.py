@@ -90,7 +90,7 @@ class Coupled:
         return record
 
     def _raise_failure(self, _action: Action, status: int, _when: str) -> SimulationError:
-        """Raise the error of a step that compiled code has not made."""
+        """Raise the error of a step in which compiled code has failed."""
         failure = self._record.failure
         for call in (self._drive_call, *self._source_calls):
             if status == RAISED and call is not None and call.raised is not None:

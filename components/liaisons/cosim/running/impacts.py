@@ -206,7 +206,7 @@ class Impacts:
         self._directions = as_indices([bus.index[direction] for direction in directions])
 
     def begin(self) -> None:
-        """Begin at the start; warn of impacts there, which each FMU has had by itself."""
+        """Take the sums of impulses at the start; warn of impacts there, which each FMU has resolved alone."""
         for node in self._nodes:
             node.sums[:], node.handed[:] = 0.0, self._bus.values[node.impulses]
         if alone := [variable for variable, k in self._bus.index.items() if k in self._sums and self._bus.values[k]]:

@@ -176,7 +176,7 @@ def _variable_tables(model: Model, printer: MathML) -> list[str]:
 
 
 def _merged_picture_variables(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
-    """Return one variable for all numbers of a picture; none without them."""
+    """Return the drawn variables as one array variable; an empty tuple if the picture has none."""
     named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
     return tuple(named)
 

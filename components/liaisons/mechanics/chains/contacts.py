@@ -15,7 +15,7 @@ from liaisons.mechanics.unilateral import CONTACT_NUMBERS, refuse_long, refuse_m
 
 
 def contacts_of_links(m: Chain) -> tuple[Contact, ...]:
-    """The contacts of a chain, in the order of its vectors."""
+    """The contacts of a chain: of each liaison one at each link, or that at the last link."""
 
     def numbers(item: ContactFormula) -> Iterable[int]:
         return (0,) if item.last else range(1, m.sizes["n"] + 1)
