@@ -359,12 +359,15 @@ class Impacts:
         return magnitudes
 
     def _sizes(self, F: Vector) -> Vector:
-        """Sizes of jumps of rates, and of impulses."""
+        """Sizes of jumps of rates, and of impulses, which are at least what rates of this size would exchange."""
         count = self._count
         rates = np.abs(self._bus.values[self._rates]).max(initial=0.0)
         speed = max(rates, np.abs(F[:count]).max(initial=0.0)) or 1.0
-        impulse = np.abs(F[count:]).max(initial=0.0) or 1.0
-        return np.concatenate([np.full(count, speed), np.full(count, impulse)])
+        impulse = np.abs(F[count:]).max(initial=0.0)
+        for jump in (-_LEAST_DIFFERENCE, _LEAST_DIFFERENCE):
+            z = np.append(np.full(count, jump * speed), np.zeros(count))
+            impulse = max(impulse, np.abs(self._residual(z)[count:] - F[count:]).max() / _LEAST_DIFFERENCE)
+        return np.concatenate([np.full(count, speed), np.full(count, impulse or 1.0)])
 
 
 def sums_of(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[VariableReference, VariableReference]:
