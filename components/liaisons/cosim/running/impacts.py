@@ -278,20 +278,20 @@ class Impacts:
             node.begin()
         for _ in range(_MOST_AT_ONCE):
             z = self._solve_one(time)
-            self._check_ends(time, z)
+            losses = [node.loss() for node in self._nodes]
+            self._check_ends(time, z, sum(losses))
             left = [node.end() for node in self._nodes]
-            if not np.any(z):
+            if not np.any(z) and not np.any(losses):
                 return
             for node, rates in zip(self._nodes, left, strict=True):
                 node.begin(rates)
         words = f"more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
         raise RefusedError(f"{self._title}: {words}")
 
-    def _check_ends(self, time: float, z: Vector) -> None:
+    def _check_ends(self, time: float, z: Vector, loss: float) -> None:
         """Refuse an impact that acts on what hands no impulses on, or that gains energy."""
         jumps, impulses = np.split(z, 2)
         ends = [end for end, impulse in zip(self._ends, impulses, strict=True) if end and impulse]
-        loss = sum(node.loss() for node in self._nodes)
         if ends:
             why = f"acts through {ends[0]} too, which hands no impulses on: make one FMU of the system by flatten()"
         elif loss < -_GAIN * (np.abs(jumps) @ np.abs(impulses)):
