@@ -468,11 +468,12 @@ def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tupl
 @pytest.mark.parametrize(
     ("names", "number"),
     [
-        pytest.param(("lever", "bar"), 2, id="impulses below the rounding of their sums"),
+        pytest.param(("lever", "bar"), 2, id="impulses as small as errors"),
         pytest.param(("brake", "two balls"), 19, id="a closed contact that errors open"),
         pytest.param(("table", "sliding box"), 13, id="summed bounces with friction"),
         pytest.param(("tower", "two balls"), 13, id="bounces summed within an impact"),
         pytest.param(("brake", "two balls"), 0, id="an elastic impact inside one FMU"),
+        pytest.param(("lower ball", "two balls"), 1, id="a contact that opens beside one that closes"),
     ],
 )
 def test_pair_that_rattles(
@@ -488,10 +489,7 @@ def test_pair_that_rattles(
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [*product(MOVERS, TOPS)])
 def test_twenty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str]) -> None:
-    """Of 500 by far the most agree to 1e-8; where bodies rattle, few are refused, or off unsaid.
-
-    Bounces that are summed have no impulse of friction: a box that slides is off by what that would be.
-    """
+    """Of 500 by far the most agree to 1e-8, and none is off unsaid; few that rattle on a bouncing ball are refused."""
     k = [*product(MOVERS, TOPS)].index(names)
     random = np.random.default_rng(100 + k)
     compared, refused = list[tuple[float, float]](), 0
@@ -500,11 +498,10 @@ def test_twenty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, nam
             parts = _random_parts(names, random)
             compared.append(_check_pair(fmus, shared_folder, names, "3" if k % 2 else "2", parts))
         except IncompleteError as error:
-            if not re.search("does not converge|more than 1000 impacts", str(error)):
+            if not re.search("would gain energy|more than 1000 impacts", str(error)):
                 raise
             refused += 1
-    assert refused <= (4 if names[1] == "two balls" else 0)
+    assert refused <= (4 if names[0] == "lower ball" else 0)
     differences, claimed = np.transpose(compared)
-    least = 1e-6 if names[1] == "sliding box" else 1e-8
-    assert np.count_nonzero(differences > np.maximum(least, 3 * claimed)) <= 1
-    assert np.mean(differences < 1e-8) > 0.8
+    assert np.all(differences < np.maximum(1e-8, 3 * claimed))
+    assert np.mean(differences < 1e-8) >= 0.9

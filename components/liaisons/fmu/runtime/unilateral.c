@@ -340,7 +340,8 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
 static int touches(Instance *self, size_t i, double time) {
     const Contacts *c = &self->contacts;
     if (is_closed(self, i)) return c->gap[i] <= FOLLOWED * c->scale[i];
-    return c->gap[i] <= (c->before != NULL ? NEAR * c->scale[i] : 0) + rounding(c, i, time);
+    const int closes = c->before != NULL && c->before[i] < 0; /* what opens comes into contact after the jumps */
+    return c->gap[i] <= (closes ? NEAR * c->scale[i] : 0) + rounding(c, i, time);
 }
 
 void core_contact_rates(Instance *self, double time, double rate[]) {
