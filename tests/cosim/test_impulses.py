@@ -452,7 +452,8 @@ def _check_pair(
     run, whole = system.simulate(**settings), _whole(folder / "_".join(names), system, parts, **settings)
     difference, claimed = _difference(run, whole), float(np.nansum(coupling_errors(run)))
     assert not any("impulses" in text for text in run.warnings)
-    _energy_is_closed(run, parts, max(1e-7, 300 * claimed))
+    exchanged = max(float(np.abs(run[f"{name}.work"]).max()) for name in parts)
+    _energy_is_closed(run, parts, max(1e-7, 1e-8 * exchanged, 300 * claimed))
     return difference, claimed
 
 
