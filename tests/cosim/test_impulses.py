@@ -435,49 +435,74 @@ TOPS: dict[str, tuple[str, Callable[[np.random.Generator], Starts]]] = {
 """What has contacts with what moves its table: component, and random start values beside mass, height and bounce."""
 
 
-def _check_pair(
-    fmus: Callable[[str, Fmi], Path], folder: Path, names: tuple[str, str], fmi: Fmi, random: np.random.Generator
-) -> tuple[float, float]:
-    """Compare a random pair with its flattened system; returns the difference, and the coupling error that is said."""
-    (mover, port, starts), (top, own) = MOVERS[names[0]], TOPS[names[1]]
+def _random_parts(names: tuple[str, str], random: np.random.Generator) -> Parts:
+    """A pair with random start values."""
+    (mover, _, starts), (top, own) = MOVERS[names[0]], TOPS[names[1]]
     parts: Parts = {"mover": (mover, starts(random)), "top": (top, _bouncing(random) | own(random))}
     parts["top"][1]["height_0"] = _uniform(random, 0.4, 0.7)
-    system = _system(fmus, fmi, parts, (f"mover.{port} -> top.table",))
+    return parts
+
+
+def _check_pair(
+    fmus: Callable[[str, Fmi], Path], folder: Path, names: tuple[str, str], fmi: Fmi, parts: Parts
+) -> tuple[float, float]:
+    """Compare a pair with its flattened system; returns the difference, and the coupling error that is said."""
+    system = _system(fmus, fmi, parts, (f"mover.{MOVERS[names[0]][1]} -> top.table",))
     settings: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.0025, "tolerance": 1e-12}
     run, whole = system.simulate(**settings), _whole(folder / "_".join(names), system, parts, **settings)
     difference, claimed = _difference(run, whole), float(np.nansum(coupling_errors(run)))
     assert not any("impulses" in text for text in run.warnings)
-    _energy_is_closed(run, parts, max(1e-7, 300 * claimed))
+    exchanged = max(float(np.abs(run[f"{name}.work"]).max()) for name in parts)
+    _energy_is_closed(run, parts, max(1e-7, 1e-8 * exchanged, 300 * claimed))
     return difference, claimed
 
 
 @pytest.mark.parametrize("names", [("table", "bar"), ("lever", "ball")])
 def test_pair(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str]) -> None:
     random = np.random.default_rng(1)
-    differences, claimed = np.transpose([_check_pair(fmus, shared_folder, names, "2", random) for _ in range(3)])
+    pairs = [_random_parts(names, random) for _ in range(3)]
+    differences, claimed = np.transpose([_check_pair(fmus, shared_folder, names, "2", parts) for parts in pairs])
     assert np.median(differences) < 1e-8
     assert np.all(differences < np.maximum(1e-8, 3 * claimed))
+
+
+@pytest.mark.parametrize(
+    ("names", "number"),
+    [
+        pytest.param(("lever", "bar"), 2, id="impulses as small as errors"),
+        pytest.param(("brake", "two balls"), 19, id="a closed contact that errors open"),
+        pytest.param(("table", "sliding box"), 13, id="summed bounces with friction"),
+        pytest.param(("tower", "two balls"), 13, id="bounces summed within an impact"),
+        pytest.param(("brake", "two balls"), 0, id="an elastic impact inside one FMU"),
+        pytest.param(("lower ball", "two balls"), 1, id="a contact that opens beside one that closes"),
+    ],
+)
+def test_pair_that_rattles(
+    fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str], number: int
+) -> None:
+    k = [*product(MOVERS, TOPS)].index(names)
+    random = np.random.default_rng(100 + k)
+    parts = [_random_parts(names, random) for _ in range(number + 1)][-1]
+    difference, _ = _check_pair(fmus, shared_folder, names, "3" if k % 2 else "2", parts)
+    assert difference < 1e-8
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [*product(MOVERS, TOPS)])
 def test_twenty_pairs(fmus: Callable[[str, Fmi], Path], shared_folder: Path, names: tuple[str, str]) -> None:
-    """Of 500 by far the most agree to 1e-8; where bodies rattle, few are refused, or off unsaid.
-
-    Bounces that are summed have no impulse of friction: a box that slides is off by what that would be.
-    """
+    """Of 500 by far the most agree to 1e-8, and none is off unsaid; few that rattle on a bouncing ball are refused."""
     k = [*product(MOVERS, TOPS)].index(names)
     random = np.random.default_rng(100 + k)
     compared, refused = list[tuple[float, float]](), 0
     for _ in range(20):
         try:
-            compared.append(_check_pair(fmus, shared_folder, names, "3" if k % 2 else "2", random))
+            parts = _random_parts(names, random)
+            compared.append(_check_pair(fmus, shared_folder, names, "3" if k % 2 else "2", parts))
         except IncompleteError as error:
-            if not re.search("does not converge|more than 1000 impacts", str(error)):
+            if not re.search("would gain energy|more than 1000 impacts", str(error)):
                 raise
             refused += 1
-    assert refused <= (4 if names[1] == "two balls" else 0)
+    assert refused <= (4 if names[0] == "lower ball" else 0)
     differences, claimed = np.transpose(compared)
-    least = 1e-6 if names[1] == "sliding box" else 1e-8
-    assert np.count_nonzero(differences > np.maximum(least, 3 * claimed)) <= 1
-    assert np.mean(differences < 1e-8) > 0.8
+    assert np.all(differences < np.maximum(1e-8, 3 * claimed))
+    assert np.mean(differences < 1e-8) >= 0.9

@@ -277,31 +277,31 @@ class Impacts:
         for node in self._nodes:
             node.begin()
         for _ in range(_MOST_AT_ONCE):
-            z = self._solve_one(time)
-            self._check_ends(time, z)
+            z, energy = self._solve_one(time)
+            losses = [node.loss() for node in self._nodes]
+            self._check_ends(time, z, sum(losses), _ROUNDING * _MOST_ROUNDING * energy)
             left = [node.end() for node in self._nodes]
-            if not np.any(z):
+            if not np.any(z) and not np.any(losses):
                 return
             for node, rates in zip(self._nodes, left, strict=True):
                 node.begin(rates)
         words = f"more than {_MOST_AT_ONCE} impacts at t = {time:.10g} s: make one FMU of the system by flatten()"
         raise RefusedError(f"{self._title}: {words}")
 
-    def _check_ends(self, time: float, z: Vector) -> None:
-        """Refuse an impact that acts on what hands no impulses on, or that gains energy."""
+    def _check_ends(self, time: float, z: Vector, loss: float, rounding: float) -> None:
+        """Refuse an impact that acts on what hands no impulses on, or that gains energy by more than rounding [J]."""
         jumps, impulses = np.split(z, 2)
         ends = [end for end, impulse in zip(self._ends, impulses, strict=True) if end and impulse]
-        loss = sum(node.loss() for node in self._nodes)
         if ends:
             why = f"acts through {ends[0]} too, which hands no impulses on: make one FMU of the system by flatten()"
-        elif loss < -_GAIN * (np.abs(jumps) @ np.abs(impulses)):
+        elif loss < -_GAIN * (np.abs(jumps) @ np.abs(impulses)) - rounding:
             why = "would gain energy by Newton's restitution and friction (Kane): take less of either"
         else:
             return
         raise RefusedError(f"{self._title}: the impact at t = {time:.10g} s {why}")
 
-    def _solve_one(self, time: float) -> Vector:
-        """Solve one impact; returns the jumps of rates, and the impulses."""
+    def _solve_one(self, time: float) -> tuple[Vector, float]:
+        """Solve one impact; returns the jumps of rates with the impulses, and the size of their energy [J]."""
         z = np.zeros(2 * self._count)
         F = self._residual(z)
         sizes = self._sizes(F)
@@ -330,7 +330,7 @@ class Impacts:
             )
         for node in self._nodes:
             node.respond(z)
-        return z
+        return z, float(sizes[: self._count] @ sizes[self._count :])
 
     def _residual(self, z: Vector) -> Vector:
         """What outputs increase by, less the unknowns."""
@@ -359,12 +359,15 @@ class Impacts:
         return magnitudes
 
     def _sizes(self, F: Vector) -> Vector:
-        """Sizes of jumps of rates, and of impulses."""
+        """Sizes of jumps of rates, and of impulses, which are at least what rates of this size would exchange."""
         count = self._count
         rates = np.abs(self._bus.values[self._rates]).max(initial=0.0)
         speed = max(rates, np.abs(F[:count]).max(initial=0.0)) or 1.0
-        impulse = np.abs(F[count:]).max(initial=0.0) or 1.0
-        return np.concatenate([np.full(count, speed), np.full(count, impulse)])
+        impulse = np.abs(F[count:]).max(initial=0.0)
+        for jump in (-_LEAST_DIFFERENCE, _LEAST_DIFFERENCE):
+            z = np.append(np.full(count, jump * speed), np.zeros(count))
+            impulse = max(impulse, np.abs(self._residual(z)[count:] - F[count:]).max() / _LEAST_DIFFERENCE)
+        return np.concatenate([np.full(count, speed), np.full(count, impulse or 1.0)])
 
 
 def sums_of(simulation: Simulation, ports: Sequence[ImpulsivePort]) -> dict[VariableReference, VariableReference]:

@@ -39,13 +39,15 @@ static double jump_of(const Instance *self, const Reaction *row) {
     return self->v.set[row->sum] - self->v.applied[first + (size_t)(row - self->model->reaction)];
 }
 
-/* Rates of the contacts before prescribed rates have jumped; these jump if that is not done yet. */
+/* Rates of the contacts before prescribed rates have jumped, of what is closed 0; these jump if that is not done yet. */
 static void look_back(Instance *self, double before[]) {
     const int interpolating = self->s->reconstruction == INTERPOLATE; /* inputs that are set are of a later time */
     FOR_EACH_REACTION(row) self->e.u[row->rate] = self->v.u[row->rate] + (interpolating ? jump_of(self, row) : 0);
     if (!interpolating)
         FOR_EACH_REACTION(row) self->v.u[row->rate] -= jump_of(self, row);
     if (has_contacts()) core_contact_rates(self, self->s->time, before);
+    for (size_t i = 0; i < self->model->gaps; i++)
+        if (self->v.m[self->model->gap[i].closed] > 0) before[i] = 0; /* an importer's errors would open it */
     FOR_EACH_REACTION(row) self->v.u[row->rate] = self->e.u[row->rate];
 }
 

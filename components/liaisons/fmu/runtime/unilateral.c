@@ -340,7 +340,8 @@ static int rest(Instance *self, double time, const int touching[], Modes modes, 
 static int touches(Instance *self, size_t i, double time) {
     const Contacts *c = &self->contacts;
     if (is_closed(self, i)) return c->gap[i] <= FOLLOWED * c->scale[i];
-    return c->gap[i] <= (c->before != NULL ? NEAR * c->scale[i] : 0) + rounding(c, i, time);
+    const int closes = c->before != NULL && c->before[i] < 0; /* what opens comes into contact after the jumps */
+    return c->gap[i] <= (closes ? NEAR * c->scale[i] : 0) + rounding(c, i, time);
 }
 
 void core_contact_rates(Instance *self, double time, double rate[]) {
@@ -364,15 +365,17 @@ int core_is_unsettled(Instance *self, double time) {
     return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, model->indicators) != 0;
 }
 
-/* Find a gap whose bounces are so small that the rest of them is summed, and when they end; gaps if there is none. */
+/* Find a gap whose bounces are so small that the rest of them is summed, and when they end; gaps if there is none.  With
+ * others they are summed by the rates from before the jumps, which are to be solved for, and not where there was an impact. */
 static size_t lowest_bounce(Instance *self, double time, const int touching[], const int was_closed[], const Modes modes,
-                            const double rate[], const int rises[]) {
+                            const double rate[], const int rises[], const double before[], int struck) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
     for (size_t i = 0; i < model->gaps; i++) {
-        const double v = c->v[i], a = rate[i], height = v * v / (-2 * a);
+        const double v = before != NULL && !was_closed[i] ? before[i] : c->v[i];
+        const double a = rate[i], height = v * v / (-2 * a);
         if (modes[i] == CLOSED || !touching[i] || rises[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
-        if (height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
+        if (struck || height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
             const double flight = -2.5 * v / a; /* the next impact lies inside a step */
             if (isfinite(flight) && (self->s->step > flight || self->s->step <= 0)) self->s->step = flight;
             continue;
@@ -383,8 +386,9 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
     return model->gaps;
 }
 
-/* Bring the rate of a gap that bounces no more to 0, with those that are held: its energy is lost. */
-static void stop(Instance *self, double time, size_t gap, const Modes modes) {
+/* Bring the rate of a gap that bounces no more to 0, with those that are held: its energy is lost, and where rates have
+ * jumped mean rates work. */
+static void stop(Instance *self, double time, size_t gap, const Modes modes, const double jumps[]) {
     const Model *model = self->model;
     const Contacts *c = &self->contacts;
     double right[MOST_CONTACTS], impulses[MOST_CONTACTS] = {0}, before[MOST_CONTACTS];
@@ -400,7 +404,8 @@ static void stop(Instance *self, double time, size_t gap, const Modes modes) {
     for (size_t a = 0; a < held; a++) {
         const Gap *row = &model->gap[list[a]];
         self->v.m[row->impulse] += right[a];
-        self->v.m[row->loss] -= right[a] * (before[list[a]] + c->v[list[a]]) / 2;
+        self->v.m[row->loss] -= right[a] * (before[list[a]] - jumps[list[a]] + c->v[list[a]]) / 2;
+        self->v.y[model->states - 2] += right[a] * jumps[list[a]] / 2;
     }
 }
 
@@ -409,14 +414,16 @@ static int settle(Instance *self, double time, int late) {
     const Model *model = self->model;
     const size_t gaps = model->gaps, n = model->indicators;
     const Contacts *c = &self->contacts;
-    int touching[MOST_CONTACTS], was_closed[MOST_CONTACTS], rises[MOST_CONTACTS], impacts = 0;
-    double x[MOST_CONTACTS], rate[MOST_CONTACTS], overlap[MOST_CONTACTS];
+    int touching[MOST_CONTACTS], was_closed[MOST_CONTACTS], rises[MOST_CONTACTS], impacts = 0, struck = 0;
+    double x[MOST_CONTACTS], rate[MOST_CONTACTS], overlap[MOST_CONTACTS], jumps[MOST_CONTACTS] = {0};
     size_t list[MOST_CONTACTS], held = 0;
+    const double *before = c->before;
     Modes modes;
     inspect(self, time);
     if (!check_overlaps(self, time, late)) return 0;
     for (size_t i = 0; i < gaps; i++) {
         was_closed[i] = is_closed(self, i);
+        if (before != NULL) jumps[i] = c->v[i] - before[i];
         touching[i] = touches(self, i, time);
         rises[i] = late && c->v[i] > 0; /* out of an importer's error: there is no impact to be summed with others */
         overlap[i] = fmax(0, -c->gap[i] / c->scale[i]);
@@ -428,6 +435,7 @@ static int settle(Instance *self, double time, int late) {
         for (size_t i = 0; i < gaps; i++)
             approaches |= touching[i] && fmin(c->v[i], c->before != NULL ? c->before[i] : 0) < -STILL * c->rate_scale[i];
         if (!approaches) break;
+        for (size_t i = 0; i < gaps && c->before != NULL; i++) struck |= touching[i] && c->before[i] < -STILL * c->rate_scale[i];
         if (++impacts > MOST_IMPACTS) {
             Complementarity p = {0};
             for (size_t i = 0; i < gaps; i++)
@@ -440,9 +448,9 @@ static int settle(Instance *self, double time, int late) {
     }
     for (size_t tries = 0;; tries++) {
         if (!rest(self, time, touching, modes, x, rate)) return 0;
-        const size_t low = tries > gaps ? gaps : lowest_bounce(self, time, touching, was_closed, modes, rate, rises);
+        const size_t low = tries > gaps ? gaps : lowest_bounce(self, time, touching, was_closed, modes, rate, rises, before, struck);
         if (low == gaps) break;
-        stop(self, time, low, modes);
+        stop(self, time, low, modes, jumps);
         was_closed[low] = 2; /* it keeps the instant at which it rests */
     }
     held = 0;
