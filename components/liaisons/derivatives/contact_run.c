@@ -1,16 +1,15 @@
 /* A motion through the events of its contacts, written down as entries: steps, and maps of the state.  Impacts and modes
  * follow the rules of unilateral.c. */
 
-enum { RESTORATIONS = 2, MOST_IMPACTS = 1000, MOST_EVENTS = 1000, SAMPLES = 8, CORRECTIONS = 8 };
+enum { RESTORATIONS = 2, MOST_IMPACTS = 1000, MOST_EVENTS = 1000 };
 
 /* Parts of the scales of positions, rates and accelerations that are rounding; an overlap; the drift of what is closed;
  * the rate of what sticks. */
 static const double TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, DRIFT = 1e-3, STUCK = 1e-9;
 /* Bounces below this part of the scale are summed; those of what was closed; impacts count after a higher fall. */
 static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
-/* Of a number by which modes are chosen, a part of its scale that is 0; of an event indicator, its value at an event, as
- * in events.c, and the distance from 0 at which it grazes. */
-static const double DEGENERATE = 1e-9, MARGIN = 1e-13, GRAZING = 1e-12;
+/* Of a number by which modes are chosen, a part of its scale that is 0. */
+static const double DEGENERATE = 1e-9;
 
 typedef Choice Choose(const Complementarity *, Modes, double x[], double rate[]);
 
@@ -250,100 +249,36 @@ static int settle(Motion *m, double t, long which, int started, double *size) {
 
 /* ---- steps, and the first event in one */
 
-/* Indicators at a fraction of a step, by its quintic Hermite polynomial through start, middle and end. */
-static void look(double t, double h, double part, const double *limits, const double *k, const double *s,
-                 const double *y, const double *f, double *values) {
-    const double x = part, p = x * x, q = (1 - x) * (1 - x), m = 2 * x - 1;
+typedef struct { /* an accepted step */
+    const Motion *m;
+    double t, whole, h;      /* size; of its last repetition */
+    double y[3 * N], f[3 * N]; /* states and rates at start, middle and end */
+    double end[N], *kept;    /* of the last repetition; of its stages */
+} Accepted;
+
+/* Evaluate the indicators at a fraction of a step, by its quintic Hermite polynomial through start, middle and end. */
+static int look(void *context, double part, double values[]) {
+    const Accepted *step = context;
+    const double x = part, p = x * x, q = (1 - x) * (1 - x), m = 2 * x - 1, *y = step->y, *f = step->f;
     const double at_0 = q * m * m * (1 + 6 * x), at_1 = 16 * p * q, at_2 = p * m * m * (7 - 6 * x);
     const double by_0 = x * q * m * m, by_1 = 8 * p * q * m, by_2 = p * m * m * (x - 1);
-    double at[N], time = clipped(t + part * h, limits);
+    double at[N], time = clipped(step->t + part * step->whole, step->m->limits);
     for (int j = 0; j < N; ++j)
         at[j] = at_0 * y[j] + at_1 * y[N + j] + at_2 * y[2 * N + j]
-                + h * (by_0 * f[j] + by_1 * f[N + j] + by_2 * f[2 * N + j]);
-    watch(&time, k, s, at, values);
+                + step->whole * (by_0 * f[j] + by_1 * f[N + j] + by_2 * f[2 * N + j]);
+    watch(&time, step->m->k, step->m->s, at, values);
+    return 1;
 }
 
-/* First fraction of a step at which an indicator falls to 0, and which; 2 if there is none.  Where one comes nearer
- * to 0 than GRAZING, and does not fall below, *graze is the fraction. */
-static double first_event(double t, double h, const double *limits, const double *k, const double *s, const double *y,
-                          const double *f, int *which, double *slope, double *graze) {
-    double values[I], row[SAMPLES + 1][I], first = 2.0;
-    for (int n = 0; n <= SAMPLES; ++n) look(t, h, n / (double)SAMPLES, limits, k, s, y, f, row[n]);
-    for (int i = 0; i < I; ++i) row[0][i] = fmax(row[0][i], 0.0);
-    for (int n = 0; n < SAMPLES && first > 1.0; ++n)
-        for (int i = 0; i < I; ++i) {
-            double a = n / (double)SAMPLES, b = (n + 1) / (double)SAMPLES, at_a = row[n][i], at_b = row[n + 1][i];
-            if (at_b >= 0 && n + 2 <= SAMPLES && at_a > GRAZING && at_b < at_a
-                && at_b <= row[n + 2][i] && row[n + 2][i] > GRAZING) { /* it turns between */
-                double low = a, high = b + 1.0 / SAMPLES;
-                for (int m = 0; m < 60 && at_b >= 0; ++m) {
-                    const double left = low + 0.382 * (high - low), right = low + 0.618 * (high - low);
-                    double at_left;
-                    look(t, h, left, limits, k, s, y, f, values);
-                    at_left = values[i];
-                    look(t, h, right, limits, k, s, y, f, values);
-                    b = at_left < values[i] ? left : right;
-                    at_b = fmin(at_left, values[i]);
-                    if (at_left < values[i]) high = right;
-                    else low = left;
-                    if (at_b > fmax(1e-3 * at_a, GRAZING) && high - low < 0.01) break;
-                }
-                if (at_b >= 0 && at_b < GRAZING) *graze = t + b * h;
-            }
-            if (!(at_b < 0)) continue;
-            const double target = at_a > MARGIN ? MARGIN : 0.0;
-            double left = at_a - target, right = at_b - target;
-            for (int m = 0; m < 60 && b - a > 1e-14; ++m) { /* regula falsi, Illinois */
-                const double part = fmax(a + (b - a) * left / (left - right), a + 1e-15 * b);
-                look(t, h, part, limits, k, s, y, f, values);
-                if (values[i] - target <= 0) {
-                    b = part;
-                    right = values[i] - target;
-                    left /= 2;
-                } else {
-                    a = part;
-                    left = values[i] - target;
-                    right /= 2;
-                }
-                if (fabs(values[i] - target) < 1e-3 * MARGIN) break;
-            }
-            if (b < first) {
-                double high[I];
-                first = b;
-                *which = i;
-                look(t, h, b - 1e-3, limits, k, s, y, f, high);
-                look(t, h, b + 1e-3, limits, k, s, y, f, values);
-                *slope = (values[i] - high[i]) / (2e-3 * h);
-            }
-        }
-    return first;
-}
-
-/* Step to the event of an indicator, which is near a size; the size of the step. */
-static double step_to_event(Motion *m, double t, double now, double most, int which, double slope, double *kept) {
-    double at[N], values[I], best = now, least = INFINITY, earlier = 0.0, off_earlier = 0.0;
-    double time = clipped(t, m->limits);
-    watch(&time, m->k, m->s, m->y, values);
-    const double target = values[which] > MARGIN ? MARGIN : 0.0; /* 0 where it begins below */
-    for (int n = 0; n < CORRECTIONS; ++n) {
-        memcpy(at, m->y, sizeof at);
-        step(t, now, m->limits, m->k, m->s, at, kept);
-        time = clipped(t + now, m->limits);
-        watch(&time, m->k, m->s, at, values);
-        const double off = values[which] - target;
-        if (n > 0 && (off - off_earlier) / (now - earlier) < 0) slope = (off - off_earlier) / (now - earlier);
-        earlier = now;
-        off_earlier = off;
-        if (fabs(off) < least) {
-            least = fabs(off);
-            best = now;
-        }
-        if (!(slope < 0) || fabs(off) <= 1e-3 * MARGIN) break;
-        now = fmin(fmax(now - off / slope, 0.5 * now), most);
-    }
-    best = fmin(t + best - t, most);
-    step(t, best, m->limits, m->k, m->s, m->y, kept);
-    return best;
+static int repeat_step(void *context, double part, double values[]) {
+    Accepted *s = context;
+    const Motion *m = s->m;
+    s->h = fmin(s->t + part * s->whole - s->t, s->whole);
+    const double time = clipped(s->t + s->h, m->limits);
+    memcpy(s->end, s->y, sizeof s->end);
+    step(s->t, s->h, m->limits, m->k, m->s, s->end, s->kept);
+    watch(&time, m->k, m->s, s->end, values);
+    return 1;
 }
 
 /* Steps through the intervals of a segment, and what contacts do between them.  How many entries there are, more than
@@ -356,7 +291,8 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
                 .choose = *choose};
     double t = cuts[0], begin = t;
     long phase = 0, first = 0, stuck = 0;
-    int which = -1, settled = 0;
+    size_t which = -1;
+    int settled = 0;
     begin_row(&m, shared + rows[0] * R);
     for (long interval = 0; interval < intervals && m.count <= most;) {
         const double end = cuts[interval + 1], *own = shared + rows[interval] * R;
@@ -371,8 +307,9 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
             first = m.count;
         }
         const int last = *size >= 0.999999 * (end - t);
-        double h = last ? end - t : t + fmin(*size, 0.5 * (end - t)) - t, path[3 * N], f[3 * N], whole[N], factor;
-        if (!try_step(t, h, limits, k, m.s, y, tolerance, sizes, size, whole, path, kept, &factor)) {
+        double h = last ? end - t : t + fmin(*size, 0.5 * (end - t)) - t, whole[N], factor, graze = NAN;
+        Accepted step = {&m, t, h, h, .kept = kept};
+        if (!try_step(t, h, limits, k, m.s, y, tolerance, sizes, size, whole, step.y, kept, &factor)) {
             if (t + 1e-3 * *size == t) {
                 failure[0] = SHORT;
                 failure[1] = t;
@@ -380,16 +317,17 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
             }
             continue;
         }
-        double slope = 0.0, graze = NAN;
         for (int n = 0; n < 3; ++n) {
             const double time = clipped(t + 0.5 * n * h, limits);
-            rates(&time, k, m.s, path + n * N, f + n * N);
+            rates(&time, k, m.s, step.y + n * N, step.f + n * N);
         }
-        const double part = first_event(t, h, limits, k, m.s, path, f, &which, &slope, &graze);
+        const EventSearch search = {&step, I, look, repeat_step};
+        double part = event_search_first(&search, &graze);
         const int stops = part <= 1.0;
-        if (isfinite(graze)) append(&m, GRAZED, graze);
-        if (stops) h = step_to_event(&m, t, part * h, h, which, slope, kept);
-        else memcpy(y, whole, sizeof whole);
+        if (isfinite(graze)) append(&m, GRAZED, t + graze * h);
+        if (stops) event_search_repeat(&search, &part, &which);
+        h = step.h;
+        memcpy(y, stops ? step.end : whole, sizeof whole);
         const double cut = interval > phase ? cuts[interval] : begin, span = end - cut;
         const double before = span > 0 ? (t - cut) / span : 0.0, share = span > 0 ? h / span : 1.0;
         Entry *entry = append(&m, STEP, t);

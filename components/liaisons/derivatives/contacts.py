@@ -9,6 +9,7 @@ derivative along those directions only in which it stays 0; that is an entry, to
 from __future__ import annotations
 
 import ctypes
+import re
 from enum import IntEnum
 from functools import cache, cached_property
 from importlib import resources
@@ -95,7 +96,8 @@ class Contacts:
         functions |= {name: ([*point, (self.flags, "flags")], value) for name, value in self.maps.items()}
         lines = [c_function(name, inputs, [(value, "result")]) for name, (inputs, value) in functions.items()]
         functions_code = (line for function in lines for line in function)
-        return "\n".join([_runtime("complementarity.h"), self.head(), *functions_code, c_text("contact_run")])
+        search = _runtime("event_search.h"), _runtime("event_search.c")
+        return "\n".join([_runtime("complementarity.h"), *search, self.head(), *functions_code, c_text("contact_run")])
 
     def failure(self, numbers: Floats) -> SimulationError:
         """Error for what C says of a motion that ends: which, instant, value; contacts."""
@@ -167,14 +169,15 @@ class Contacts:
 @cache
 def choose_address() -> NDArray[np.uintp]:
     """Address of the function of an FMU that chooses modes, (1,)."""
-    code = _runtime("complementarity.c").replace('#include "complementarity.h"', _runtime("complementarity.h"))
+    code = _runtime("complementarity.h") + _runtime("complementarity.c")
     function = library(code, "-ffp-contract=off").complementarity_choose
     return np.array([ctypes.cast(function, ctypes.c_void_p).value], dtype=np.uintp)
 
 
 def _runtime(name: str) -> str:
-    """C code of a file of an FMU."""
-    return (resources.files("liaisons.fmu") / "runtime" / name).read_text("utf-8")
+    """C code of a file of an FMU, without its ``#include "..."``."""
+    code = (resources.files("liaisons.fmu") / "runtime" / name).read_text("utf-8")
+    return re.sub(r'^#include ".*"$', "", code, flags=re.MULTILINE)
 
 
 def c_text(name: str) -> str:

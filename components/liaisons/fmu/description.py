@@ -51,8 +51,8 @@ Knowns = tuple[Sequence[Variable], csr_array | None]
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
     *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
-    *("symplectic.c", "stiff.c", "events.c", "unilateral.c", "impulses.c", "exchange.c", "states.c", "starts.c"),
-    *("messages.c", "complementarity.c", "fmi_common.c"),
+    *("symplectic.c", "stiff.c", "event_search.c", "events.c", "unilateral.c", "impulses.c", "exchange.c", "states.c"),
+    *("starts.c", "messages.c", "complementarity.c", "fmi_common.c"),
 )
 
 # Capabilities of the back ends; others are false or 0.

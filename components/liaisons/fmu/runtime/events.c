@@ -3,14 +3,12 @@
 #include "events.h"
 
 #include <math.h>
-#include <string.h>
+
+#include "event_search.h"
 
 #define FOR_EACH(i) for (size_t i = 0; i < n; i++)
 
-enum { EXTRA = 3, MOST_INDICATORS = 64, DEEPEST = 12, MOST_TRIALS = 60, MOST_CORRECTIONS = 4 };
-
-/* Where an event is an indicator has this value: a gap of 0; what is below is an event, and not by rounding. */
-static const double MARGIN = 1e-13;
+enum { EXTRA = 3 };
 
 /* Three more stages, and what the last four polynomials are made of; of k1, ..., k16. */
 static const double EXTRA_TIMES[EXTRA] = {0.1, 0.2, 0.7777777777777778};
@@ -37,11 +35,13 @@ static const double SHAPES[4][16] = {
        -39.17726167561544, -149.72683625798564},
 };
 
-typedef struct { /* a step, and how it is looked at */
+typedef struct { /* an accepted step of a method, and its polynomials */
     const Problem *p;
-    double t, h;
-    const double *y, *columns; /* at its start; of the polynomials */
-    double *at;                /* states where it is looked at */
+    double t, whole, h; /* size; of its last repetition */
+    const double *y, *columns;
+    double *at; /* a state inside the step, or at the end of a repetition */
+    Repeat *repeat;
+    void *method;
 } Step;
 
 /* Column i of the work space. */
@@ -78,8 +78,8 @@ static Signal polynomials(const Problem *p, double t, double h, const double *y,
     return GO_ON;
 }
 
-/* Evaluate the indicators at a fraction of the step; 0 if that is impossible. */
-static int look(const Step *s, double part, double values[]) {
+static int look(void *context, double part, double values[]) {
+    const Step *s = context;
     const size_t n = s->p->n;
     FOR_EACH(i) {
         double sum = 0;
@@ -87,101 +87,24 @@ static int look(const Step *s, double part, double values[]) {
             sum = (sum + s->columns[shape * n + i]) * (shape % 2 == 0 ? part : 1 - part);
         s->at[i] = s->y[i] + sum;
     }
-    return s->p->events->watch(s->p->context, s->t + part * s->h, s->at, values);
+    return s->p->events->watch(s->p->context, s->t + part * s->whole, s->at, values);
 }
 
-/* Fraction at which an indicator that falls between fractions a and b has the value MARGIN (regula falsi, Illinois). */
-static double fall(const Step *s, size_t which, double a, double at_a, double b, double at_b) {
-    const double target = at_a > MARGIN ? MARGIN : 0;
-    double values[MOST_INDICATORS], left = at_a - target, right = at_b - target;
-    for (int i = 0; i < MOST_TRIALS && b - a > 1e-15 * b; i++) {
-        const double part = fmax(a + (b - a) * left / (left - right), a + 1e-15 * b); /* left may be 0 */
-        if (!(part < b) || !look(s, part, values)) break;
-        const double value = values[which] - target;
-        if (value <= 0) {
-            b = part;
-            right = value;
-            left /= 2;
-        } else {
-            a = part;
-            left = value;
-            right /= 2;
-        }
-    }
-    return b;
-}
-
-/* The first crossing between two parts; 2 if there is none.  An interval is left where each indicator is far above its
- * distance from a straight line, or so near to it that it only rises or only falls.  The distance is measured off the
- * middle, so that no period hides between. */
-static double scan(const Step *s, double a, const double at_a[], double b, const double at_b[], int depth) {
-    static const double OFF = 0.4871;
-    const double middle = a + OFF * (b - a);
-    double values[MOST_INDICATORS], first = 2;
-    int clear = 1;
-    if (!look(s, middle, values)) return 2;
-    for (size_t i = 0; i < s->p->events->indicators && clear; i++) {
-        const double bend = fabs(values[i] - (at_a[i] + OFF * (at_b[i] - at_a[i]))), low = fmin(at_a[i], at_b[i]);
-        const int far = fmin(low, values[i]) > 4 * bend, straight = fabs(at_b[i] - at_a[i]) > 8 * bend || bend == 0;
-        clear = far || straight || (depth == 0 && low >= 0 && values[i] >= 0);
-        if (at_b[i] < 0 && (straight || depth == 0)) first = fmin(first, fall(s, i, a, at_a[i], b, at_b[i]));
-    }
-    if (clear || depth == 0) return first;
-    first = scan(s, a, at_a, middle, values, depth - 1);
-    return first < 2 ? first : scan(s, middle, values, b, at_b, depth - 1);
-}
-
-/* Fraction of an accepted step at which its first event is; 2 if there is none. */
-static double first_event(const Step *s) {
-    static const double PARTS[] = {0, 0.23, 0.47, 0.71, 1};
-    double before[MOST_INDICATORS], after[MOST_INDICATORS];
-    if (!look(s, 0, before)) return 2;
-    for (size_t i = 0; i < s->p->events->indicators; i++) before[i] = fmax(before[i], 0);
-    for (size_t k = 1; k < sizeof PARTS / sizeof *PARTS; k++) {
-        if (!look(s, PARTS[k], after)) return 2;
-        const double part = scan(s, PARTS[k - 1], before, PARTS[k], after, DEEPEST);
-        if (part < 2) return part;
-        memcpy(before, after, sizeof before);
-    }
-    return 2;
+static int repeat_step(void *context, double part, double values[]) {
+    Step *s = context;
+    s->h = fmax(part * s->whole, fmin(s->p->events->least, s->whole));
+    return s->repeat(s->method, s->h, s->at) == GO_ON && s->p->events->watch(s->p->context, s->t + s->h, s->at, values);
 }
 
 Signal events_locate(const Problem *p, double t, double *h, const double y[], double work[], Repeat *repeat, void *method,
                      int *crossed) {
-    const double whole = *h;
-    const Step step = {p, t, whole, y, events_columns(p, work), column(p, work, EVENT_COLUMNS - 1)};
-    double low[MOST_INDICATORS], high[MOST_INDICATORS], values[MOST_INDICATORS];
-    double part = first_event(&step);
+    Step step = {p, t, *h, *h, y, events_columns(p, work), column(p, work, EVENT_COLUMNS - 1), repeat, method};
+    const EventSearch search = {&step, p->events->indicators, look, repeat_step};
+    size_t which;
+    double part = event_search_first(&search, NULL);
     *crossed = part <= 1;
-    if (!*crossed) return GO_ON;
-    const double away = fmin(1e-3, part / 2);
-    if (!look(&step, part - away, high) || !look(&step, part, low)) return STOP;
-    size_t which = 0; /* the one that is at 0 first */
-    double soonest = INFINITY;
-    for (size_t i = 0; i < p->events->indicators; i++) {
-        const double fallen = high[i] - low[i], until = fallen > 0 ? low[i] / fallen : INFINITY;
-        if (until < soonest) which = i;
-        soonest = fmin(soonest, until);
-    }
-    const double slope = (low[which] - high[which]) / away;
-    double nearest = part, least = INFINITY;
-    for (int i = 0, back = 0; !back; i++) {
-        back = part == nearest && i > 0; /* the last correction led away: the clock resolves no more */
-        *h = fmax(part * whole, fmin(p->events->least, whole));
-        if (repeat(method, *h, step.at) == STOP) return STOP;
-        if (!p->events->watch(p->context, t + *h, step.at, values)) return STOP;
-        const double off = MARGIN - values[which], change = off / slope;
-        if (!(fabs(off) < least)) {
-            part = nearest;
-            continue;
-        }
-        least = fabs(off);
-        nearest = part;
-        if (i == MOST_CORRECTIONS || !(slope < 0) || !(fabs(change) > 1e-15 * part) || !(fabs(change) < part / 4)
-            || part + change > 1)
-            break;
-        part += change;
-    }
+    if (*crossed && !event_search_repeat(&search, &part, &which)) return STOP;
+    *h = step.h;
     return GO_ON;
 }
 
