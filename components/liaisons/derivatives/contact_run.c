@@ -1,13 +1,8 @@
 /* A motion through the events of its contacts, written down as entries: steps, and maps of the state.  Impacts and modes
- * follow the rules of unilateral.c. */
+ * follow contact_rules.h, as in an FMU. */
 
-enum { RESTORATIONS = 2, MOST_IMPACTS = 1000, MOST_EVENTS = 1000 };
+enum { RESTORATIONS = 2, MOST_EVENTS = 1000 };
 
-/* Parts of the scales of positions, rates and accelerations that are rounding; an overlap; the drift of what is closed;
- * the rate of what sticks. */
-static const double TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, DRIFT = 1e-3, STUCK = 1e-9;
-/* Bounces below this part of the scale are summed; those of what was closed; impacts count after a higher fall. */
-static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
 /* Of a number by which modes are chosen, a part of its scale that is 0. */
 static const double DEGENERATE = 1e-9;
 
@@ -21,10 +16,11 @@ typedef struct {
     double *table, *s; /* rows of shared values, and the last of these */
     double *failure;   /* which, instant, value; contacts */
     Choose *choose;
-    Contacts c;
+    Contacts now;
+    ContactNumbers c; /* columns of these */
 } Motion;
 
-static void inspect(Motion *m, double t) { contact_numbers(&t, m->k, m->s, m->y, (double *)&m->c); }
+static void inspect(Motion *m, double t) { contact_numbers(&t, m->k, m->s, m->y, (double *)&m->now); }
 
 /* Begin a row of shared values, with the present memory of the contacts. */
 static void begin_row(Motion *m, const double *shared) {
@@ -127,72 +123,49 @@ static void restore(Motion *m, double t) {
 
 /* An impact of all gaps that touch. */
 static int strike(Motion *m, double t, const int touching[]) {
-    const Contacts before = m->c;
+    const ContactNumbers *c = &m->c;
     Complementarity p = problem(m, 1);
-    double x[CONTACTS], rate[CONTACTS], slack[CONTACTS], flags[FLAGS], loss = 0, size = 0;
+    double x[CONTACTS], rate[CONTACTS], slack[CONTACTS], flags[FLAGS], before[CONTACTS];
     Modes modes = {0};
-    for (int i = 0; i < CONTACTS; ++i) {
-        const long pressed = i < GAPS ? i : NORMALS[i];
-        const int takes = pressed >= 0 && touching[pressed] && before.v[pressed] <= STILL * before.rate_scale[pressed];
-        p.rate[i] = before.v[i] * (i < GAPS && before.v[i] < 0 ? 1 + before.restitution[i] : 1);
-        p.tolerance[i] = BALANCED * before.rate_scale[i];
-        modes[i] = i >= GAPS || takes;
-        if (takes) p.contact[p.n++] = i;
-    }
+    memcpy(before, c->v, sizeof before);
+    contact_add_impact(c, touching, before, &p, modes);
     if (!choose_modes(m, t, &p, modes, x, rate, flags, slack)) return 0;
-    for (int i = 0; i < GAPS; ++i) {
-        const double v = before.v[i];
-        flags[2 * CONTACTS + i] = v < 0;
-        m->memory[CONTACTS + i] += x[i] > 0 && v < -STILL * before.rate_scale[i]
-                                   && v * v > 2 * fabs(before.a[i]) * COUNTED * before.scale[i];
-    }
+    for (int i = 0; i < GAPS; ++i) flags[2 * CONTACTS + i] = before[i] < 0;
     for (size_t k = 0; k < p.n; ++k) {
         const size_t i = p.contact[k];
-        if (slack[i] <= DEGENERATE * before.rate_scale[i]) condition(m, WEAK_IMPACT, t, i, before.rate_scale[i], flags);
+        if (slack[i] <= DEGENERATE * c->rate_scale[i]) condition(m, WEAK_IMPACT, t, i, c->rate_scale[i], flags);
     }
     apply(m, STRUCK, t, flags);
-    for (int i = 0; i < CONTACTS; ++i) {
-        loss -= x[i] * (before.v[i] + m->c.v[i]) / 2;
-        size += fabs(x[i]) * (fabs(before.v[i]) + 1e-2 * before.rate_scale[i]);
-    }
-    return loss < -1e-9 * size ? refuse(m, GAINS, t, 0, &p) : 1;
+    for (int i = 0; i < GAPS; ++i) m->memory[CONTACTS + i] += x[i] > 0 && contact_counts(c, i, before[i]);
+    return contact_gains_energy(c, CONTACTS, before, x) ? refuse(m, GAINS, t, 0, &p) : 1;
 }
 
 /* Choose modes of what touches and rests. */
-static int rest(Motion *m, double t, const int touching[], const double present[], Complementarity *p, Modes modes,
-                double rate[], double flags[], double slack[]) {
-    const Contacts *c = &m->c;
+static int rest(Motion *m, double t, const int touching[], Complementarity *p, Modes modes, double rate[], double flags[],
+                double slack[]) {
     double x[CONTACTS];
     *p = problem(m, 0);
     read_modes(m, modes);
-    for (int i = 0; i < CONTACTS; ++i) {
-        const int still = fabs(c->v[i]) <= (i >= GAPS && present[i] ? STUCK : STILL) * c->rate_scale[i];
-        p->rate[i] = c->a[i];
-        p->tolerance[i] = BALANCED * c->acceleration_scale[i];
-        if (!presses(touching, i) || (i < GAPS && !still)) modes[i] = 0;
-        else if (!still) modes[i] = c->v[i] > 0 ? FORWARD : BACKWARD;
-        else p->contact[p->n++] = i;
-    }
+    contact_add_rest(&m->c, touching, p, modes);
     return choose_modes(m, t, p, modes, x, rate, flags, slack);
 }
 
 /* A gap whose bounces are summed from here on, or GAPS; *size: a step in which the next impact of all others lies. */
 static int lowest_bounce(const Motion *m, const int bounces[], const double present[], const double rate[], double *size) {
-    const Contacts *c = &m->c;
+    const ContactNumbers *c = &m->c;
     *size = INFINITY;
     for (int i = 0; i < GAPS; ++i) {
         const double v = c->v[i], a = rate[i];
-        if (!bounces[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
-        if (v * v / (-2 * a) <= (present[i] ? LIFTED : LOWEST) * c->scale[i]) return i;
-        *size = fmin(*size, -2.5 * v / a);
+        if (!bounces[i] || !contact_bounces(c, i, v, a)) continue;
+        if (contact_bounce_height(v, a) <= (present[i] ? LIFTED : LOWEST) * c->scale[i]) return i;
+        *size = fmin(*size, contact_bounce_step(v, a));
     }
     return GAPS;
 }
 
 /* Impacts and modes of an instant, at which a contact has its event, or -1; 0 where that fails. */
 static int settle(Motion *m, double t, long which, int started, double *size) {
-    const Contacts *c = &m->c;
-    const double tick = nextafter(fabs(t), INFINITY) - fabs(t);
+    const ContactNumbers *c = &m->c;
     int touching[CONTACTS], bounces[CONTACTS], closed[CONTACTS], stopped[CONTACTS] = {0}, impacts = 0;
     double flags[FLAGS], present[FLAGS], rate[CONTACTS], slack[CONTACTS], flight, *rests_from = m->memory + CONTACTS + GAPS;
     Complementarity p = {0};
@@ -201,7 +174,7 @@ static int settle(Motion *m, double t, long which, int started, double *size) {
     describe(modes, present);
     inspect(m, t);
     for (int i = 0; i < GAPS; ++i) {
-        const double rounding = TOUCHING * c->scale[i] + 2 * tick * c->rate_scale[i];
+        const double rounding = contact_rounding(c, i, t);
         touching[i] = c->gap[i] <= (present[i] ? DRIFT * c->scale[i] : rounding);
         if (touching[i]) p.contact[p.n++] = i;
         if (c->gap[i] < -OVERLAP * c->scale[i] - rounding) {
@@ -212,21 +185,21 @@ static int settle(Motion *m, double t, long which, int started, double *size) {
     }
     for (;;) {
         int approaches = 0;
-        for (int i = 0; i < GAPS; ++i) approaches |= touching[i] && c->v[i] < -STILL * c->rate_scale[i];
+        for (int i = 0; i < GAPS; ++i) approaches |= touching[i] && contact_approaches(c, i, c->v[i]);
         if (!approaches) break;
         if (++impacts > MOST_IMPACTS) return refuse(m, REPEATS, t, 0, &p);
         if (!strike(m, t, touching)) return 0;
     }
     for (;;) {
         double held[FLAGS] = {0};
-        if (!rest(m, t, touching, present, &p, modes, rate, flags, slack)) return 0;
+        if (!rest(m, t, touching, &p, modes, rate, flags, slack)) return 0;
         for (int i = 0; i < GAPS; ++i) {
             held[i] = closed[i] = modes[i] == CLOSED;
             bounces[i] = touching[i] && !closed[i] && !stopped[i];
         }
         const int low = lowest_bounce(m, bounces, present, rate, &flight);
         if (low == GAPS) break;
-        rests_from[low] = t + (present[low] ? 0 : 2 * c->v[low] / (-rate[low] * (1 - c->restitution[low])));
+        rests_from[low] = t + (present[low] ? 0 : contact_bounces_duration(c->v[low], rate[low], c->restitution[low]));
         held[low] = stopped[low] = 1;
         apply(m, STRUCK, t, held);
     }
@@ -289,6 +262,7 @@ long follow(long intervals, const double *cuts, const long *rows, const double *
             Choose *const *choose) {
     Motion m = {k, limits, y, memory, entries, .most = most, .table = table, .failure = failure,
                 .choose = *choose};
+    m.c = columns(&m.now);
     double t = cuts[0], begin = t;
     long phase = 0, first = 0, stuck = 0;
     size_t which = -1;

@@ -39,8 +39,11 @@ _FAILURES = {
     "SHORT": "no step is small enough",
 }
 """Why a motion ends, in the order of the numbers in C; the first ones are those of ``complementarity.h``."""
+_NUMBERS = """
+typedef struct {{ double {numbers}; }} Contacts;
+static ContactNumbers columns(const Contacts *now) {{ return (ContactNumbers){{{columns}}}; }}
+"""
 _HEAD = """
-typedef struct {{ double {numbers}; }} Contacts; /* as in core.h */
 enum {{ CONTACTS = {contacts}, GAPS = {gaps}, MEMORY = {memory}, FLAGS = 3 * CONTACTS, I = {indicators} }};
 enum {{ {kinds} }};
 enum {{ {failures} }};
@@ -77,9 +80,7 @@ class Contacts:
 
     def head(self) -> str:
         """Declarations of entries."""
-        columns = self._contacts.numbers
         return _HEAD.format(
-            numbers=", ".join(f"{name}[{column.numel()}]" for name, column in columns.items()),
             contacts=self.count,
             gaps=self.gaps,
             memory=self.remembered,
@@ -91,13 +92,17 @@ class Contacts:
 
     def run_code(self) -> str:
         """Steps through events."""
-        point, numbers = argument_columns(self._equations, star=""), stack(self._contacts.numbers.values())
-        functions = {"watch": (point, self.indicators), "contact_numbers": (point, numbers)}
+        point, columns = argument_columns(self._equations, star=""), self._contacts.numbers
+        functions = {"watch": (point, self.indicators), "contact_numbers": (point, stack(columns.values()))}
         functions |= {name: ([*point, (self.flags, "flags")], value) for name, value in self.maps.items()}
         lines = [c_function(name, inputs, [(value, "result")]) for name, (inputs, value) in functions.items()]
         functions_code = (line for function in lines for line in function)
-        search = _runtime("event_search.h"), _runtime("event_search.c")
-        return "\n".join([_runtime("complementarity.h"), *search, self.head(), *functions_code, c_text("contact_run")])
+        runtime = map(_runtime, ("complementarity.h", "contact_rules.h", "event_search.h", "event_search.c"))
+        numbers = _NUMBERS.format(
+            numbers=", ".join(f"{name}[{column.numel()}]" for name, column in columns.items()),
+            columns=", ".join(f".{name} = now->{name}" for name in columns),
+        )
+        return "\n".join([*runtime, numbers, self.head(), *functions_code, c_text("contact_run")])
 
     def failure(self, numbers: Floats) -> SimulationError:
         """Error for what C says of a motion that ends: which, instant, value; contacts."""

@@ -11,6 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "contact_rules.h"
+
 /* ---- the component: constant tables and functions, generated into model.c ---- */
 
 /* Dense columns in and out.  Results must lie elsewhere than arguments; none may be NULL. */
@@ -87,15 +89,8 @@ typedef struct { /* dry friction: likewise; the gap whose force bounds it, or -1
     size_t loss;
 } DryFriction;
 
-/* Numbers of contacts, gaps first, then dry friction, without contact forces: rates, accelerations, their change by
- * forces G, sizes of their terms; of gaps; thresholds of dry friction.  Of redundant contacts G is the product of changes of
- * rates by momenta, and of momenta by forces, column after column. */
-#define CONTACT_NUMBERS(NUMBER) \
-    NUMBER(v) NUMBER(a) NUMBER(G) NUMBER(rates_by_momenta) NUMBER(momenta_by_forces) NUMBER(rate_scale) NUMBER(acceleration_scale) \
-    NUMBER(gap) NUMBER(scale) NUMBER(restitution) NUMBER(stick) NUMBER(slide)
-
 #define OFFSET(name) size_t name;
-typedef struct { /* where they are */
+typedef struct { /* where the numbers of contacts are */
     CONTACT_NUMBERS(OFFSET)
     size_t count;
 } ContactRows;

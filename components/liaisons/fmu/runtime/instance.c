@@ -35,10 +35,10 @@ static size_t columns_of_work(const Model *model) { return model->indicators > 0
 
 static void lay_out_contacts(Contacts *c, double **rest, const Model *model) {
     const ContactRows *rows = &model->rows;
-    c->numbers = cut(rest, rows->count);
+    c->all = cut(rest, rows->count);
     c->operators = cut(rest, model->operators);
     c->indicators = cut(rest, model->indicators);
-#define COLUMN(name) c->name = c->numbers + rows->name;
+#define COLUMN(name) c->numbers.name = c->all + rows->name;
     CONTACT_NUMBERS(COLUMN)
 #undef COLUMN
 }

@@ -136,14 +136,12 @@ typedef struct {
     char *name;      /* of a number that is named in a message */
 } Words;
 
-#define COLUMN(name) const double *name;
 typedef struct {
-    double *numbers, *operators, *indicators;
-    CONTACT_NUMBERS(COLUMN)
+    double *all, *operators, *indicators;
+    ContactNumbers numbers; /* columns of all */
     double lowest; /* part of its scale below which bounces of a gap are summed */
     const double *before; /* rates before inputs have jumped in an impact; NULL: they have not */
 } Contacts;
-#undef COLUMN
 
 struct Instance {
     const Model *model;

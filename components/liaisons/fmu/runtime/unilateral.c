@@ -8,24 +8,16 @@
 
 #include "complementarity.h"
 
-/* Impacts at one instant; steps that put a gap to 0. */
-enum { MOST_IMPACTS = 1000, NEWTON_STEPS = 5 };
+enum { NEWTON_STEPS = 5 }; /* that put a gap to 0 */
 
-/* Parts of the scale of a position, a rate, an acceleration that are rounding errors; of a position, also where Newton's
- * method goes on, what is an overlap, what a jump of a prescribed coordinate may move, and what an importer that looks
- * for events may be late. */
-static const double FAR = 1e-9, TOUCHING = 1e-12, STILL = 2e-12, BALANCED = 1e-13, OVERLAP = 1e-9, FOLLOWED = 1e-3, LATE = 0.1;
-/* Bounces that are lower than this part of the scale are not followed; after a jump, of what was closed.  Impacts count
- * after a fall from higher than this part of it: bounces that are summed, which are lower for every importer, do not. */
-static const double LOWEST = 1e-12, LIFTED = 1e-9, COUNTED = 1e-6;
+/* Parts of the scale of a position: where Newton's method goes on, and what an importer that looks for events may be late. */
+static const double FAR = 1e-9, LATE = 0.1;
 /* A component does not start with a gap between these parts of its rounding, which would not be followed. */
 static const double COARSE[] = {0.1, 100};
 /* What an importer may be off, in tolerances; a gap that opens slower is an event only where it overlaps by more. */
 static const double ERRORS = 10;
 /* What an importer may be off that hands over impulses: a gap below this part of its scale touches. */
 static const double NEAR = 1e-11;
-/* What sticks stays so where a prescribed rate is off by this part of its scale. */
-static const double STUCK = 1e-9;
 static const char *name_of(const Model *model, size_t i) {
     return i < model->gaps ? model->gap[i].name : model->friction[i - model->gaps].name;
 }
@@ -35,10 +27,10 @@ static const char *name_of(const Model *model, size_t i) {
 /* Calculate the numbers of all contacts at the present state. */
 static void inspect(Instance *self, double time) {
     const Model *model = self->model;
-    Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     const size_t n = model->indicators, momenta = model->momenta;
-    double *G = c->numbers + model->rows.G;
-    evaluate(self, model->contact, time, self->v.y, c->numbers);
+    double *G = self->contacts.all + model->rows.G;
+    evaluate(self, model->contact, time, self->v.y, self->contacts.all);
     if (momenta > 0) memset(G, 0, n * n * sizeof *G);
     for (size_t j = 0; j < n; j++)
         for (size_t k = 0; k < momenta; k++)
@@ -62,18 +54,12 @@ static void read_modes(const Instance *self, Modes modes) {
 /* The problem of all contacts, of which none is to be chosen yet. */
 static Complementarity problem(const Instance *self, int impulses) {
     const Model *model = self->model;
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     Complementarity p = {.gaps = model->gaps, .contacts = model->indicators, .G = c->G, .impulses = impulses};
     p.stick = impulses ? c->slide : c->stick;
     p.slide = c->slide;
     for (size_t i = 0; i < model->frictions; i++) p.normal[i] = model->friction[i].normal;
     return p;
-}
-
-/* How far a gap may be from 0 by rounding of positions, and of the time at which others move. */
-static double rounding(const Contacts *c, size_t i, double time) {
-    const double tick = nextafter(fabs(time), INFINITY) - fabs(time);
-    return TOUCHING * c->scale[i] + 2 * tick * c->rate_scale[i];
 }
 
 /* ---- states that jump --------------------------------------------------------------------------------------------- */
@@ -124,13 +110,13 @@ static void annulling(const Instance *self, const size_t list[], size_t n, doubl
     double matrix[MOST_CONTACTS * MOST_CONTACTS];
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
-            matrix[i * MOST_CONTACTS + j] = self->contacts.G[list[i] + self->model->indicators * list[j]];
+            matrix[i * MOST_CONTACTS + j] = self->contacts.numbers.G[list[i] + self->model->indicators * list[j]];
     complementarity_solve(matrix, n, right);
 }
 
 /* Bring the rates, or positions, of contacts that are held to 0; whether a position may still be off. */
 static int annul(Instance *self, double time, const size_t list[], size_t n, int positions) {
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     double change[MOST_CONTACTS] = {0}, right[MOST_CONTACTS];
     int needed = 0, far = 0;
     for (size_t i = 0; i < n; i++) {
@@ -203,78 +189,56 @@ static int choose(Instance *self, const Complementarity *p, double time, Modes m
 
 /* Apply the impulses of an impact of all gaps in a list: v+ >= max(0, -e v-), with friction. */
 static int strike(Instance *self, double time, const int touching[]) {
-    const double *first = self->contacts.before != NULL ? self->contacts.before : self->contacts.v; /* what is reflected */
     const Model *model = self->model;
     const size_t n = model->indicators, gaps = model->gaps;
-    const Contacts *c = &self->contacts;
-    Complementarity p = problem(self, 1);
-    double x[MOST_CONTACTS], rate[MOST_CONTACTS], before[MOST_CONTACTS], loss[MOST_CONTACTS], total = 0, size = 0;
-    Modes modes = {0};
-    for (size_t i = 0; i < n; i++) {
-        const int gap = i < gaps;
-        const long normal = gap ? -1 : p.normal[i - gaps];
-        const size_t pressed = gap ? i : normal >= 0 ? (size_t)normal : n;
-        const int takes = pressed < n && touching[pressed]
-                          && fmin(c->v[pressed], first[pressed]) <= STILL * c->rate_scale[pressed];
-        before[i] = first[i];
-        p.rate[i] = c->v[i] - (gap && first[i] < 0 ? -c->restitution[i] * first[i] : 0);
-        p.tolerance[i] = BALANCED * c->rate_scale[i];
-        if (!gap) modes[i] = FORWARD; /* without a force it has no effect */
-        if (!takes) continue;
-        if (gap) modes[i] = CLOSED;
-        p.contact[p.n++] = i;
-    }
-    if (!choose(self, &p, time, modes, x, rate)) return 0;
+    const ContactNumbers *c = &self->contacts.numbers;
     const int together = self->contacts.before != NULL; /* with others, which lose their part of the energy */
+    Complementarity p = problem(self, 1);
+    double x[MOST_CONTACTS], rate[MOST_CONTACTS], before[MOST_CONTACTS];
+    Modes modes = {0};
+    memcpy(before, together ? self->contacts.before : c->v, n * sizeof *before);
+    contact_add_impact(c, touching, before, &p, modes);
+    if (!choose(self, &p, time, modes, x, rate)) return 0;
     for (size_t i = 0; i < n; i++) /* of ports whose rates jump the mean rates work */
         self->v.y[model->states - 2] += x[i] * (c->v[i] - before[i]) / 2;
     self->contacts.before = NULL;
     hit(self, time, x);
     inspect(self, time);
-    for (size_t i = 0; i < n; i++) {
-        loss[i] = -x[i] * (before[i] + c->v[i]) / 2;
-        total += loss[i];
-        size += fabs(x[i]) * (fabs(before[i]) + 1e-2 * c->rate_scale[i]); /* STILL is rounding */
-    }
-    if (!together && total < -1e-9 * size)
+    if (!together && contact_gains_energy(c, n, before, x))
         return refuse(self, &p, time, "Newton's restitution and friction would gain energy (Kane): take less of either");
     for (size_t i = 0; i < n; i++) {
-        self->v.m[i < gaps ? model->gap[i].loss : model->friction[i - gaps].loss] += loss[i];
+        self->v.m[i < gaps ? model->gap[i].loss : model->friction[i - gaps].loss] -= x[i] * (before[i] + c->v[i]) / 2;
         if (i >= gaps || !(x[i] > 0)) continue;
         self->v.m[model->gap[i].impulse] += x[i];
-        self->v.m[model->gap[i].impacts] += before[i] < -STILL * c->rate_scale[i]
-                                            && before[i] * before[i] > 2 * fabs(c->a[i]) * COUNTED * c->scale[i];
+        self->v.m[model->gap[i].impacts] += contact_counts(c, i, before[i]);
     }
     return 1;
 }
 
 /* ---- events --------------------------------------------------------------------------------------------------------- */
 
-/* Duration of a bounce from a gap at rate v, with all that follow, under an acceleration a < 0. */
-static double lasts(double v, double a, double e) { return e < 1 ? 2 * v / (-a * (1 - e)) : 0; }
-
 /* Whether no gap overlaps by more than rounding, or by what an importer may be late, and friction brakes. */
 static int check_overlaps(Instance *self, double time, int late) {
     const Model *model = self->model;
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     for (size_t i = 0; i < model->indicators; i++)
         if (!isfinite(c->v[i]) || !isfinite(c->a[i])) return core_because(self, "%s: its rate is not finite at t = %.9g", name_of(model, i), time);
     for (size_t i = 0; i < model->frictions; i++)
-        if (!(c->slide[i] >= 0 && c->stick[i] >= c->slide[i] * (1 - STUCK)))
+        if (!(c->slide[i] >= 0 && c->stick[i] >= c->slide[i] * (1 - STICKING)))
             return core_because(self, "%s at t = %.9g: its static bound %g must be at least the sliding one, %g, and that >= 0",
                                 model->friction[i].name, time, c->stick[i], c->slide[i]);
     for (size_t i = 0; i < model->gaps; i++) {
         const double G = c->G[i * (model->indicators + 1)];
-        if (c->gap[i] < -(late ? LATE : OVERLAP) * c->scale[i] - rounding(c, i, time))
+        if (c->gap[i] < -(late ? LATE : OVERLAP) * c->scale[i] - contact_rounding(c, i, time))
             return core_because(self, "%s = %.6g at t = %.9g: bodies overlap; %s", model->gap[i].name, c->gap[i], time,
                                 self->s->phase < EVENT ? "start with a gap >= 0"
                                 : late ? "an event was stepped over: take shorter steps, or find where indicators cross 0"
                                        : "a prescribed coordinate must not jump through a body");
-        if (self->s->phase < EVENT && c->gap[i] > COARSE[0] * rounding(c, i, time) && c->gap[i] < COARSE[1] * rounding(c, i, time))
+        if (self->s->phase < EVENT && c->gap[i] > COARSE[0] * contact_rounding(c, i, time) && c->gap[i] < COARSE[1] * contact_rounding(c, i, time))
             return core_because(self, "%s = %.6g at t = %.9g is too small beside positions of %.3g: start with 0 or more than %.3g, or "
                                 "measure positions from near the contact", model->gap[i].name, c->gap[i], time, c->scale[i],
-                                COARSE[1] * rounding(c, i, time));
-        if (c->gap[i] <= rounding(c, i, time) && !(G > 0 && isfinite(G)))
+                                COARSE[1] * contact_rounding(c, i, time));
+        if (c->gap[i] <= contact_rounding(c, i, time) && !(G > 0 && isfinite(G)))
             return core_because(self, "%s at t = %.9g: it moves no mass (effective mass %g)", model->gap[i].name, time, 1 / G);
     }
     return 1;
@@ -297,7 +261,7 @@ void core_follow_gaps(Instance *self) {
     do { /* what gives way to one may come into another */
         before = n;
         for (size_t i = 0; i < model->gaps; i++) {
-            const double depth = FOLLOWED * self->contacts.scale[i], gap = self->contacts.gap[i];
+            const double depth = DRIFT * self->contacts.numbers.scale[i], gap = self->contacts.numbers.gap[i];
             const int follows = gap > -depth && (gap < 0 || (is_closed(self, i) && gap < depth));
             if (follows && !listed[i]) list[n++] = i;
             listed[i] |= follows;
@@ -308,50 +272,29 @@ void core_follow_gaps(Instance *self) {
 
 /* Choose modes at rest: complementarity of the accelerations of what touches and rests, and of what does not slide. */
 static int rest(Instance *self, double time, const int touching[], Modes modes, double x[], double rate[]) {
-    const Model *model = self->model;
-    const size_t n = model->indicators, gaps = model->gaps;
-    const Contacts *c = &self->contacts;
     Complementarity p = problem(self, 0);
     read_modes(self, modes);
-    for (size_t i = 0; i < n; i++) {
-        p.rate[i] = c->a[i];
-        p.tolerance[i] = BALANCED * c->acceleration_scale[i];
-        const double least = i >= gaps && complementarity_holds(&p, modes, i) ? STUCK : STILL;
-        const int still = fabs(c->v[i]) <= least * c->rate_scale[i];
-        if (i < gaps && !(touching[i] && still)) {
-            modes[i] = OPEN;
-            continue;
-        }
-        const long normal = i < gaps ? -1 : p.normal[i - gaps];
-        if (normal >= 0 && !touching[normal]) {
-            modes[i] = STICKS; /* it has no force */
-            continue;
-        }
-        if (i >= gaps && !still) {
-            modes[i] = c->v[i] > 0 ? FORWARD : BACKWARD;
-            continue;
-        }
-        p.contact[p.n++] = i;
-    }
+    contact_add_rest(&self->contacts.numbers, touching, &p, modes);
     return choose(self, &p, time, modes, x, rate);
 }
 
 /* Whether a gap is at 0; one that is closed may have drifted from it. */
 static int touches(Instance *self, size_t i, double time) {
-    const Contacts *c = &self->contacts;
-    if (is_closed(self, i)) return c->gap[i] <= FOLLOWED * c->scale[i];
-    const int closes = c->before != NULL && c->before[i] < 0; /* what opens comes into contact after the jumps */
-    return c->gap[i] <= (closes ? NEAR * c->scale[i] : 0) + rounding(c, i, time);
+    const ContactNumbers *c = &self->contacts.numbers;
+    if (is_closed(self, i)) return c->gap[i] <= DRIFT * c->scale[i];
+    const double *before = self->contacts.before;
+    const int closes = before != NULL && before[i] < 0; /* what opens comes into contact after the jumps */
+    return c->gap[i] <= (closes ? NEAR * c->scale[i] : 0) + contact_rounding(c, i, time);
 }
 
 void core_contact_rates(Instance *self, double time, double rate[]) {
     inspect(self, time);
-    memcpy(rate, self->contacts.v, self->model->indicators * sizeof *rate);
+    memcpy(rate, self->contacts.numbers.v, self->model->indicators * sizeof *rate);
 }
 
 int core_is_unsettled(Instance *self, double time) {
     const Model *model = self->model;
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     int touching[MOST_CONTACTS];
     double x[MOST_CONTACTS], rate[MOST_CONTACTS];
     Modes present, modes;
@@ -360,7 +303,7 @@ int core_is_unsettled(Instance *self, double time) {
     read_modes(self, present);
     for (size_t i = 0; i < model->gaps; i++) {
         touching[i] = touches(self, i, time);
-        if (touching[i] && c->v[i] < -STILL * c->rate_scale[i]) return 1;
+        if (touching[i] && contact_approaches(c, i, c->v[i])) return 1;
     }
     return !rest(self, time, touching, modes, x, rate) || memcmp(present, modes, model->indicators) != 0;
 }
@@ -370,17 +313,18 @@ int core_is_unsettled(Instance *self, double time) {
 static size_t lowest_bounce(Instance *self, double time, const int touching[], const int was_closed[], const Modes modes,
                             const double rate[], const int rises[], const double before[], int struck) {
     const Model *model = self->model;
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     for (size_t i = 0; i < model->gaps; i++) {
-        const double v = before != NULL && !was_closed[i] ? before[i] : c->v[i];
-        const double a = rate[i], height = v * v / (-2 * a);
-        if (modes[i] == CLOSED || !touching[i] || rises[i] || !(v > STILL * c->rate_scale[i]) || !(a < 0)) continue;
-        if (struck || height > (was_closed[i] ? fmax(LIFTED, c->lowest) : c->lowest) * c->scale[i]) {
-            const double flight = -2.5 * v / a; /* the next impact lies inside a step */
+        const double v = before != NULL && !was_closed[i] ? before[i] : c->v[i], a = rate[i];
+        const double lowest = was_closed[i] ? fmax(LIFTED, self->contacts.lowest) : self->contacts.lowest;
+        if (modes[i] == CLOSED || !touching[i] || rises[i] || !contact_bounces(c, i, v, a)) continue;
+        if (struck || contact_bounce_height(v, a) > lowest * c->scale[i]) {
+            const double flight = contact_bounce_step(v, a);
             if (isfinite(flight) && (self->s->step > flight || self->s->step <= 0)) self->s->step = flight;
             continue;
         }
-        self->v.m[model->gap[i].rests_from] = was_closed[i] ? time : time + lasts(v, a, c->restitution[i]);
+        self->v.m[model->gap[i].rests_from] =
+            time + (was_closed[i] ? 0 : contact_bounces_duration(v, a, c->restitution[i]));
         return i;
     }
     return model->gaps;
@@ -390,7 +334,7 @@ static size_t lowest_bounce(Instance *self, double time, const int touching[], c
  * jumped mean rates work. */
 static void stop(Instance *self, double time, size_t gap, const Modes modes, const double jumps[]) {
     const Model *model = self->model;
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     double right[MOST_CONTACTS], impulses[MOST_CONTACTS] = {0}, before[MOST_CONTACTS];
     size_t list[MOST_CONTACTS], held = 0;
     for (size_t i = 0; i < model->gaps; i++)
@@ -413,11 +357,11 @@ static void stop(Instance *self, double time, size_t gap, const Modes modes, con
 static int settle(Instance *self, double time, int late) {
     const Model *model = self->model;
     const size_t gaps = model->gaps, n = model->indicators;
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     int touching[MOST_CONTACTS], was_closed[MOST_CONTACTS], rises[MOST_CONTACTS], impacts = 0, struck = 0;
     double x[MOST_CONTACTS], rate[MOST_CONTACTS], overlap[MOST_CONTACTS], jumps[MOST_CONTACTS] = {0};
     size_t list[MOST_CONTACTS], held = 0;
-    const double *before = c->before;
+    const double *before = self->contacts.before;
     Modes modes;
     inspect(self, time);
     if (!check_overlaps(self, time, late)) return 0;
@@ -431,18 +375,20 @@ static int settle(Instance *self, double time, int late) {
     }
     touch(self, time, list, held);
     for (;;) {
+        const int together = self->contacts.before != NULL; /* with others, which react before there is another impact */
         int approaches = 0;
-        for (size_t i = 0; i < gaps; i++)
-            approaches |= touching[i] && fmin(c->v[i], c->before != NULL ? c->before[i] : 0) < -STILL * c->rate_scale[i];
+        for (size_t i = 0; i < gaps; i++) {
+            const int jumped_in = together && touching[i] && contact_approaches(c, i, self->contacts.before[i]);
+            approaches |= jumped_in || (touching[i] && contact_approaches(c, i, c->v[i]));
+            struck |= jumped_in;
+        }
         if (!approaches) break;
-        for (size_t i = 0; i < gaps && c->before != NULL; i++) struck |= touching[i] && c->before[i] < -STILL * c->rate_scale[i];
         if (++impacts > MOST_IMPACTS) {
             Complementarity p = {0};
             for (size_t i = 0; i < gaps; i++)
                 if (touching[i]) p.contact[p.n++] = i;
             return refuse(self, &p, time, "more than 1000 impacts at one instant");
         }
-        const int together = c->before != NULL; /* with others, which react before there is another impact */
         if (!strike(self, time, touching)) return 0;
         if (together) break;
     }
@@ -457,7 +403,7 @@ static int settle(Instance *self, double time, int late) {
     for (size_t i = 0; i < gaps; i++) {
         if (modes[i] == CLOSED && !was_closed[i]) self->v.m[model->gap[i].rests_from] = time;
         /* The importer's errors, of which overlaps tell, would close what begins to open. */
-        const double error = fmin(ERRORS * fmax(self->s->tolerance, overlap[i]), FOLLOWED);
+        const double error = fmin(ERRORS * fmax(self->s->tolerance, overlap[i]), DRIFT);
         const int slow = late && touching[i] && c->v[i] < ERRORS * error * c->rate_scale[i];
         *closed_of(self, i) = modes[i] == CLOSED ? 1 : slow ? -error : 0;
     }
@@ -482,7 +428,7 @@ static void drift(Instance *self, double time, double by) {
 
 int core_settle_contacts(Instance *self, double time) {
     const int exchange = self->s->phase >= EVENT && self->s->use == USE_MODEL_EXCHANGE;
-    const Contacts *c = &self->contacts;
+    const ContactNumbers *c = &self->contacts.numbers;
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const size_t gaps = self->model->gaps;
     double late = 0, most = 0; /* an importer finds an event when it is past */
@@ -491,7 +437,7 @@ int core_settle_contacts(Instance *self, double time) {
     /* It knows positions to its tolerance, or worse. */
     self->contacts.lowest = exchange ? fmax(LOWEST, self->s->tolerance) : LOWEST;
     for (size_t i = 0; i < gaps && exchange; i++) {
-        self->contacts.lowest = fmax(c->lowest, -c->gap[i] / c->scale[i]);
+        self->contacts.lowest = fmax(self->contacts.lowest, -c->gap[i] / c->scale[i]);
         if (is_closed(self, i)) continue; /* it drifts */
         if (!(c->gap[i] < *closed_of(self, i) * c->scale[i] / 2 && c->gap[i] > -LATE * c->scale[i])) continue;
         /* What hardly moves is put to 0 where it is. */
@@ -506,7 +452,7 @@ int core_settle_contacts(Instance *self, double time) {
         drift(self, time - late, -by);
         late += by;
         inspect(self, time - late);
-        if (fabs(c->gap[first]) <= rounding(c, first, time) / 2) break;
+        if (fabs(c->gap[first]) <= contact_rounding(c, first, time) / 2) break;
     }
     if (!settle(self, time - late, exchange)) return 0;
     if (first < gaps) {
