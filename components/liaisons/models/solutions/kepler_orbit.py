@@ -47,7 +47,7 @@ def time(E: ArrayLike, at: Values, *, semi_axis: float, eccentricity: float) -> 
 def _motion(
     t: NDArray[np.float64], r_0: complex, v_0: complex, mu: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Position and velocity at times t; the angular momentum must not vanish."""
+    """Complex positions and velocities at times t; the angular momentum must not be 0."""
     sigma, L = (r_0.conjugate() * v_0).real, (r_0.conjugate() * v_0).imag
     distance, parameter = abs(r_0), L**2 / mu
     beta = 2 * mu / distance - abs(v_0) ** 2
@@ -83,7 +83,7 @@ def _motion(
 
 
 def _universal_anomaly(t: NDArray, nearest: float, e: float, beta: float, mu: float) -> NDArray:
-    """Universal anomaly s at times t >= 0, on an ellipse up to half a period.
+    """Universal anomaly s at times t >= 0 since the pericentre, on an ellipse up to half a period.
 
     By Newton's method: t(s) is convex, since r grows, so that from an upper bound s falls to the root.
     """

@@ -11,7 +11,7 @@ from liaisons.models.solutions import elliptic
     "height above the pivot [m] at which the string goes slack, with the speed at the lowest point [m/s]", gravity="> 0"
 )
 def slack_height(speed: float, at: Values) -> float:
-    """It is (v_0² - 2gl)/3g for 2gl < v_0² < 5gl: m v²/l = m g h/l where the string carries nothing."""
+    """Return the height (v_0² - 2gl)/3g, for 2gl < v_0² < 5gl: m v²/l = m g h/l where the force of the string is 0."""
     ratio = speed**2 / (at.gravity * at.length)
     at.require(2 < ratio < 5, f"speed = {speed}: the string stays taut")
     return (ratio - 2) / 3 * at.length
@@ -26,10 +26,11 @@ def slack_height(speed: float, at: Values) -> float:
     pivot_z_dot="== 0",
 )
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """The string goes slack at the angle ψ above the horizontal, at the speed u, u² = g l sin ψ.
+    """Return motion, force of the string and loss by its tugs.
 
-    From there |r|² - l² = -u g cos ψ t³ + g² t⁴/4, which is 0 again at t = 4 u cos ψ/g, at the angle -3ψ.  The tug
-    takes the radial velocity u (3 cos ψ sin 3ψ - sin ψ cos 3ψ).
+    The string goes slack at the angle ψ above the horizontal, at the speed u, u² = g l sin ψ.  From there
+    |r|² - l² = -u g cos ψ t³ + g² t⁴/4, which is 0 again at t = 4 u cos ψ/g, at the angle -3ψ.  The tug takes the
+    radial velocity u (3 cos ψ sin 3ψ - sin ψ cos 3ψ).
     """
     g, length, omega = at.gravity, at.length, np.sqrt(at.gravity / at.length)
     r, v = at.array("x_0", "z_0") - at.array("pivot_x", "pivot_z"), at.array("x_dot_0", "z_dot_0")

@@ -22,7 +22,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 
 @closed_form("the shift of the rope [rad] by a lean at once from ``lean`` to another, -∫ (J/I) dψ: a horizontal lift")
 def lift(to: float, at: Values) -> float:
-    """p_θ and the rope's length stay; J = (I + m_2 b² - (m_1 + m_2) l²)/2, and dψ/I integrates to an arctangent."""
+    """Return the shift at constant p_θ and length, with J = (I + m_2 b² - (m_1 + m_2) l²)/2; ∫ dψ/I has arctan."""
     m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
     mean, swing = (m_1 + m_2) * l**2 + m_2 * b**2, 2 * m_2 * l * b  # I = mean + swing cos ψ
     root = np.sqrt((mean - swing) * (mean + swing))
@@ -39,7 +39,7 @@ def lift(to: float, at: Values) -> float:
 
 @closed_form("the motion under the lean ψ + amplitude · sin(angular_frequency t): M eq. 54-56 at 1e-13")
 def leaning(t: NDArray, at: Values, *, amplitude: float, angular_frequency: float) -> dict[str, NDArray]:
-    """Return θ and p_θ; ``lean`` is the mean lean, the rope keeps its length."""
+    """Return θ and p_θ for a rope of constant length; ``lean`` is the mean of the lean."""
     m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
 
     def posture(t: float) -> tuple[float, float, float]:
