@@ -84,7 +84,7 @@ start = _with_systems(_by_name(cosim.start))
 def show(
     subject: Target | cosim.System,
     /,
-    *further: Target | None,
+    *further: Target,
     path: Path | str | None = None,
     start_values: Mapping[str, object] | None = None,
     **keywords: object,
@@ -102,14 +102,13 @@ def show(
     :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
     :raises BuildError: if there is no compiler for WebAssembly: ``pip install 'liaisons[cross]'``.
     """
-    *beside, last = further or (None,)
-    if last is not None and path is None and not is_target(last):
+    *subjects, last = subject, *further
+    if subjects and path is None and not is_target(last):
         path = cast("Path | str", last)
     else:
-        beside = [target for target in further if target is not None]
-    target = subject if isinstance(subject, cosim.System) else fmu_file(subject)
-    if beside:
-        target = _unconnected_system([target, *map(fmu_file, cast("list[Target]", beside))])
+        subjects.append(last)
+    targets = [target if isinstance(target, cosim.System) else fmu_file(target) for target in subjects]
+    target = targets[0] if len(targets) == 1 else _unconnected_system(targets)
     page, starts = None if path is None else as_path("show: path", path), merged("show", start_values, keywords)
     if starts or isinstance(target, Path) or not (two_way := [c for c in target.connections if c.back or c.impulsive]):
         return live.write_live_page(target, page, starts)

@@ -13,12 +13,7 @@ from liaisons.models.solutions.slow_turn import SLOW_TURN, SlowTurn
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     """Return motion, normal force and torque: the centrifugal force takes the part of gravity in a pendulum."""
     R, d, Y = at.radius, at.offset, at.beta_dot
-    frequency = abs(Y) * np.sqrt(d / R)
-    if frequency > 0:
-        psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, frequency)
-    else:
-        psi_dot = np.full_like(t, at.xi_dot_0 / R)
-        psi = at.xi_0 / R + psi_dot * t
+    psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, abs(Y) * np.sqrt(d / R))
     normal_force = at.mass * (R * (psi_dot + Y) ** 2 + d * Y**2 * np.cos(psi))
     torque = -d * np.sin(psi) * normal_force
     motion = {"xi": R * psi, "xi_dot": R * psi_dot}

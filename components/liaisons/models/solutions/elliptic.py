@@ -58,13 +58,16 @@ def pendulum(t: ArrayLike, angle: float, rate: float, frequency: float) -> tuple
 
     :param t: times since the start [s], any shape.
     :param angle: initial angle [rad], any number of turns; ``rate`` the initial rate [rad/s].
-    :param frequency: Ω > 0 [rad/s].
+    :param frequency: Ω >= 0 [rad/s].
     :returns: φ, not wrapped [rad], and φ' [rad/s], with the shape of ``t``.
     """
+    t = np.asarray(t, dtype=float)
+    if frequency == 0:
+        return angle + rate * t, np.full_like(t, rate)
     start = _initial_state(angle, rate, frequency)
     sense = np.sign(rate)
     k, m_1 = start.modulus, start.complementary_parameter
-    phase = frequency * np.asarray(t, dtype=float)
+    phase = frequency * t
     if start.on_separatrix:
         u = np.arcsinh(start.sine / start.cosine) + sense * phase
         half = 2 * np.arctan(np.tanh(u / 2))

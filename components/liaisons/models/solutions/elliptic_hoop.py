@@ -28,8 +28,6 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 
     def motion(tau: NDArray) -> tuple[NDArray, NDArray]:
         """Coordinate u and rate ξ_dot at times τ."""
-        if frequency == 0:
-            return at.u_0 + v_0 * tau, np.full_like(tau, v_0)
         twice, rate = elliptic.pendulum(tau, 2 * (at.u_0 - lowest), 2 * v_0, frequency)
         return twice / 2 + lowest, rate / 2
 
