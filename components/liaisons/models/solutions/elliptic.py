@@ -100,10 +100,10 @@ def duration(start: tuple[float, float], end: tuple[float, float], frequency: fl
     k, m_1 = first.modulus, first.complementary_parameter
     if m_1 > 0:
         u_0, u_1 = (inverse_jacobi(state.sine, state.speed, m_1) for state in (first, last))
-        return float((u_1 - u_0) % (4 * ellipkm1(m_1)) / frequency)
-    inverse_square, sense = -m_1 / k**2, np.sign(start[1])
-    u_0, u_1 = (inverse_jacobi(sense * state.sine, state.cosine, inverse_square) for state in (first, last))
-    return float((u_1 - u_0) % (2 * ellipkm1(inverse_square)) / (k * frequency))
+    else:
+        sense = np.sign(start[1])
+        u_0, u_1 = (inverse_jacobi(sense * state.sine, state.cosine, -m_1 / k**2) / k for state in (first, last))
+    return float((u_1 - u_0) / frequency % period(*start, frequency))
 
 
 def jacobi(u: ArrayLike, m_1: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
