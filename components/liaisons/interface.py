@@ -148,7 +148,7 @@ def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
     from liaisons.mechanics import Model
 
     if isinstance(subject, cosim.System):
-        return of_model(flattening.composed(subject))
+        return of_model(flattening.composed_model(subject))
     return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
 
 

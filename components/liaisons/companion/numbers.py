@@ -34,7 +34,7 @@ CITATION = re.compile(rf"\b(?P<text>[KM]) (?:(?P<kind>eq|Ex|Fig|prop)\. )?(?P<nu
 """How the project cites the texts: ``K eq. 79``, ``M eq. 36-38``, ``K Ex. 9``, ``K Fig. 5``, sections ``M 8.1``."""
 
 
-def is_number(name: str) -> bool:
+def is_text_number(name: str) -> bool:
     """Whether a word has the form of a number of the texts, ``K122``, or of the errata, ``KA2``."""
     word = _without_accents(name)
     return bool(_ERRATUM.fullmatch(word) or _NUMBER.fullmatch(word))

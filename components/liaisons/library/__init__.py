@@ -240,7 +240,7 @@ def build(target: Target | Model, settings: BuildSettings) -> Path:
             _refuse_catalogue_name(derived.name, f"the model {derived.name}", folder.resolve())
     else:
         chosen = component(target)
-        claim(chosen, folder)
+        reserve_fmu(chosen, folder)
         derived = model(chosen)
     return fmu.build(derived, **vars(settings))
 
@@ -260,7 +260,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
     if path is None or not path.is_file() or seen != file_identity(path):
-        claim(class_, folder)
+        reserve_fmu(class_, folder)
         path = build(sized or model(class_), folder, backend=backend)
         _built[key] = path, file_identity(path)
     return path
@@ -271,8 +271,8 @@ def sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
     return folder / "-".join(f"{name}={size}" for name, size in sizes.items())
 
 
-def claim(component: type[Component], folder: Path | str) -> None:
-    """Reserve the FMU of this name in a folder for a component.
+def reserve_fmu(component: type[Component], folder: Path | str) -> None:
+    """Reserve the name of an FMU in a folder for a component; raise if it is that of another one.
 
     In ``fmus/`` the names of the catalogue belong to the catalogue; in any folder, a process builds one component of a
     name.  One that was edited, or defined once more in a notebook, is still the same.

@@ -55,7 +55,7 @@ def flatten(
     from liaisons.fmu import build
 
     return build(
-        composed(system, components),
+        composed_model(system, components),
         fmus_directory() / "flat" if output is None else output,
         backend=backend,
         platforms=platforms,
@@ -64,7 +64,7 @@ def flatten(
     )
 
 
-def composed(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
+def composed_model(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
     """Return the equations of motion of a whole system; raise what :func:`flatten` does."""
     from liaisons.mechanics.composition import compose
 
