@@ -187,10 +187,7 @@ def _contains_points(points: Floats, times: Floats) -> bool:
 
 def _nearest_indices(points: Floats, times: Floats) -> NDArray[np.intp]:
     """Indices of the sorted points nearest to the times."""
-    after = np.clip(np.searchsorted(points, times), 1, max(1, len(points) - 1))
-    if len(points) == 1:
-        return np.zeros(len(times), dtype=np.intp)
-    return np.where(times - points[after - 1] <= points[after] - times, after - 1, after)
+    return np.searchsorted((points[1:] + points[:-1]) / 2, times)
 
 
 def _interpolated_values(result: Result, name: str, times: Floats) -> tuple[Floats, Method]:

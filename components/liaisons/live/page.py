@@ -183,20 +183,16 @@ def _variable_data(
         "read": read,
         "drawn": read and causality == "local",
         "set": settable,
-        **(_slider_data(v, base) if settable else {}),
     }
+    if settable:  # by a slider
+        entry |= {
+            "description": v.get("description"),
+            "minimum": float(v["min"]) if "min" in v else None,
+            "maximum": float(v["max"]) if "max" in v else None,
+            "initial": causality == "parameter" and base.endswith("_0"),
+            "tunable": causality == "input" or v.get("variability") == "tunable",
+        }
     return {name: value for name, value in entry.items() if value is not None and value is not False}
-
-
-def _slider_data(v: Attributes, base: str) -> dict[str, Any]:
-    """Return description, bounds and kind of the slider of a variable."""
-    return {
-        "description": v.get("description"),
-        "minimum": float(v["min"]) if "min" in v else None,
-        "maximum": float(v["max"]) if "max" in v else None,
-        "initial": v["causality"] == "parameter" and base.endswith("_0"),
-        "tunable": v["causality"] == "input" or v.get("variability") == "tunable",
-    }
 
 
 def _default_signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:

@@ -58,13 +58,13 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     for begin, start, rate, direction in _phases(np.max(t), at):
         since = t - begin
         if direction == 0:
-            state = start + rate * since, np.full_like(since, rate), at.stiffness * (start + rate * since)
+            elongation = start + rate * since
+            state = elongation, rate, at.stiffness * elongation
         else:
             a, sine, cosine = start + direction * sliding, np.sin(omega * since), np.cos(omega * since)
             position = a * cosine + rate / omega * sine - direction * sliding
-            force = np.full_like(since, -direction * at.stiffness * sliding)
-            state = position, rate * cosine - a * omega * sine, force
-        motion = np.where(since >= 0, state, motion)
+            state = position, rate * cosine - a * omega * sine, -direction * at.stiffness * sliding
+        motion = np.where(since >= 0, np.broadcast_arrays(*state), motion)
     return {"x": at.support + motion[0], "x_dot": motion[1], "slip_force": motion[2]}
 
 

@@ -4,8 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-IDENTITY = (1.0, 0.0, 0.0, 0.0)
-
 
 def product(*factors: NDArray) -> NDArray:
     """Product q_1 q_2 ... of quaternions, the rotation q_1 after q_2 after ...; factors (4,) and (4, ...) broadcast."""

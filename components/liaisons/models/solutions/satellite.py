@@ -39,7 +39,7 @@ def slew(
     turn_3: ArrayLike = 0,
     *,
     at: Values,
-    start: ArrayLike = rotations.IDENTITY,
+    start: ArrayLike = (1.0, 0.0, 0.0, 0.0),
 ) -> dict[str, NDArray]:
     """Return the attitude, ``start`` before, after turns (turn_1, turn_2, turn_3) [rad] of the wheels, any shape."""
     turns = np.stack(np.broadcast_arrays(turn_1, turn_2, turn_3))

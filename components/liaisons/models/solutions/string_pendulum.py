@@ -45,8 +45,8 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         angles, rates = elliptic.pendulum(t - begin, angle, rate, omega)
         pull = at.mass * (length * rates**2 + g * np.cos(angles))
         direction = np.exp(1j * angles)  # of the velocity
-        state = -1j * length * direction, length * rates * direction, pull, np.full_like(pull, lost)
-        motion = np.where(t >= begin, state, motion)
+        state = -1j * length * direction, length * rates * direction, pull, lost
+        motion = np.where(t >= begin, np.broadcast_arrays(*state), motion)
         rising = (rate / omega) ** 2 / 3 - 2 / 3 * np.cos(angle)  # sin ψ
         if not 0 < rising < 1:
             break
@@ -54,8 +54,8 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         begin += elliptic.duration((angle, rate), (slack, slack_rate), omega)
         r, v = -1j * length * np.exp(1j * slack), length * slack_rate * np.exp(1j * slack)
         since, flight = t - begin, float(4 * v.imag / g)
-        state = r + (v - 0.5j * g * since) * since, v - 1j * g * since, np.zeros_like(since), np.full_like(since, lost)
-        motion = np.where(since >= 0, state, motion)
+        state = r + (v - 0.5j * g * since) * since, v - 1j * g * since, 0.0, lost
+        motion = np.where(since >= 0, np.broadcast_arrays(*state), motion)
         begin += flight
         angle, along = _polar_motion(r + (v - 0.5j * g * flight) * flight, v - 1j * g * flight)
         rate, lost = along.real / length, lost + at.mass / 2 * along.imag**2
