@@ -91,7 +91,8 @@ def test_ensembles_take_names() -> None:
 def test_a_run_of_a_system_takes_settings_by_position() -> None:
     system = System("one")
     system.add("source", "Ramp", rate=2.0)
-    with start(system, 0.2, 0.1) as run:
+    settings: Any = 0.2, 0.1
+    with start(system, *settings) as run:
         run.step()
         assert run.time == pytest.approx(0.1)
         run.step()

@@ -73,7 +73,7 @@ def _with_systems(
         if not isinstance(subject, cosim.System):
             return function(subject, *arguments, **options)
         settings: dict[str, Any] = dict(options)
-        return subject.with_start_values(settings.pop("start_values", {})).start(*arguments, **settings)
+        return subject.with_start_values(settings.pop("start_values", {})).start(*cast("Any", arguments), **settings)
 
     return call
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, final, get_args
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,6 @@ from liaisons.errors import ValidityError
 from liaisons.results import Result
 
 Method = Literal["same points", "Hermite", "linear"]
-_METHODS = get_args(Method)
-"""From the most exact one."""
 
 
 @final
@@ -136,7 +134,6 @@ def compare(first: Result, second: Result) -> Comparison:
         error = np.abs(one - other).reshape(len(times), -1)
         worst = np.max(error, axis=1)
         point = int(np.argmax(np.where(np.isnan(worst), np.inf, worst)))
-        method: Method = max(one_by, other_by, key=_METHODS.index)
         differences.append(
             Difference(
                 name,
@@ -145,7 +142,7 @@ def compare(first: Result, second: Result) -> Comparison:
                 at=float(times[point]),
                 rms=float(np.sqrt(np.mean(error**2))),
                 scale=float(np.max(np.abs(one))),
-                method=method,
+                method="linear" if "linear" in {one_by, other_by} else one_by,
             )
         )
     return Comparison(

@@ -65,9 +65,7 @@ class Claims:
         :param names: of those that are compared, if they go by name; all that are expected unless given.
         """
         if isinstance(expected, Mapping):
-            pairs = [
-                (_checked_signal(text, got, name), expected[name]) for name in (expected if names is None else names)
-            ]
+            pairs = [(_checked_signal(text, got, name), expected[name]) for name in names or expected]
         else:
             pairs = [(got, expected)]
         self._append_verdict(text, [np.abs(_checked_difference(text, *pair)) for pair in pairs], bound)

@@ -80,7 +80,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     else:
         orbit = Orbit.through(at, r_0, v_0)
         middle, half = (orbit.inner + orbit.outer) / 2, (orbit.outer - orbit.inner) / 2
-        phase = np.copysign(np.arccos(np.clip((middle - r_0 @ r_0) / half, -1, 1)), r_0 @ v_0)
+        phase = float(np.copysign(np.arccos(np.clip((middle - r_0 @ r_0) / half, -1, 1)), r_0 @ v_0))
         theta, phi = integrate(at, lambda _, y: orbit.rates(y[0]), [phase, 0.0], t)
         theta_dot, phi_dot = orbit.rates(theta)
         distance = np.sqrt(orbit.r_squared(theta))

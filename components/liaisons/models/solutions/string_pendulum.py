@@ -39,7 +39,7 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     taut = abs(abs(position) - length) <= 1e-9 * length and abs(along.imag) <= 1e-9 * abs(velocity)
     rate = along.real / length
     at.require(taut and rate**2 + omega**2 * np.cos(angle) >= 0, f"x_0 = {at.x_0}: start where it pulls")
-    motion: NDArray = np.zeros((4, *np.shape(t)), dtype=complex)
+    motion: NDArray[np.complex128] = np.zeros((4, *np.shape(t)), dtype=complex)
     begin, lost = 0.0, 0.0
     while begin <= np.max(t):
         angles, rates = elliptic.pendulum(t - begin, angle, rate, omega)
