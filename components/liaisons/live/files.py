@@ -31,8 +31,7 @@ class LivePage:
     def __fspath__(self) -> str:
         return str(self.path)
 
-    def __str__(self) -> str:
-        return str(self.path)
+    __str__ = __fspath__
 
     def _repr_html_(self) -> str:
         """HTML of a frame with the page, for notebooks."""

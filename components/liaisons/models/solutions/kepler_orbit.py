@@ -19,8 +19,7 @@ from liaisons.models.solutions.stumpff import stumpff
 
 @closed_form("ellipse, parabola or hyperbola, by Kepler's equation solved to rounding", mass="> 0", mu="> 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    turns = at.x_0 * at.y_dot_0 != at.y_0 * at.x_dot_0
-    at.require(turns, "angular momentum 0: the planet moves through r = 0")
+    at.require(at.x_0 * at.y_dot_0 != at.y_0 * at.x_dot_0, "angular momentum 0: the planet moves through r = 0")
     position, velocity = _motion(t, complex(at.x_0, at.y_0), complex(at.x_dot_0, at.y_dot_0), at.mu)
     return {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
 
