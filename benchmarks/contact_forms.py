@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from liaisons import System, operator
 from liaisons.cosim import simulate
 from liaisons.fmu import build
-from liaisons.library.flattening import composed
+from liaisons.library.flattening import composed_model
 from liaisons.mechanics import Model, assemble
 from liaisons.models import BallRow, BeadOnSphere, BouncingBall, DryOscillator, StringPendulum
 
@@ -64,7 +64,7 @@ class Case:
             return assemble(self.component)
         system = System(name)
         system.add("it", self.component.__name__, **self.moved)
-        return composed(system)
+        return composed_model(system)
 
     def named(self, name: str) -> str:
         return f"it.{name}" if self.moved else name

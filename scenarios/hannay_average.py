@@ -32,7 +32,7 @@ def shifts(hoop: str, start: str, duration: float) -> NDArray:
     component, coordinate, body = HOOPS[hoop]
     turn, rate = component.slow_turn(**body), TURN / duration
     u = turn.spread(BEADS)
-    relative = 1.0 - (rate * turn.a(u) if start == "abrupt" else 0.0)
+    relative = 1.0 - (rate * turn.lever_arm(u) if start == "abrupt" else 0.0)
     values = {f"{coordinate}_0": u, f"{coordinate}_dot_0": relative / turn.speed(u), **body}
     smooth = {"beta.end_value": TURN, "beta.duration": duration}
     found = ensemble(
@@ -58,7 +58,7 @@ def main(claim: Claims) -> None:
     steeper = within(0.25, because="exponent; the factor (v - <a>β')⁻³ makes it up to 6π<a>/vT steeper")
     for (hoop, (component, _, body)), colour in zip(HOOPS.items(), ("tab:blue", "tab:orange"), strict=True):
         turn = component.slow_turn(**body)
-        a, r_squared = turn.a(turn.spread(BEADS)), turn.r_squared(turn.spread(BEADS))
+        a, r_squared = turn.lever_arm(turn.spread(BEADS)), turn.r_squared(turn.spread(BEADS))
         smooth, abrupt, relative = (
             np.array([shifts(hoop, start, duration) for duration in TIMES])
             for start in ("smooth", "abrupt", "relative")

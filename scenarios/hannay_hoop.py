@@ -81,7 +81,7 @@ def main(claim: Claims) -> None:
     ramps = {begin: operator("Ramp", rate=rate, start_time=float(begin)) for begin in (0, 1)}
     given, jumping = ([run("EllipticHoop", u, SLOW + b, 1.0, ramp) for u in STARTS] for b, ramp in ramps.items())
     jumped = [bead["xi"][-1] - bead["xi"][1] - SLOW for bead in jumping]
-    at_jump = np.array([bead["u"][1] for bead in jumping])
-    claim(f"ellipse, abrupt turn: the shift is -2πa(ξ_0) (T = {SLOW:g} s)", jumped, -TURN * ellipse.a(at_jump), second)
+    expected = -TURN * ellipse.lever_arm([bead["u"][1] for bead in jumping])
+    claim(f"ellipse, abrupt turn: the shift is -2πa(ξ_0) (T = {SLOW:g} s)", jumped, expected, second)
     kept = [bead["xi"][-1] - bead["xi"][0] - SLOW for bead in given]
     claim(f"ellipse, speed given: no shift (T = {SLOW:g} s)", kept, 0.0, second)

@@ -88,6 +88,19 @@ def test_ensembles_take_names() -> None:
     assert by_name.title == "Pendulum"
 
 
+def test_a_run_of_a_system_takes_settings_by_position() -> None:
+    system = System("one")
+    system.add("source", "Ramp", rate=2.0)
+    settings: Any = 0.2, 0.1
+    with start(system, *settings) as run:
+        run.step()
+        assert run.time == pytest.approx(0.1)
+        run.step()
+        assert run["source.y"] == pytest.approx(0.4)
+        with pytest.raises(LiaisonsError, match=r"0\.2"):
+            run.step()
+
+
 def test_a_system_of_names_is_flattened_and_read_again(tmp_path: Path) -> None:
     system = System("two sources")
     system.add("one", "Constant", value=1.0)

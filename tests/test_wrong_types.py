@@ -149,7 +149,6 @@ CALLS: dict[str, tuple[Call, Any]] = {
     "max_error": (lambda _, w: max_error(w, [1.0]), ()),
     "max_error reference": (lambda _, w: max_error([1.0], w), NUMBER),
     "slope": (lambda _, w: slope(w, [1.0, 2.0, 3.0]), ()),
-    "slope floor": (lambda _, w: slope([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], floor=w), ()),
     "verdict error": (lambda _, w: verdict("claim", error=w, tolerance=1.0), NUMBER),
     "verdict tolerance": (lambda _, w: verdict("claim", error=1.0, tolerance=w), NUMBER),
     "table": (lambda _, w: table(w), ()),

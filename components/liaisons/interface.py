@@ -43,7 +43,7 @@ T = TypeVar("T")
 def _by_name(
     function: Callable[Concatenate[Path | str | T, P], R], *types: type[T]
 ) -> Callable[Concatenate[Target | T, P], R]:
-    """Return the function with components, and instances of further types, allowed as first argument."""
+    """Decorate a function of an FMU's path, which then takes a component, or an instance of other types, as well."""
 
     @wraps(function)
     def call(subject: Target | T, /, *arguments: P.args, **options: P.kwargs) -> R:
@@ -64,7 +64,7 @@ simulate = _by_name(cosim.simulate)
 def _with_systems(
     function: Callable[Concatenate[Target, P], cosim.Run],
 ) -> Callable[Concatenate[Target | cosim.System, P], cosim.Run]:
-    """Return the function with systems, and paths of SSP archives, allowed as first argument."""
+    """Decorate a function of a component, which then takes a system, or the path of an SSP archive, as well."""
 
     @wraps(function)
     def call(subject: Target | cosim.System, /, *arguments: P.args, **options: P.kwargs) -> cosim.Run:
@@ -73,7 +73,7 @@ def _with_systems(
         if not isinstance(subject, cosim.System):
             return function(subject, *arguments, **options)
         settings: dict[str, Any] = dict(options)
-        return subject.with_start_values(settings.pop("start_values", {})).start(**settings)
+        return subject.with_start_values(settings.pop("start_values", {})).start(*cast("Any", arguments), **settings)
 
     return call
 
@@ -84,7 +84,7 @@ start = _with_systems(_by_name(cosim.start))
 def show(
     subject: Target | cosim.System,
     /,
-    *further: Target | None,
+    *further: Target,
     path: Path | str | None = None,
     start_values: Mapping[str, object] | None = None,
     **keywords: object,
@@ -102,14 +102,13 @@ def show(
     :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
     :raises BuildError: if there is no compiler for WebAssembly: ``pip install 'liaisons[cross]'``.
     """
-    *beside, last = further or (None,)
-    if last is not None and path is None and not is_target(last):
+    *subjects, last = subject, *further
+    if subjects and path is None and not is_target(last):
         path = cast("Path | str", last)
     else:
-        beside = [target for target in further if target is not None]
-    target = subject if isinstance(subject, cosim.System) else fmu_file(subject)
-    if beside:
-        target = _together([target, *map(fmu_file, cast("list[Target]", beside))])
+        subjects.append(last)
+    targets = [target if isinstance(target, cosim.System) else fmu_file(target) for target in subjects]
+    target = targets[0] if len(targets) == 1 else _unconnected_system(targets)
     page, starts = None if path is None else as_path("show: path", path), merged("show", start_values, keywords)
     if starts or isinstance(target, Path) or not (two_way := [c for c in target.connections if c.back or c.impulsive]):
         return live.write_live_page(target, page, starts)
@@ -122,8 +121,8 @@ def show(
         return live.write_live_page(whole, page or live.default_page_path(target), {})
 
 
-def _together(subjects: list[Path | cosim.System]) -> cosim.System:
-    """FMUs as one system without connections."""
+def _unconnected_system(subjects: list[Path | cosim.System]) -> cosim.System:
+    """System of FMUs without connections; raise a ProjectError for a system among them."""
     if systems := [subject.name for subject in subjects if isinstance(subject, cosim.System)]:
         raise ProjectError(f"show: {systems[0]} is a system, which is shown alone")
     paths = [subject for subject in subjects if isinstance(subject, Path)]
@@ -138,7 +137,7 @@ sweep = _by_name(sweeps.sweep, cosim.System)
 
 
 def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
-    """The equations of a component or system, to be read: ``equations("Pendulum")["motion"]``.
+    """Return the equations of a component or system for display: ``equations("Pendulum")["motion"]``.
 
     :param subject: name, file or class of a component; a system that :meth:`System.flatten` takes; a model.
     :raises ProjectError: if there is no such component.
@@ -149,14 +148,14 @@ def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
     from liaisons.mechanics import Model
 
     if isinstance(subject, cosim.System):
-        return of_model(flattening.composed(subject))
+        return of_model(flattening.composed_model(subject))
     return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
 
 
 def operator(
     fmu: Target, /, *, start_values: Mapping[str, ArrayLike] | None = None, **keywords: ArrayLike
 ) -> cosim.OperatorFmu:
-    """An operator as the value of a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
+    """Return an operator that moves a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
 
     :param fmu: path of an FMU with the port ``y``; or a component by its name, file or class.
     :param start_values: its parameters by name, where they differ from the FMU's; ``keywords`` are further ones.
@@ -175,7 +174,7 @@ def tabulated(
     *,
     join: Join = "quintic",
 ) -> cosim.OperatorFmu:
-    """A table as the value of a coordinate: ``simulate("Pendulum", length=tabulated(t, length))``.
+    """Return an operator that follows a table: ``simulate("Pendulum", length=tabulated(t, length))``.
 
     It is a ``PlannedMotion``, one polynomial of degree five from time to time.  Rates and accelerations that are None
     follow from the values.  A time that is repeated is a jump, which becomes a communication point.
@@ -193,9 +192,9 @@ def tabulated(
 
 
 def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
-    """Path of a copy of an FMU with a table in its resources; it is deleted at the end of this process.
+    """Write a copy of an FMU with a table in its resources; return its path, which lasts until this process ends.
 
-    :param table: its columns, (columns, rows).
+    :param table: columns of the table, (columns, rows).
     :raises SimulationError: for an FMU in Python, which takes none.
     """
     copy = process_folder() / hashlib.sha256(fmu.read_bytes() + table.tobytes()).hexdigest()[:16] / fmu.name
@@ -237,7 +236,7 @@ class System(cosim.System):
         start_values: Mapping[str, ArrayLike | cosim.OperatorFmu] | None = None,
         **keywords: ArrayLike | cosim.OperatorFmu,
     ) -> cosim.SystemComponent:
-        """Put an FMU into the system, as :meth:`liaisons.cosim.System.add`.
+        """Add an FMU or a component to the system, as :meth:`liaisons.cosim.System.add` does.
 
         :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class; or a function of Python,
             :func:`sampled`.

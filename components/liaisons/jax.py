@@ -27,7 +27,7 @@ def motion(
     tolerance: float = 1e-10,
     **start_values: ArrayLike,
 ) -> Callable[[Mapping[str, ArrayLike]], dict[str, Array]]:
-    """Signals of a motion as a function of a dictionary of values, for JAX.
+    """Return a function of JAX that takes values by name to the signals of a motion.
 
     ::
 
@@ -58,25 +58,25 @@ def motion(
     keywords = {"record": record, "operators": operators, "tolerance": tolerance, "start_values": start_values}
 
     @cache
-    def differentiable(names: tuple[str, ...]) -> tuple[Motion, Callable[[Array], Array]]:
+    def prepare(names: tuple[str, ...]) -> tuple[Motion, Callable[[Array], Array]]:
         run = motion_of(component, names, times, **keywords)
-        return run, _signals(run)
+        return run, _differentiable_signals(run)
 
-    def of(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    def signals_by_name(values: Mapping[str, ArrayLike]) -> dict[str, Array]:
         if jnp.result_type(float) != np.float64:
             raise SimulationError("a motion needs 64 bits; call jax.config.update('jax_enable_x64', True) before")
         names = tuple(sorted(named("values", values)))  # as JAX orders a dictionary
-        run, signals = differentiable(names)
+        run, signals = prepare(names)
         numbers = jnp.concatenate([jnp.empty(0), *(jnp.ravel(jnp.asarray(values[name], float)) for name in names)])
         if len(numbers) != len(run.names):
             raise SimulationError(f"{len(numbers)} numbers for {', '.join(run.names)}; give one for each")
         return dict(zip(run.signals, signals(numbers), strict=True))
 
-    return of
+    return signals_by_name
 
 
-def _signals(run: Motion) -> Callable[[Array], Array]:
-    """The motion as a function that JAX transforms."""
+def _differentiable_signals(run: Motion) -> Callable[[Array], Array]:
+    """Function of JAX from values, (values,), to the signals of a motion, (signals, times)."""
     import jax
 
     shape, count = (len(run.signals), len(run.times)), len(run.names)
@@ -97,15 +97,15 @@ def _signals(run: Motion) -> Callable[[Array], Array]:
 
     @signals.defjvp
     def derivative(values: tuple[Array], direction: tuple[Array]) -> tuple[Array, Array]:
-        (along,) = _linear().bind(*values, *direction, forward=forward, backward=backward, shape=shape)
+        (along,) = _linear_primitive().bind(*values, *direction, forward=forward, backward=backward, shape=shape)
         return signals(*values), along
 
     return signals
 
 
 @cache
-def _linear() -> Any:
-    """A primitive: the function ``forward`` of two arguments, linear in the second one, transposed by ``backward``.
+def _linear_primitive() -> Any:
+    """Primitive of JAX: ``forward(values, direction)``, linear in the direction; ``backward`` is its transpose.
 
     JAX's own, ``linear_call``, has no rule for ``vmap``, which ``jacfwd`` needs.
     """

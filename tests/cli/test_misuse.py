@@ -204,7 +204,7 @@ def test_what_the_tabulator_completes(
 
 
 def test_completion_knows_the_whole_catalogue() -> None:
-    assert catalogue_names() == sorted(catalogue())
+    assert catalogue_names() == catalogue().keys()
 
 
 @pytest.mark.parametrize("words", [["--help"], ["simulate", "--help"], ["sweep", "--help"]])

@@ -13,7 +13,7 @@ from liaisons.companion import (
     completions,
     entries,
     entries_of,
-    is_number,
+    is_text_number,
     search_entries,
     sections,
 )
@@ -107,7 +107,7 @@ def test_what_is_right_is_not_called_misprinted(number: str) -> None:
     ],
 )
 def test_a_number_is_found_however_it_is_written(written: str, citation: str) -> None:
-    assert is_number(written)
+    assert is_text_number(written)
     assert citations(written) == [citation]
 
 
@@ -148,7 +148,7 @@ def test_an_unknown_number_is_refused_with_the_nearest(written: str, near: str) 
 
 def test_what_is_no_number_is_refused() -> None:
     for word in ("viriel", "Kepler", "kapitza", "M foo 3", "Pendulum", "M", ""):
-        assert not is_number(word)
+        assert not is_text_number(word)
         with pytest.raises(ProjectError, match="no number of the texts"):
             entries_of(word)
     with pytest.raises(ProjectError, match="M 1: this section has no number"):

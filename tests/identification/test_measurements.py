@@ -13,7 +13,7 @@ from liaisons.base.units import in_si
 from liaisons.errors import IdentificationError
 from liaisons.identification.measurements import Measurements, measurements, noise_levels
 from liaisons.identification.problems import smoothed_values
-from liaisons.library.flattening import composed
+from liaisons.library.flattening import composed_model
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, PendulumChain
 
@@ -209,7 +209,7 @@ def test_a_system_is_driven_and_measured_by_the_names_of_its_parts() -> None:
     system.connect(operator["y"], swing["length"])
     slide = {"swing.pivot_x": lambda t: (0.1 * t**2, 0.2 * t, 0.2)}
     result = system.simulate(stop_time=1.0, step_size=0.1, inputs=slide)
-    (read,) = measurements(result, composed(system), measured="swing.theta")
+    (read,) = measurements(result, composed_model(system), measured="swing.theta")
     assert (read.signals, set(read.inputs)) == (("swing.theta",), {"swing.pivot_x"})
     np.testing.assert_array_equal(read.values[0], result["swing.theta"])
 

@@ -198,6 +198,19 @@ def test_string_against_an_integration_of_each_phase(speed: float, sense: int) -
     np.testing.assert_allclose(motion["impact_loss"], losses, rtol=0, atol=2e-10)
 
 
+def test_a_longer_string_moves_by_similarity() -> None:
+    """Lengths and energies times 4, times and speeds times 2, about another pivot."""
+    t = np.linspace(0, 3, 100)
+    start = {"length": 4.0, "pivot_x": 0.25, "pivot_z": 0.5, "x_0": 0.25, "z_0": -3.5, "x_dot_0": 12.0}
+    one, other = string_pendulum.exact(t, at=bob(x_dot_0=6.0)), string_pendulum.exact(2 * t, at=bob(**start))
+    assert one["impact_loss"][0] == 0 < one["impact_loss"][50]  # a tug, and swings after it
+    for name, scale, shift in (
+        ("x", 4, 0.25), ("z", 4, 0.5), ("x_dot", 2, 0), ("z_dot", 2, 0), ("slack_force", 1, 0), ("impact_loss", 4, 0)
+    ):  # fmt: skip
+        # Roundings of start and phases, amplified a hundred times in each of the swings.
+        np.testing.assert_allclose(other[name], scale * one[name] + shift, rtol=0, atol=1e-10, err_msg=name)
+
+
 def test_string_that_would_push_is_refused() -> None:
     with pytest.raises(ValidityError, match="start where it pulls"):
         string_pendulum.exact(np.array([1.0]), at=bob(z_0=1.0))

@@ -279,7 +279,7 @@ def test_slow_turn_shifts_the_bead_by_area_over_length_and_the_remainder(curve: 
     assert np.max(np.abs(found - predicted)) <= 0.15 * np.max(np.abs(predicted))  # the next order, 6π<a>/vT = 0.15
     beads = turn.spread(32)
     jumped = shifts(curve, beads, duration, abrupt=True)
-    assert np.max(np.abs(jumped + TURN * turn.a(beads))) <= 1.2 * turn.abrupt_bound(duration)
+    assert np.max(np.abs(jumped + TURN * turn.lever_arm(beads))) <= 1.2 * turn.abrupt_bound(duration)
     remainder = turn.abrupt_mean_remainder(duration)
     assert np.mean(jumped) - turn.shift == pytest.approx(remainder, rel=0.4)  # the next order, 2π r³/vT and its slopes
 

@@ -46,7 +46,7 @@ class Difference:
         return 0.0 if self.maximum == 0 else float("inf")
 
     def row(self) -> dict[str, str]:
-        """Row of the difference in :func:`liaisons.check.table`."""
+        """Cells of the difference by column of :func:`liaisons.check.table`."""
         return {
             "signal": self.name,
             "unit": self.unit or "-",
@@ -88,7 +88,7 @@ class Comparison:
 
     @property
     def relative(self) -> float:
-        """Largest relative difference of all signals; not-a-number if one of them is."""
+        """Largest relative difference of all signals; NaN if that of one signal is NaN."""
         return float(np.max([difference.relative for difference in self.differences]))
 
     def __str__(self) -> str:
@@ -125,18 +125,15 @@ def compare(first: Result, second: Result) -> Comparison:
         raise ValidityError(f"{first.title} and {second.title} have no signal in common")
     for name in names:
         _require_same_units_and_shapes(first, second, name)
-    times, exact = _common_times(first, second)
+    times = _common_times(first, second)
     differences = []
     for name in names:
-        (one, one_by), (other, other_by) = (
-            _interpolated_values(result, name, times, exact=exact) for result in (first, second)
-        )
+        (one, one_by), (other, other_by) = (_interpolated_values(result, name, times) for result in (first, second))
         if np.dtype(object) in {one.dtype, other.dtype}:  # strings: the same or not
             one, other = np.ones(one.shape), (one == other).astype(float)
         error = np.abs(one - other).reshape(len(times), -1)
         worst = np.max(error, axis=1)
         point = int(np.argmax(np.where(np.isnan(worst), np.inf, worst)))
-        method: Method = "linear" if "linear" in {one_by, other_by} else one_by
         differences.append(
             Difference(
                 name,
@@ -145,7 +142,7 @@ def compare(first: Result, second: Result) -> Comparison:
                 at=float(times[point]),
                 rms=float(np.sqrt(np.mean(error**2))),
                 scale=float(np.max(np.abs(one))),
-                method=method,
+                method="linear" if "linear" in {one_by, other_by} else one_by,
             )
         )
     return Comparison(
@@ -167,8 +164,8 @@ def _require_same_units_and_shapes(first: Result, second: Result, name: str) -> 
         raise ValidityError(f"{name} has shape {shapes[0]} in {first.title}, {shapes[1]} in {second.title}")
 
 
-def _common_times(first: Result, second: Result) -> tuple[Floats, bool]:
-    """Common times [s], and whether both results have points there."""
+def _common_times(first: Result, second: Result) -> Floats:
+    """Times [s] at which two results are compared: points of one that the other has, too, else the points of both."""
     begin, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
     if begin > end:
         raise ValidityError(
@@ -177,26 +174,25 @@ def _common_times(first: Result, second: Result) -> tuple[Floats, bool]:
         )
     one, other = (r.time[(r.time >= begin) & (r.time <= end)] for r in (first, second))
     few, many = sorted((one, other), key=len)
-    rounding = 1e-9 * max(1.0, abs(end))  # of equal points: sums of steps round, each by half a unit in the last place
-    if np.all(np.abs(many[_nearest_indices(many, few)] - few) <= rounding):
-        return few, True
-    return np.union1d(one, other), False
+    return few if _contains_points(many, few) else np.union1d(one, other)
+
+
+def _contains_points(points: Floats, times: Floats) -> bool:
+    """Whether all times are among the points, but for rounding: each step of a sum of steps rounds."""
+    return bool(np.all(np.abs(points[_nearest_indices(points, times)] - times) <= 1e-9 * max(1.0, abs(times[-1]))))
 
 
 def _nearest_indices(points: Floats, times: Floats) -> NDArray[np.intp]:
     """Indices of the sorted points nearest to the times."""
-    after = np.clip(np.searchsorted(points, times), 1, max(1, len(points) - 1))
-    if len(points) == 1:
-        return np.zeros(len(times), dtype=np.intp)
-    return np.where(times - points[after - 1] <= points[after] - times, after - 1, after)
+    return np.searchsorted((points[1:] + points[:-1]) / 2, times)
 
 
-def _interpolated_values(result: Result, name: str, times: Floats, *, exact: bool) -> tuple[Floats, Method]:
+def _interpolated_values(result: Result, name: str, times: Floats) -> tuple[Floats, Method]:
     """Values of a signal at times, and the method of their interpolation."""
     values = result[name]
     if values.ndim == 1 or values.shape[0] != len(result.time):
         values = values.reshape(len(result.time), -1)
-    if exact:
+    if _contains_points(result.time, times):
         return values[_nearest_indices(result.time, times)], "same points"
     if values.dtype == object:
         return values[np.searchsorted(result.time, times, side="right") - 1], "same points"

@@ -28,22 +28,18 @@ def max_error(values: ArrayLike, reference: ArrayLike) -> float:
     return float(np.max(np.abs(computed - expected)))
 
 
-def slope(h: ArrayLike, errors: ArrayLike, *, floor: float = 0.0) -> float:
-    """Order of convergence: the slope of log(error) over log(h), by least squares.
+def slope(h: ArrayLike, errors: ArrayLike) -> float:
+    """Order of convergence: slope of log(error) over log(h), by least squares.
 
-    :param h: step sizes, shape (n,), all > 0 and not all equal.
-    :param errors: errors at these step sizes, shape (n,), all > 0 unless at the floor.
-    :param floor: rounding level of the errors; points at or below it are left out.
-    :raises ValidityError: if fewer than three points are left, or a number is not positive or not finite.
+    :param h: step sizes, shape (n,), n >= 3, all > 0 and not all equal.
+    :param errors: errors at these step sizes, shape (n,), all > 0.
+    :raises ValidityError: for fewer than three points, or a number that is not positive or not finite.
     """
     steps, sizes = numbers("slope: h", h, ValidityError), numbers("slope: errors", errors, ValidityError)
-    finite("slope: floor", floor, ValidityError)
     if steps.ndim != 1 or steps.shape != sizes.shape:
         raise ValidityError(f"slope: {steps.shape} step sizes for {sizes.shape} errors; give one error a step size")
-    above = ~(sizes <= floor) if floor > 0 else np.ones(sizes.shape, dtype=bool)  # NaN stays and is refused below
-    steps, sizes = steps[above], sizes[above]
     if steps.size < 3:
-        raise ValidityError(f"slope: {steps.size} points above the floor {floor:g}; a slope needs at least 3")
+        raise ValidityError(f"slope: {steps.size} points; a slope needs at least 3")
     for name, values in (("step size", steps), ("error", sizes)):
         if not np.all(np.isfinite(values) & (values > 0)):
             raise ValidityError(f"slope: {name}s {values.tolist()} must be finite and > 0 to have a logarithm")

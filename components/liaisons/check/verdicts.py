@@ -42,7 +42,7 @@ class Verdict:
         return self.error <= self.tolerance
 
     def row(self) -> dict[str, str]:
-        """Row of the verdict in ``table``."""
+        """Cells of the verdict by column of :func:`table`."""
         unit = f" {self.unit}" if self.unit else ""
         return {
             "claim": self.claim,
@@ -67,7 +67,7 @@ def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reaso
 
 
 def _checked_number(claim: str, name: str, value: object) -> float:
-    """Number in an argument of a verdict, checked."""
+    """Number that an argument of a verdict has; raise a ValidityError for anything else."""
     array = numbers(f"{claim!r}: {name}", value, ValidityError)
     if array.size != 1:
         raise ValidityError(f"{claim!r}: {name} = {shown(value)}: give one number")
@@ -75,7 +75,7 @@ def _checked_number(claim: str, name: str, value: object) -> float:
 
 
 def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = None) -> str:
-    """Plain-text table with aligned columns.
+    """Return a plain-text table with aligned columns.
 
     :param rows: verdicts, or mappings from column to content; the first row names the columns.
     :param width: characters of a line, where cells go over several lines; None: one line a row, however long.
@@ -92,23 +92,16 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
     columns = list(records[0])
     cells = [columns, *([one_line(str(record.get(column, ""))) for column in columns] for record in records)]
     widths = _fitting_widths(cells, width or sys.maxsize)
-    broken = [
-        line
-        for row in cells
-        for parts in [
-            [
-                [cell] if len(cell) <= wide else wrap(cell, wide, break_on_hyphens=False)
-                for cell, wide in zip(row, widths, strict=True)
-            ]
-        ]
-        for line in zip_longest(*parts, fillvalue="")
-    ]
+    broken = []
+    for row in cells:
+        parts = [wrap(cell, wide or 1, break_on_hyphens=False) or [""] for cell, wide in zip(row, widths, strict=True)]
+        broken += zip_longest(*parts, fillvalue="")
     broken.insert(1, tuple("-" * wide for wide in widths))
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in broken)
 
 
 def _fitting_widths(cells: list[list[str]], width: int) -> list[int]:
-    """Widths of columns, at least those of their words, narrowed where that costs the fewest lines."""
+    """Widths of columns that fit into a width; each holds its longest word, and lines are as few as possible."""
     columns = list(zip(*cells, strict=True))
     widths = [max(map(len, column)) for column in columns]
     words = [max(len(word) for cell in column for word in cell.split() or [""]) for column in columns]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from liaisons.companion import Entry, entries_of, is_number
+from liaisons.companion import Entry, entries_of, is_text_number
 from liaisons.library import catalogue_names
 
 
@@ -13,7 +13,7 @@ def scenarios_of(name: str) -> list[str]:
 
     :raises BadParameter: if no scenario verifies it.
     """
-    if not is_number(name):
+    if not is_text_number(name):
         return [name]
     chosen = entries_of(name)
     scenarios = dict.fromkeys(scenario for entry in chosen for scenario in entry.scenarios)
@@ -28,7 +28,7 @@ def component_of(name: str) -> tuple[str, str | None]:
 
     :raises BadParameter: if no component has it.
     """
-    if not is_number(name):
+    if not is_text_number(name):
         return name, None
     for entry in entries_of(name):
         if component := next(iter(components(entry)), "Pendulum" if entry.part else ""):

@@ -32,7 +32,7 @@ from liaisons.cli._command import (
     with_robot_options,
 )
 from liaisons.errors import BackEndError, LiaisonsError
-from liaisons.library import catalogue, claim, model, sized_folder
+from liaisons.library import catalogue, model, reserve_fmu, sized_folder
 from liaisons.library import components as find
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def build(
     if standard_library:
         raise typer.BadParameter("--standard-library is of Modelica text; give --modelica, too")
     for _, component in named:
-        claim(component, folder)
+        reserve_fmu(component, folder)
     names = [(target, component.__name__) for target, component in named]
     how = {"backend": backend, "platforms": platforms, "arrays": arrays}
     versions = ["2", "3"] if fmi == "both" else [fmi]

@@ -16,7 +16,7 @@ from liaisons.companion import (
     Entry,
     completions,
     entries_of,
-    is_number,
+    is_text_number,
     search_entries,
     sections,
     unicode_text,
@@ -53,7 +53,7 @@ def text(
     if not name:
         show({"section": s.citation, "is about": s.says, "in the text": s.french} for s in sections())
         return 0
-    if not is_number(name):
+    if not is_text_number(name):
         rows = {entry.group_citation: entry for entry in search_entries(name)}
         show({"number": number, "says": e.says, "in the text": e.french} for number, e in rows.items())
         return 0

@@ -1,6 +1,6 @@
 """Both texts, Kneller's and Marle's, number by number: what each says, where it lives, what verifies it."""
 
-from liaisons.companion.numbers import CITATION, completions, entries_of, is_number, search_entries
+from liaisons.companion.numbers import CITATION, completions, entries_of, is_text_number, search_entries
 from liaisons.companion.table import TITLES, Entry, TextSection, entries, sections
 from liaisons.companion.unicode import unicode_text
 
@@ -12,7 +12,7 @@ __all__ = [
     "completions",
     "entries",
     "entries_of",
-    "is_number",
+    "is_text_number",
     "search_entries",
     "sections",
     "unicode_text",

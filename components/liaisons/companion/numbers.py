@@ -24,7 +24,7 @@ _BEGINNINGS = {
 """Kinds by how their names begin, in either language and without accents."""
 
 _NUMBER = re.compile(
-    r"(?P<text>kneller|marle|k|m)[\s,.]*(?:(?P<kind>[^\W\d_]{2,}|§)[\s.]*)?"
+    rf"(?P<text>kneller|marle|k|m)[\s,.]*(?:(?P<kind>{'|'.join(_BEGINNINGS)})[^\W\d_]*[\s.]*)?"
     r"\(?(?P<first>\d+(?:\.\d+)*)\.?\)?(?:\s*[-–]\s*(?P<last>\d+(?:\.\d+)*))?(?:,\s*(?P<rest>\w.*))?"
 )
 _ERRATUM = re.compile(r"[km][abc]\d+")
@@ -34,16 +34,14 @@ CITATION = re.compile(rf"\b(?P<text>[KM]) (?:(?P<kind>eq|Ex|Fig|prop)\. )?(?P<nu
 """How the project cites the texts: ``K eq. 79``, ``M eq. 36-38``, ``K Ex. 9``, ``K Fig. 5``, sections ``M 8.1``."""
 
 
-def is_number(name: str) -> bool:
-    """Whether a name is written as a number of the texts, or of the errata."""
-    match = _NUMBER.fullmatch(_without_accents(name))
-    return bool(
-        _ERRATUM.fullmatch(_without_accents(name)) or (match and (not match["kind"] or _kind_of(match["kind"])))
-    )
+def is_text_number(name: str) -> bool:
+    """Whether a word has the form of a number of the texts, ``K122``, or of the errata, ``KA2``."""
+    word = _without_accents(name)
+    return bool(_ERRATUM.fullmatch(word) or _NUMBER.fullmatch(word))
 
 
 def entries_of(name: str) -> tuple[Entry, ...]:
-    """Entries of a number, a range, a section or an erratum.
+    """Entries that a number, range, section or erratum stands for.
 
     :param name: ``"K122"``, ``"Kneller 122"``, ``"M eq. 27"``, ``"M 8.4"``, ``"K120-124"``, ``"M sec. 5"``, ``"KA2"``.
     :raises ProjectError: if there is no such number; the message has the nearest ones.
@@ -55,9 +53,9 @@ def entries_of(name: str) -> tuple[Entry, ...]:
             raise ProjectError(f"{name}: no erratum has this number; KA1 to KC13 are of Kneller, MA1 to MC7 of Marle")
         return tuple(chosen)
     match = _NUMBER.fullmatch(word)
-    if match is None or (match["kind"] and not _kind_of(match["kind"])):
+    if match is None:
         raise ProjectError(f"{name}: this is no number of the texts; write K122, 'M eq. 27', 'K Ex. 9', 'M 8.4' or M27")
-    text, kind = match["text"][0].upper(), _kind_of(match["kind"] or "")
+    text, kind = match["text"][0].upper(), _BEGINNINGS.get(match["kind"], "")
     first, last, rest = match["first"], match["last"], match["rest"]
     if rest:
         chosen = [e for e in entries() if e.text == text and _without_accents(e.number).startswith(f"{first}, {rest}")]
@@ -76,7 +74,7 @@ def entries_of(name: str) -> tuple[Entry, ...]:
 
 
 def search_entries(words: str) -> tuple[Entry, ...]:
-    """Entries that contain all of some words, in English or French, those with the exact phrase first.
+    """Entries that contain all words, in English or French; those with the words as one phrase come first.
 
     :param words: beginnings of words; accents and capitals do not matter; names of components and scenarios, too.
     :raises ProjectError: if there is none; the message has words that are near.
@@ -99,13 +97,8 @@ def completions() -> list[str]:
     return list(dict.fromkeys(short))
 
 
-def _kind_of(name: str) -> str:
-    """Kind of entry that a name begins with, such as ``"examples"``; empty for a plain number."""
-    return next((kind for beginning, kind in _BEGINNINGS.items() if name.startswith(beginning)), "")
-
-
 def _without_accents(text: str) -> str:
-    """Text in small letters, without accents."""
+    """Text in lower case, without accents, with single spaces."""
     apart = unicodedata.normalize("NFD", text.casefold())
     return " ".join("".join(x for x in apart if not unicodedata.combining(x)).split())
 
@@ -120,12 +113,12 @@ def _entries_between(text: str, kind: str, first: str, last: str) -> list[Entry]
 
 
 def _sort_key(number: str) -> tuple[int, ...]:
-    """Integers in a number, by which numbers are sorted: (8, 4) for "8.4"."""
+    """Integers of a number, as key for sorting: (8, 4) for "8.4"."""
     return tuple(map(int, re.findall(r"\d+", number.partition(",")[0])))
 
 
 def _nearest_citations(text: str, kind: str, *numbers: str) -> str:
-    """Citations of the two existing numbers nearest to one that does not exist."""
+    """Citations of the two existing numbers that are nearest to the first missing one."""
     if kind == "sections" or (not kind and "." in numbers[0]):
         near = [(section.number, section.citation) for section in sections() if section.text == text]
     else:
@@ -139,7 +132,7 @@ def _nearest_citations(text: str, kind: str, *numbers: str) -> str:
 
 
 def _searchable_text(entry: Entry) -> str:
-    """Text of an entry that searches look through, in small letters without accents."""
+    """All text of an entry that a search looks through, in lower case without accents."""
     titles = [f"{section.french} {section.says}" for section in sections() if section.contains(entry)][-1:]
     notes = [*entry.corrections.values(), *entry.conditions.values(), *entry.remarks.values()]
     return _without_accents(" / ".join([entry.says, entry.french, *titles, *notes, *entry.lives, *entry.scenarios]))

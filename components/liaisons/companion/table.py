@@ -97,13 +97,13 @@ class Entry:
 
 @cache
 def _parsed_table() -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
-    """Contents of ``texts.toml``: text, kind, number, row."""
+    """Contents of ``texts.toml``: text -> kind -> number -> row."""
     return tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """Every number of both texts, in the order of the table."""
+    """All numbered entries of both texts, in the order of the table."""
     return tuple(
         entry
         for text, kinds in _parsed_table().items()
@@ -115,7 +115,7 @@ def entries() -> tuple[Entry, ...]:
 
 @cache
 def sections() -> tuple[TextSection, ...]:
-    """Every section of both texts; those inside of another one come after it."""
+    """All sections of both texts; subsections come after their section."""
     spans = ("equations", "examples")
     return tuple(
         TextSection(text, number, row["says"], row["french"], *(tuple(row.get(span, ())) for span in spans))
@@ -125,7 +125,7 @@ def sections() -> tuple[TextSection, ...]:
 
 
 def _entries_of_row(text: str, kind: str, group: str, row: Mapping[str, Any]) -> Iterator[Entry]:
-    """Yield the entries of a row of the table: for a range one entry a number, with a formula each."""
+    """Yield the entries of a row of the table: one for each number of a range, with one formula each."""
     content: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in row.items()}
     first, _, last = group.partition("-")
     if not (first.isdecimal() and last.isdecimal()):

@@ -34,7 +34,7 @@ _PLAIN |= {rf"\{end}{{pmatrix}}": bracket for end, bracket in (("begin", "("), (
 
 
 def unicode_text(latex: str) -> str:
-    r"""A formula in LaTeX as a line of Unicode: ``\frac{1}{2} m \dot{x}^2`` as ``½ m ẋ²``.
+    r"""Return a formula in LaTeX as a line of Unicode: ``\frac{1}{2} m \dot{x}^2`` as ``½ m ẋ²``.
 
     :raises ValueError: for a command of LaTeX that the formulas of the table do not use.
     """
@@ -51,7 +51,7 @@ def unicode_text(latex: str) -> str:
 
 
 def _command_symbol(command: re.Match[str]) -> str:
-    """Unicode symbol of a command; the command itself where it has arguments."""
+    """Unicode symbol of a LaTeX command; the command itself if it has arguments."""
     name, size = command["name"], "CAPITAL" if command["name"][0].isupper() else "SMALL"
     blank = "" if name in {"partial", "delta", "Delta"} else command["blank"]
     if name in _SIGNS or name in _WORDS:
@@ -63,11 +63,11 @@ def _command_symbol(command: re.Match[str]) -> str:
 
 
 def _group_text(group: re.Match[str]) -> str:
-    """Text of a fraction, script, root, accented letter, or group in brackets."""
+    """Unicode text of a matched fraction, script, root, accented letter, or group in braces."""
     if group["sign"]:
         return _script_text(group["sign"], (group["script"] or group["single"]).replace(" ", ""))
     if group["above"]:
-        text = f"{_in_brackets(group['above'], '+-/')}/{_in_brackets(group['below'], '+-/ ')}"
+        text = f"{_bracketed_operand(group['above'], '+-/')}/{_bracketed_operand(group['below'], '+-/ ')}"
         return _FRACTIONS.get(text, text)
     name, inside = group["name"], group["inside"] or group["bare"]
     if name in _ACCENTS:
@@ -80,7 +80,7 @@ def _group_text(group: re.Match[str]) -> str:
 
 
 def _script_text(sign: str, text: str) -> str:
-    """Text as superscript or subscript; after a mark where Unicode lacks a character."""
+    """Text in superscript ("^") or subscript ("_") characters; where Unicode lacks one, the text behind the sign."""
     small = text.translate(_ABOVE if sign == "^" else _BELOW)
     if not set(text) & set(small):
         return small
@@ -89,9 +89,9 @@ def _script_text(sign: str, text: str) -> str:
     return f"{beside}{text}" if whole else f"{beside}({text})"
 
 
-def _in_brackets(text: str, loose: str) -> str:
-    """Numerator or denominator, in brackets if an operator of ``loose`` stands outside of brackets."""
+def _bracketed_operand(text: str, operators: str) -> str:
+    """Operand of a fraction, in brackets if it has one of the operators outside of brackets."""
     outside, changed = text, 1
     while changed:
         outside, changed = re.subn(r"[(\[][^()\[\]]*[)\]]", "", outside)
-    return f"({text})" if set(loose) & set(outside) else text
+    return f"({text})" if set(operators) & set(outside) else text

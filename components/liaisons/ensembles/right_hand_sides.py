@@ -110,7 +110,7 @@ def smooth_model(
     :param contacts: whether it may have any.
     :raises LiaisonsError: if there are contacts or samples.
     """
-    equations = flattening.composed(subject) if isinstance(subject, System) else subject
+    equations = flattening.composed_model(subject) if isinstance(subject, System) else subject
     declared = equations if isinstance(equations, Model) else component(equations)
     for refuse in (refuse_samples,) if contacts else (refuse_contacts, refuse_samples):
         refuse(declared, task, remedy, error)

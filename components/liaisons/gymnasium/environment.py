@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from contextlib import ExitStack
 from functools import cached_property
 from typing import Any, NoReturn, final
 
@@ -53,23 +52,24 @@ class Environment(gymnasium.Env[Any, Any]):
         self.metadata = self.metadata | {"render_fps": round(1 / task.step_size)}
         low, high = ({name: pair[end] for name, pair in task.randomize.items()} for end in (0, 1))
         self._run = start(task.subject, step_size=task.step_size / 2, start_values={**task.start_values, **low})
-        with ExitStack() as stack:
-            stack.callback(self.close)
-            self._prepare(high)
-            stack.pop_all()
+        try:
+            self._compile_measures(high)
+        except BaseException:
+            self.close()
+            raise
 
     def __reduce__(self) -> NoReturn:
         """Refuse copies, which would share the instance of an FMU."""
         raise SimulationError(f"{self.title} is neither copied nor pickled; make another Environment")
 
-    def _prepare(self, starts: dict[str, Any]) -> None:
-        """Prepare what a step reads and sets, and try start values."""
+    def _compile_measures(self, highest: dict[str, Any]) -> None:
+        """Compile observations, reward and stop, and refuse start values that the subject cannot have."""
         task = self.task
-        self._run.reset(starts)
+        self._run.reset(highest)
         result = self._run.result
         self.title, self._scene = result.title, result.scene
         self._balances = [name for name in result.names if name.rpartition(".")[2] == "energy_balance"]
-        inputs = [name for port in task.ports for name in port]
+        inputs = [name for port in task.act_ports for name in port]
         self._step = self._run.stepper(inputs, [])
         if jumping := [name for name in task.act if f"{name}_power" in result.names]:
             raise InvalidValueError(f"act: {jumping[0]} would jump; act on {jumping[0]}_dot or {jumping[0]}_ddot")
@@ -79,58 +79,58 @@ class Environment(gymnasium.Env[Any, Any]):
         self._numbers, self._measures = np.zeros(len(self._names)), np.zeros(measures.numel())
         function = ca.Function("measures", [symbols], [ca.densify(measures)])
         self._call = Call(function, (self._numbers,), (self._measures,))
-        self._begin({})
+        self._begin_episode({})
         self.observation_space = Box(-np.inf, np.inf, (self._measures.size - 2,), np.float64)
         self._ended = True
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode.
 
-        :param options: start values of it by name.
+        :param options: start values by name.
         :raises SimulationError: for an unknown name, or a value that cannot be set.
         """
         super().reset(seed=seed)
         drawn = {name: self.np_random.uniform(low, high) for name, (low, high) in self.task.randomize.items()}
-        self._begin({**drawn, **named("options", options or {})})
-        self._observed = self._measured()[:-2]
-        return self._observed.copy(), self._information()
+        self._begin_episode({**drawn, **named("options", options or {})})
+        self._observed = self._evaluate_measures()[:-2]
+        return self._observed.copy(), self._energy_balances()
 
     def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """Hold the acts for a step.
+        """Advance by a step, in which the acts are held.
 
         :returns: observation, reward, whether the episode has ended, whether it was truncated, information.
         :raises SimulationError: for an action of another shape or outside its range, and after the end of an episode.
         """
-        task, values = self.task, self.task.checked(action)
+        task, acts = self.task, self.task.checked_action(action)
         if self._ended:
             raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
         try:
-            middle, after = self._half_step(values), self._half_step(values)
+            middle, after = self._advance_half_step(acts), self._advance_half_step(acts)
         except IncompleteError as error:
             self._ended = True
             return self._observed.copy(), 0.0, True, False, {"failure": str(error)}
         stopped = bool(after[-1] > 0)
         truncated = self._run.time > task.stop_time - task.step_size / 4
         self._ended, self._observed = stopped or truncated, after[:-2].copy()
-        return after[:-2], task.step_size * float(middle[-2]), stopped, truncated, self._information()
+        return after[:-2], task.step_size * float(middle[-2]), stopped, truncated, self._energy_balances()
 
     def render(self) -> Any:
-        """The picture now, (height, width, 3); None without ``render_mode``."""
+        """Pixels of the picture, (height, width, 3); None without ``render_mode``."""
         if self.render_mode is None or self._scene is None:
             return None
         names = self._scene.picture.variables
-        self._shown.append([self._run.time, *map(self._read, names)])
+        self._shown.append([self._run.time, *map(self._value, names)])
         time, *columns = np.transpose(self._shown)
         shown = frames(self._scene.picture, time, dict(zip(names, columns, strict=True)).__getitem__, title=self.title)
         return next(pixels(Stage(shown), first=len(time) - 1, ratio=1.0))
 
     def close(self) -> None:
-        """Release the FMUs."""
+        """Free the FMUs."""
         self._run.close()
 
     @cached_property
     def optimum(self) -> Plan:
-        """The motion of largest return from the start of this episode until ``stop_time``, by :func:`liaisons.plan`.
+        """Motion of largest return from the start of this episode until ``stop_time``, see :func:`liaisons.plan`.
 
         Its cost is the integral of the negative reward, so that ``-optimum.cost`` less a return is the regret.  Acts of
         the plan are not held; what ``stop`` forbids goes into ``goal``, as bounds.  It takes seconds, once an episode.
@@ -146,35 +146,31 @@ class Environment(gymnasium.Env[Any, Any]):
             **task.goal,
             "bounds": {**task.act, **task.goal.get("bounds", {})},
         }
-        return plan(task.subject, [port[0] for port in task.ports], **goal)
+        return plan(task.subject, [port[0] for port in task.act_ports], **goal)
 
-    def _begin(self, starts: dict[str, Any]) -> None:
-        """Begin an episode with start values."""
+    def _begin_episode(self, starts: dict[str, Any]) -> None:
+        """Reset the run to start values, and forget what was drawn and planned of the last episode."""
         self._run.reset(starts)
-        self._own = {name: self._run[name] for port in self.task.ports for name in port[:-1]}
+        self._own = {name: self._run[name] for port in self.task.act_ports for name in port[:-1]}
         self._starts, self._shown, self._ended = {**self.task.start_values, **starts, **self._own}, [], False
         vars(self).pop("optimum", None)
 
-    def _half_step(self, acts: Floats) -> Floats:
-        """Hold the acts for half a step, and return the measures; what they move follows by polynomials."""
-        own, size, inputs = self._own, self.task.step_size / 2, list[float]()
-        for names, act in zip(self.task.ports, acts.tolist(), strict=True):
-            inputs += (held := [*(own[name] for name in names[:-1]), act])
-            value, rate, acceleration = (*held, 0.0, 0.0)[:3]
-            moved = (value + size * (rate + size / 2 * acceleration), rate + size * acceleration, acceleration)
-            own |= zip(names, moved, strict=False)
-        self._step(inputs)
-        return self._measured()
+    def _advance_half_step(self, acts: Floats) -> Floats:
+        """Hold the acts for half a step; return observations, reward and stop after it."""
+        held = self._own | dict(zip(self.task.act, acts.tolist(), strict=True))
+        self._step([held[name] for port in self.task.act_ports for name in port])
+        self._own = self.task.advance_moved(held, self.task.step_size / 2)
+        return self._evaluate_measures()
 
-    def _read(self, name: str) -> float:
-        """The present value of a variable: the environment's own one, if acts move it, else that of the run."""
+    def _value(self, name: str) -> float:
+        """Value of a variable: that which the environment sets, else that of the run."""
         return self._own[name] if name in self._own else self._run[name]
 
-    def _measured(self) -> Floats:
-        """Observations, reward and stop now."""
-        self._numbers[:] = [self._read(name) for name in self._names]
+    def _evaluate_measures(self) -> Floats:
+        """Observations, reward and stop, (observations + 2,)."""
+        self._numbers[:] = [self._value(name) for name in self._names]
         self._call.run()
         return self._measures.copy()
 
-    def _information(self) -> dict[str, Any]:
+    def _energy_balances(self) -> dict[str, Any]:
         return {name: self._run[name] for name in self._balances}

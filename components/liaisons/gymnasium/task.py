@@ -73,38 +73,46 @@ class Task:
         if not self.stop_time > self.step_size:
             raise InvalidValueError(f"stop_time = {self.stop_time!r}: must be greater than step_size")
         chosen("render_mode", self.render_mode or "rgb_array", ["rgb_array"])
-        if len({port[0] for port in self.ports}) < len(self.act):
+        if len({port[0] for port in self.act_ports}) < len(self.act):
             raise InvalidValueError(f"act = {shown(self.act)}: a coordinate is moved twice; leave one out")
 
     @cached_property
-    def ports(self) -> list[tuple[str, ...]]:
-        """Of each act what it moves, and the rates of this up to the act itself."""
+    def act_ports(self) -> list[tuple[str, ...]]:
+        """Inputs that each act sets: ``("x", "x_dot", "x_ddot")`` for an act on ``x_ddot``, itself for a force."""
         return [port_names(_RATE.sub("", name))[: 1 + len("".join(_RATE.findall(name)))] for name in self.act]
 
     @cached_property
     def action_space(self) -> Box:
-        """Ranges of the acts."""
+        """Box of the ranges of all acts."""
         return Box(*np.transpose([*self.act.values()]).astype(np.float32))
 
-    def checked(self, action: ArrayLike, *count: int) -> Floats:
-        """Values of the acts.
+    def checked_action(self, action: ArrayLike, *copies: int) -> Floats:
+        """Values of the acts, shape (acts,); of a number of copies, (copies, acts).
 
-        :param count: of many actions.
         :raises InvalidValueError: for another shape, or a value outside its range in single precision.
         """
         values, space = numbers("action", action), self.action_space
-        if values.shape != (shape := (*count, *space.shape)):
+        if values.shape != (shape := (*copies, *space.shape)):
             raise InvalidValueError(f"action has shape {values.shape}; give {shape}: {', '.join(self.act)}")
         if not ((space.low <= np.float32(values)) & (np.float32(values) <= space.high)).all():
             raise InvalidValueError(f"action = {shown(action)}: must be in the ranges {shown(dict(self.act))}")
         return values
 
-    def measures(self, readings: Mapping[str, ca.SX]) -> ca.SX:
-        """Observations, reward and stop as a column.
+    def advance_moved(self, values: Mapping[str, Any], duration: float) -> dict[str, Any]:
+        """Values by name, in which coordinates and rates have moved for a duration [s] as held acts move them."""
+        moved = dict(values)
+        for port in self.act_ports:
+            value, rate, acceleration = (*(values[name] for name in port), 0.0, 0.0)[:3]
+            after = value + duration * (rate + duration / 2 * acceleration), rate + duration * acceleration
+            moved |= zip(port[:-1], after, strict=False)
+        return moved
 
-        :param readings: expressions of variables by name.
+    def measures(self, signals: Mapping[str, ca.SX]) -> ca.SX:
+        """Observations, reward and stop, a column of expressions.
+
+        :param signals: expressions of the variables by name.
         :raises FormulaError: for an error in a formula; with its position, and the nearest name.
         """
-        symbols = {name.replace(".", "·"): expression for name, expression in readings.items()}
+        symbols = {name.replace(".", "·"): expression for name, expression in signals.items()}
         texts = (*listed("observe", self.observe), self.reward, self.stop)
         return ca.vertcat(*(formula(_DOT.sub("·", text), symbols) for text in texts))

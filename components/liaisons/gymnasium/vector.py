@@ -52,7 +52,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self.single_action_space, self.single_observation_space = one.action_space, one.observation_space
         self.action_space = batch_space(one.action_space, num_envs)
         self.observation_space = batch_space(one.observation_space, num_envs)
-        self._moved = [name for port in self.task.ports for name in port[:-1]]
+        self._moved = [name for port in self.task.act_ports for name in port[:-1]]
         self._names = list(dict.fromkeys([*self.task.act, *self.task.randomize, *self._moved]))
         self._fixed = [row for row, name in enumerate(self._names) if name not in self._moved]
         variables = settable(model, {})
@@ -62,7 +62,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             np.array([numbers(name, values[name]) for name in names]).reshape(-1, 1)
             for names in (self._names, self._common)
         )
-        (self._take_instances if model.contacts else self._derive)(model)
+        (self._create_instances if model.contacts else self._compile_ensemble)(model)
         self._elapsed, self._balance = np.zeros((2, num_envs))
         self._ended = np.zeros(0, dtype=bool)
 
@@ -70,8 +70,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         """Refuse copies, which would share what is in compiled code."""
         raise SimulationError(f"{self.title} is neither copied nor pickled; make another VectorEnvironment")
 
-    def _derive(self, model: Model) -> None:
-        """Derive equations in which moved coordinates, and the time of each copy, are states."""
+    def _compile_ensemble(self, model: Model) -> None:
+        """Compile a step of all copies; what acts move, and the time of each copy, are states."""
         task, moved = self.task, self._moved
         outputs = [variable.name for variable in model.outputs]
         original = right_hand_side(model, {}, lanes=self._names, shared=self._common, record=outputs)
@@ -84,7 +84,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         equations = replace(
             original,
             symbols=(t, *columns),
-            rates=ca.vertcat(rates, *(lanes[name] for port in task.ports for name in port[1:]), 1),
+            rates=ca.vertcat(rates, *(lanes[name] for port in task.act_ports for name in port[1:]), 1),
             projected=ca.vertcat(projected, followed),
         )
         step = compiled(equations, METHODS["rk8"], self._shared)
@@ -95,8 +95,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             step(0.0, size, 1, fixed, blocks)
             return unpacked(blocks, self.num_envs)
 
-        def start(again: Truths) -> Floats:
-            return starts.evaluate([self._values[:, again], self._shared])[0]
+        def start(restarted: Truths) -> Floats:
+            return starts.evaluate([self._values[:, restarted], self._shared])[0]
 
         self._motion = start, advance
         signals = dict(zip(outputs, ca.vertsplit(readings), strict=True))
@@ -109,11 +109,11 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         last = ca.vertcat(conditions[lasting], *gaps)
         self._program = program(columns, [task.measures(signals | lanes), balance, last])
 
-    def _take_instances(self, model: Model) -> None:
-        """Make an instance of the model for each copy; its outputs, and what is moved, take the room of states."""
+    def _create_instances(self, model: Model) -> None:
+        """Create an instance of the FMU's code for each copy; its outputs, and what acts move, serve as states."""
         task, moved, outputs = self.task, self._moved, [variable.name for variable in model.outputs]
         members, time = Members(model, self.num_envs), np.zeros(self.num_envs)
-        inputs = [name for port in task.ports for name in port]
+        inputs = [name for port in task.act_ports for name in port]
 
         def advance(size: float) -> Floats:
             values = dict(zip(self._names, self._values, strict=True))
@@ -121,23 +121,21 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             held = np.stack([values[name] for name in inputs], axis=-1)
             members.step(np.array([0.0, size]), inputs, held, begin=time)
             time[:] += size
-            for port in task.ports:
-                value, rate, acceleration = (*(values[name] for name in port), 0.0, 0.0)[:3]
-                followed = value + size * (rate + size / 2 * acceleration), rate + size * acceleration
-                values |= zip(port[:-1], followed, strict=False)
+            values = task.advance_moved(values, size)
             return np.vstack([members.read(outputs).T, *(values[name] for name in moved)])
 
-        def start(again: Truths) -> Floats:
+        def start(restarted: Truths) -> Floats:
             names, values = [*self._names, *self._common], np.repeat(self._shared, self.num_envs, axis=1)
             values = np.vstack([self._values, values]).T
-            time[again] = 0.0
-            for copy in np.flatnonzero(again).tolist():
+            time[restarted] = 0.0
+            for copy in np.flatnonzero(restarted).tolist():
                 members.start(names, values[copy : copy + 1], time=0.0, tolerance=0.0, first=copy)
-                if reason := members.failures().get(copy):
+            for copy, reason in members.failures().items():
+                if restarted[copy]:
                     drawn = ", ".join(f"{name} = {values[copy, names.index(name)]:g}" for name in task.randomize)
                     raise SimulationError(f"{self.title}, copy {copy}: {drawn}: {reason}")
             rows = [self._names.index(name) for name in moved]
-            return np.vstack([members.read(outputs).T, self._values[rows]])[:, again]
+            return np.vstack([members.read(outputs).T, self._values[rows]])[:, restarted]
 
         self._motion = start, advance
         each, once = ca.SX.sym("each", len(self._fixed)), ca.SX.sym("shared", len(self._common))
@@ -159,49 +157,46 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._values, self._ended = np.repeat(self._first, self.num_envs, axis=1), np.zeros(self.num_envs, dtype=bool)
         self._states = self._motion[0](~self._ended)
         self._restart(~self._ended)
-        return self._measured()[0][:-2].T, self._information()
+        return self._evaluate()[0][:-2].T, {"energy_balance": self._balance.copy()}
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Truths, Truths, dict[str, Any]]:
-        """Hold the acts for a step; copies whose episode has ended are reset, and earn nothing.
+        """Advance by a step, in which the acts are held; copies whose episode has ended are reset, and earn nothing.
 
         :param actions: shape (copies, acts).
         :returns: observations, rewards, whether episodes have ended, whether they were truncated, information.
         :raises SimulationError: for actions of another shape or outside their ranges, and before the first reset.
         """
-        acts, size, again = self.task.checked(actions, self.num_envs), self.task.step_size, self._ended
-        if not again.size:
+        acts, size, restarted = self.task.checked_action(actions, self.num_envs), self.task.step_size, self._ended
+        if not restarted.size:
             raise SimulationError(f"{self.title}: no episode is under way; call reset() first")
         before = self._states
         self._values[: len(self.task.act)] = acts.T
-        measured = [self._measured()]
+        measured = [self._evaluate()]
         for _ in range(2):
             self._states = self._motion[1](size / 2)
-            measured.append(self._measured())
+            measured.append(self._evaluate())
         (_, begin, _), (middle, *_), (after, end, conditions) = measured
-        failed = ~(again | (np.isfinite(self._states).all(axis=0) & (conditions > 0).all(axis=0)))
+        failed = ~(restarted | (np.isfinite(self._states).all(axis=0) & (conditions > 0).all(axis=0)))
         self._states[:, failed] = before[:, failed]
         self._balance += np.where(failed, 0.0, (end - begin).sum(axis=0))
         self._elapsed += size
-        self._restart(again)
-        moving = ~(again | failed)
-        after[:, ~moving] = self._measured(~moving)[0]
+        self._restart(restarted)
+        moving = ~(restarted | failed)
+        after[:, ~moving] = self._evaluate(~moving)[0]
         stopped = failed | (moving & (after[-1] > 0))
         truncated = moving & (self._elapsed > self.task.stop_time - size / 4)
         self._ended = stopped | truncated
         rewards = size * np.where(moving, middle[-2], 0.0)
-        return after[:-2].T, rewards, stopped, truncated, self._information() | {"failure": failed}
+        return after[:-2].T, rewards, stopped, truncated, {"energy_balance": self._balance.copy(), "failure": failed}
 
-    def _restart(self, again: Truths) -> None:
-        """Begin an episode in some copies."""
-        self._values[:, again] = self._first
+    def _restart(self, restarted: Truths) -> None:
+        """Begin an episode in these copies, with draws of their own."""
+        self._values[:, restarted] = self._first
         for name, (low, high) in self.task.randomize.items():
-            self._values[self._names.index(name), again] = self.np_random.uniform(low, high, again.sum())
-        self._states[:, again] = self._motion[0](again)
-        self._elapsed[again] = self._balance[again] = 0.0
+            self._values[self._names.index(name), restarted] = self.np_random.uniform(low, high, restarted.sum())
+        self._states[:, restarted] = self._motion[0](restarted)
+        self._elapsed[restarted] = self._balance[restarted] = 0.0
 
-    def _measured(self, copies: Any = ...) -> list[Floats]:
-        """Observations, reward and stop; energy balance; conditions: (rows, copies) each."""
+    def _evaluate(self, copies: Any = ...) -> list[Floats]:
+        """Arrays of observations, reward and stop; of the energy balance; of conditions: (rows, copies) each."""
         return self._program.evaluate([self._values[self._fixed][:, copies], self._shared, self._states[:, copies]])
-
-    def _information(self) -> dict[str, Any]:
-        return {"energy_balance": self._balance.copy()}

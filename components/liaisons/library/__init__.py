@@ -46,49 +46,44 @@ def catalogue() -> dict[str, type[Component]]:
 
 
 @cache
-def _catalogue_names() -> frozenset[str]:
-    """Names of the catalogue's components, read from their files: no component is loaded."""
+def catalogue_names() -> frozenset[str]:
+    """Return the names of the catalogue's components, read from their files without an import."""
     files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parents[1] / "models").glob("[!_]*.py"))
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
     return frozenset(public)
 
 
-def catalogue_names() -> list[str]:
-    """Return the names of the catalogue's components; none is loaded."""
-    return sorted(_catalogue_names())
-
-
-def _shipped(name: str) -> type[Component] | None:
-    """Return the component of the catalogue with a name; the others are not loaded."""
+def _catalogue_component(name: str) -> type[Component] | None:
+    """Return the catalogue's component of this name, or None; no other one is imported."""
     from liaisons import models
 
-    return getattr(models, name) if name in _catalogue_names() else None
+    return getattr(models, name) if name in catalogue_names() else None
 
 
 def component_names() -> list[str]:
-    """Return the names of the catalogue, and those that packages publish; no component is loaded."""
+    """Return the sorted names of the components in the catalogue and in packages, without an import."""
     return sorted({*catalogue_names(), *(name for entries in published().values() for name in entries)})
 
 
 def is_named(name: object) -> bool:
-    """Return whether the catalogue or a package has a component of this name; no package is imported."""
-    return name in _catalogue_names() or bool(publishers(name))
+    """Return whether the catalogue or a package has a component of this name, without an import."""
+    return name in catalogue_names() or bool(publishers(name))
 
 
 def is_target(word: object) -> bool:
-    """Return whether a word names a component or an FMU, and no other file."""
+    """Return whether a word names a component or an FMU: a name, a class, or the path of a source or an FMU."""
     name = str(word)
     return isinstance(word, type) or name.endswith(".fmu") or _is_source(name) or is_named(name)
 
 
 def is_robot(word: str) -> bool:
-    """Return whether a word names a robot's file."""
+    """Return whether a word names a robot's file, URDF or MJCF."""
     return bool(_ROBOT.fullmatch(word))
 
 
 def variables(target: str) -> list[tuple[str, str, str]]:
-    """Return name, causality and start of each variable of a named component or an FMU file; none of anything else."""
+    """Return name, causality and start value of each variable of a named component or an FMU; empty for other words."""
     from liaisons.cosim.description.fmu import read_description
 
     try:
@@ -102,7 +97,7 @@ def variables(target: str) -> list[tuple[str, str, str]]:
 
 
 def components(target: Target) -> list[type[Component]]:
-    """Return the components of a name, file or class.
+    """Return all components that a name, file or class stands for.
 
     :param target: ``all`` are those of the catalogue, ``my_component.py`` those of a file.
     :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
@@ -122,10 +117,10 @@ def components(target: Target) -> list[type[Component]]:
             _no_component_message(target, "is no component; give its name ('Pendulum'), its file or its class")
         )
     robot = _ROBOT.fullmatch(str(target))
-    return [_of_robot(*robot.groups(""))] if robot else _of_word(str(target))
+    return [_robot_component(*robot.groups(""))] if robot else _components_of_word(str(target))
 
 
-def _of_word(target: str) -> list[type[Component]]:
+def _components_of_word(target: str) -> list[type[Component]]:
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
         if target == "all":
@@ -134,7 +129,7 @@ def _of_word(target: str) -> list[type[Component]]:
             raise ProjectError(f"{target} is no component; give the file or class that this FMU was built from")
         if not is_named(target):
             raise ProjectError(f"no component is called {target!r}{suggestion(target, component_names())}")
-        return [_shipped(target) or _published_component(target)]
+        return [_catalogue_component(target) or _published_component(target)]
     path = Path(f"{file}.py" if separator else target)
     module = load_module(path)
     defined = vars(module).items()  # without what it imports
@@ -154,7 +149,7 @@ def _published_component(name: str) -> type[Component]:
     return value
 
 
-def _of_robot(path: str, prescribe: str, limits: str) -> type[Component]:
+def _robot_component(path: str, prescribe: str, limits: str) -> type[Component]:
     from liaisons.language.linkage import Linkage
 
     read = Linkage.from_urdf if path.lower().endswith(".urdf") else Linkage.from_mjcf
@@ -164,7 +159,7 @@ def _of_robot(path: str, prescribe: str, limits: str) -> type[Component]:
 
 
 def component(target: Target) -> type[Component]:
-    """Return the one component of a name, file or class.
+    """Return the component that a name, file or class stands for.
 
     :raises ProjectError: as :func:`components` does, or if a file has several.
     """
@@ -184,7 +179,7 @@ def has_size(component: type[Component]) -> bool:
 
 
 def model(component: type[Component], **sizes: object) -> Model:
-    """Return the model of a component, with structural sizes other than declared if any are given.
+    """Return the model of a component, with the declared structural size or another one.
 
     :raises ProjectError: if the component has no size of that name.
     :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
@@ -201,7 +196,7 @@ def model(component: type[Component], **sizes: object) -> Model:
 
 
 def derive(target: Target) -> Equations:
-    """Return equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` writes them.
+    """Return the equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` displays them.
 
     :param target: its name, file or class.
     :raises ProjectError: if it names no mechanism, or several.
@@ -240,12 +235,12 @@ def build(target: Target | Model, settings: BuildSettings) -> Path:
 
     folder = settings.folder
     if isinstance(target, Model):
-        derived, shipped = target, _shipped(target.name)
+        derived, shipped = target, _catalogue_component(target.name)
         if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
             _refuse_catalogue_name(derived.name, f"the model {derived.name}", folder.resolve())
     else:
         chosen = component(target)
-        claim(chosen, folder)
+        reserve_fmu(chosen, folder)
         derived = model(chosen)
     return fmu.build(derived, **vars(settings))
 
@@ -265,19 +260,19 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
     if path is None or not path.is_file() or seen != file_identity(path):
-        claim(class_, folder)
+        reserve_fmu(class_, folder)
         path = build(sized or model(class_), folder, backend=backend)
         _built[key] = path, file_identity(path)
     return path
 
 
 def sized_folder(folder: Path, sizes: Mapping[str, object]) -> Path:
-    """Return the folder for FMUs of these sizes, ``n=100``, in the one for those as they are declared."""
+    """Return the subfolder for FMUs with these structural sizes, ``n=100``; the folder itself without any."""
     return folder / "-".join(f"{name}={size}" for name, size in sizes.items())
 
 
-def claim(component: type[Component], folder: Path | str) -> None:
-    """Reserve the FMU of this name in a folder for a component.
+def reserve_fmu(component: type[Component], folder: Path | str) -> None:
+    """Reserve the name of an FMU in a folder for a component; raise if it is that of another one.
 
     In ``fmus/`` the names of the catalogue belong to the catalogue; in any folder, a process builds one component of a
     name.  One that was edited, or defined once more in a notebook, is still the same.
@@ -287,26 +282,26 @@ def claim(component: type[Component], folder: Path | str) -> None:
     name, folder = component.__name__, Path(folder).resolve()
     file = _files.get(component) or getattr(sys.modules.get(component.__module__), "__file__", None)
     origin = f"{file or component.__module__}:{component.__qualname__}"
-    if _shipped(name) not in {None, component}:
+    if _catalogue_component(name) not in {None, component}:
         _refuse_catalogue_name(name, origin, folder)
     owner = _owners.setdefault((folder, name), origin)
     if owner != origin:
-        raise ProjectError(_name_taken(name, origin, folder, owner))
+        raise ProjectError(_name_conflict(name, origin, folder, owner))
 
 
 def _refuse_catalogue_name(name: str, origin: str, folder: Path) -> None:
-    """Raise a ProjectError if a component of one's own with a catalogue's name is built into the catalogue's folder."""
+    """Raise a ProjectError if a folder is that of the catalogue, to which a name belongs."""
     if folder.is_relative_to(fmus_directory().resolve()):
-        raise ProjectError(_name_taken(name, origin, folder, "the catalogue's component of this name"))
+        raise ProjectError(_name_conflict(name, origin, folder, "the catalogue's component of this name"))
 
 
-def _name_taken(name: str, origin: str, folder: Path, owner: str) -> str:
-    """Return a message about an FMU of another component."""
+def _name_conflict(name: str, origin: str, folder: Path, owner: str) -> str:
+    """Return the message that the FMU of this name is that of another component, the owner."""
     return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
 
 
 def fmu_file(target: Target) -> Path:
-    """Return the path of an FMU file, or of the FMU of a component, built if need be.
+    """Return the path of an FMU, which is built if the target is a component.
 
     :raises ProjectError: if there is no such file or component; else as :func:`fmu_path` does.
     """
@@ -330,7 +325,7 @@ def _is_source(name: str) -> bool:
 
 
 def _no_component_message(target: object, text: str) -> str:
-    """Return the message for an object that is no component."""
+    """Return the message about an object that is no component; of a system it says what systems do instead."""
     from liaisons.cosim import System
 
     if isinstance(target, System):

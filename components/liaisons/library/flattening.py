@@ -55,7 +55,7 @@ def flatten(
     from liaisons.fmu import build
 
     return build(
-        composed(system, components),
+        composed_model(system, components),
         fmus_directory() / "flat" if output is None else output,
         backend=backend,
         platforms=platforms,
@@ -64,7 +64,7 @@ def flatten(
     )
 
 
-def composed(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
+def composed_model(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
     """Return the equations of motion of a whole system; raise what :func:`flatten` does."""
     from liaisons.mechanics.composition import compose
 
@@ -88,7 +88,7 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
 
 
 def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
-    """Return the model, without arrays, that an FMU of ours was built from, and the start values in the file.
+    """Return the model that an FMU of ours was built from, without arrays, and the start values in the FMU.
 
     :raises SimulationError: if the catalogue does not have it.
     """
@@ -98,7 +98,7 @@ def model_of(path: Path | str) -> tuple[Model, dict[str, float]]:
 
 
 def _model_of_part(part: SystemComponent, components: Mapping[str, type[Component]]) -> Model:
-    """Return the model that the FMU of a part was built from, by its name among these and all named components."""
+    """Return the model that a part's FMU was built from; its class is one of ``components``, or has a name."""
     fmu = part.fmu
     if has_table(fmu.path):
         raise SimulationError(
@@ -127,7 +127,7 @@ def _model_of_part(part: SystemComponent, components: Mapping[str, type[Componen
 
 
 def _start_values(part: SystemComponent, derived: Model) -> dict[str, float]:
-    """Return start values of parameters and inputs: those of the system, else those in the file."""
+    """Return start values of parameters and inputs by name: those of the system, else those in the FMU."""
     own = part.element_starts
     names = [variable.name for variable in (*derived.parameters, *derived.inputs)]
     starts: dict[str, Any] = {name: own.get(name, part.fmu.variables[name].start) for name in names}
@@ -135,7 +135,7 @@ def _start_values(part: SystemComponent, derived: Model) -> dict[str, float]:
 
 
 def identifier(name: str) -> str:
-    """Return the name of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
+    """Return a name as an identifier: ``"pumped swing"`` becomes ``PumpedSwing``."""
     words = re.findall(r"[A-Za-z0-9]+", name)
     joined = "".join(word[0].upper() + word[1:] for word in words)
     return joined if joined[:1].isalpha() else f"System{joined}"

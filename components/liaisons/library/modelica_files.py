@@ -34,7 +34,7 @@ _EXAMPLES = {
 
 
 def modelica(subject: Target | System, /, *, standard_library: bool = False) -> str:
-    """Return Modelica text of a component, of several, or of a system: a package that stands alone.
+    """Return the Modelica text of a component, of all components, or of a system, as a package without dependencies.
 
     A component is a package of its name.  ``Motion`` has the equations; ``Signals`` takes value, rate and acceleration
     of each active coordinate ``s`` as the input ``u_s[3]``; ``Flanges`` has connectors like those of the Modelica
@@ -58,7 +58,7 @@ def modelica(subject: Target | System, /, *, standard_library: bool = False) -> 
 
 
 def _composition(subject: System) -> Composition:
-    """Return a system as Modelica text describes it: components, start values, connections."""
+    """Return components, start values and connections of a system, for its Modelica text."""
     from liaisons.modelica_text import Composition
 
     parts = subject.filled()
@@ -78,7 +78,7 @@ def _composition(subject: System) -> Composition:
 
 
 def modelica_library(chosen: Collection[type[Component]], *, standard_library: bool = False) -> str:
-    """Return the package ``Liaisons``: components, and as ``Examples`` default experiments and some systems.
+    """Return the Modelica package ``Liaisons``: components, and ``Examples``, default experiments and some systems.
 
     Mechanisms with arrays, and components that read samples, are left out.
     """

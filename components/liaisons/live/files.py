@@ -31,11 +31,10 @@ class LivePage:
     def __fspath__(self) -> str:
         return str(self.path)
 
-    def __str__(self) -> str:
-        return str(self.path)
+    __str__ = __fspath__
 
     def _repr_html_(self) -> str:
-        """HTML by which a notebook displays the page."""
+        """HTML of a frame with the page, for notebooks."""
         return sandboxed_frame(self.path.read_bytes(), _HEIGHT)
 
 
@@ -46,7 +45,7 @@ def default_page_path(subject: Path | System) -> Path:
 
 
 def write_live_page(subject: Path | System, path: Path | None, starts: Mapping[str, object]) -> LivePage:
-    """Write the live page of an FMU or of a system; raise what :func:`liaisons.show` does.
+    """Write the live page of an FMU or of a system; raise the errors of :func:`liaisons.show`.
 
     :param path: of the page; None: :func:`default_page_path`.
     :param starts: of an FMU; a system has its own.

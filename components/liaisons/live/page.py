@@ -40,7 +40,7 @@ _INTERPOLATE = 2
 
 
 def live_page(subject: Path | System, starts: Mapping[str, object] | None = None) -> bytes:
-    """Return the page of an FMU or of a system: sliders, picture, plot, energy account.
+    """Return the HTML of the page of an FMU or of a system: sliders, picture, plot, energy account.
 
     :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own.
     :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0.
@@ -94,7 +94,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
 
 @lru_cache(maxsize=64)
 def _encoded_module(path: Path, *_identity: int) -> str:
-    """Compile the C of an FMU to WebAssembly; return it gzipped, in base64."""
+    """WebAssembly of the C sources in an FMU, compiled, gzipped, and in base64."""
     with Archive(path) as archive:
         members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
         sources = {}
@@ -119,11 +119,13 @@ def _component_data(
     part: SystemComponent,
     paths: Sequence[Path],
     feeds: Mapping[tuple[str, str], tuple[str, str]],
-    before: Collection[str],
+    stepped_before: Collection[str],
 ) -> dict[str, Any]:
-    """Return the data of a component for the page.
+    """Return the data of a component for the page's script.
 
-    :param before: names of the components that are stepped before it.
+    :param paths: FMUs of the page, each once.
+    :param feeds: input -> output that it is connected to, each (component, variable).
+    :param stepped_before: names of the components that are stepped before it.
     """
     described = read_description(part.fmu.path).attributes
     variables = {name: v for name, v in described.items() if v["tag"] == "Real" or v["causality"] == "output"}
@@ -140,7 +142,7 @@ def _component_data(
     ]
     elements = [name for name, v in variables.items() if v["causality"] == "output" and split(name)[1] is not None]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
-    later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in before}
+    later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in stepped_before}
     chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
     mode = _INTERPOLATE if chooses else part.approximation.method
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
@@ -165,7 +167,7 @@ def _component_data(
 def _variable_data(
     v: Attributes, part: SystemComponent, starts: Mapping[str, Any], *, read: bool, hidden: bool
 ) -> dict[str, Any]:
-    """Return the data of a variable for the page."""
+    """Return the data of a variable for the page's script, without empty entries."""
     name, causality = v["name"], v["causality"]
     base, index = split(name)
     start_value = starts.get(name, v.get("start"))
@@ -181,24 +183,20 @@ def _variable_data(
         "read": read,
         "drawn": read and causality == "local",
         "set": settable,
-        **(_slider_data(v, base) if settable else {}),
     }
+    if settable:  # by a slider
+        entry |= {
+            "description": v.get("description"),
+            "minimum": float(v["min"]) if "min" in v else None,
+            "maximum": float(v["max"]) if "max" in v else None,
+            "initial": causality == "parameter" and base.endswith("_0"),
+            "tunable": causality == "input" or v.get("variability") == "tunable",
+        }
     return {name: value for name, value in entry.items() if value is not None and value is not False}
 
 
-def _slider_data(v: Attributes, base: str) -> dict[str, Any]:
-    """Return the data of the slider of a variable."""
-    return {
-        "description": v.get("description"),
-        "minimum": float(v["min"]) if "min" in v else None,
-        "maximum": float(v["max"]) if "max" in v else None,
-        "initial": v["causality"] == "parameter" and base.endswith("_0"),
-        "tunable": v["causality"] == "input" or v.get("variability") == "tunable",
-    }
-
-
 def _default_signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[str]:
-    """Return the signals plotted at first: angles, else the attitude, else coordinates with both rates."""
+    """Return the names of the signals that are plotted at first: angles, else the attitude, else coordinates."""
     shown = {v["name"]: v.get("unit") for v in component["variables"] if v.get("read") and "start" not in v}
     triples = {name: Port(part, name).triple() for name in shown}
     coordinates = [name for name, triple in triples.items() if triple and {p.name for p in triple} <= shown.keys()]

@@ -22,9 +22,9 @@ def __getattr__(name: str) -> Any:
     if name in _FILES:  # the file itself
         return import_module(f"{__name__}.{name}")
     file = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
-    declared = _declared(file) if file in _FILES else {}
+    declared = _loaded_definitions(file) if file in _FILES else {}
     if name not in declared:
-        declared = {key: value for each in _FILES for key, value in _declared(each).items()}
+        declared = {key: value for each in _FILES for key, value in _loaded_definitions(each).items()}
         components = filter(_is_component, declared.values())
         declared["CATALOGUE"] = tuple(sorted(components, key=lambda c: (issubclass(c, Operator), c.__name__)))
     globals().update(declared)
@@ -33,8 +33,8 @@ def __getattr__(name: str) -> Any:
     return declared[name]
 
 
-def _declared(name: str) -> dict[str, Any]:
-    """Load a file, and return its public classes and functions by name."""
+def _loaded_definitions(name: str) -> dict[str, Any]:
+    """Load a file of this folder; return the public classes and functions that it defines, by name."""
     file = import_module(f"{__name__}.{name}")
     return {
         key: value
@@ -44,5 +44,5 @@ def _declared(name: str) -> dict[str, Any]:
 
 
 def _is_component(value: object) -> bool:
-    """Whether a value is a component that is not abstract."""
+    """Whether a value is the class of a component, and not abstract."""
     return isinstance(value, type) and issubclass(value, Component) and not value.is_abstract

@@ -23,6 +23,7 @@ from .furuta_pendulum import FurutaPendulum as FurutaPendulum
 from .general_cat import GeneralCat as GeneralCat
 from .general_cat import marle_cat as marle_cat
 from .general_swing import GeneralSwing as GeneralSwing
+from .general_swing import marle_swing as marle_swing
 from .gyroscope import Gyroscope as Gyroscope
 from .hoop import Hoop as Hoop
 from .isokinetic_oscillator import IsokineticOscillator as IsokineticOscillator
@@ -52,7 +53,7 @@ from .satellite import Satellite as Satellite
 from .scara import Scara as Scara
 from .shape_functions import ShapedMechanism as ShapedMechanism
 from .shape_functions import component_of_shape as component_of_shape
-from .shaped_swing import marle_swing as marle_swing
+from .shape_functions import smallest_pivot as smallest_pivot
 from .sinusoid import Sinusoid as Sinusoid
 from .slewing_crane import SlewingCrane as SlewingCrane
 from .smooth_step import SmoothStep as SmoothStep

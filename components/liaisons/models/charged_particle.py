@@ -50,7 +50,7 @@ class ChargedParticle(Mechanism):
         return self.kinetic_energy() - self.potential_energy() + self.charge * ca.dot(self.dot(self._r), A)
 
     def _guiding_centre(self) -> ca.SX:
-        """Centre of the turns; a column."""
+        """Position of the guiding centre, (3,)."""
         QE, QB = self.charge * self._E, self.charge * self._B
         square = ca.sumsqr(QB)
         square += square == 0  # without a field drift and arm are 0

@@ -37,7 +37,7 @@ class CircularHoop(Hoop):
     def _speed(self, u: ca.SX) -> ca.SX:  # noqa: ARG002 - the same everywhere: ξ is the arc length
         return ca.SX(1)
 
-    def _moment(self, u: ca.SX) -> ca.SX:
+    def _moment_of_rate(self, u: ca.SX) -> ca.SX:
         return self.radius + self.offset * ca.cos(u / self.radius)
 
     def _r_squared(self, u: ca.SX) -> ca.SX:

@@ -35,7 +35,7 @@ class EllipticHoop(ParametrisedHoop):
 
     @assertion("O must lie inside the hoop: (centre_x/semi_axis_a)² + (centre_y/semi_axis_b)² < 1")
     def star_shaped(self) -> ca.SX:
-        """An ellipse is convex, so that it is star-shaped about every point inside."""
+        """Positive where O lies inside: an ellipse is star-shaped about each point inside."""
         return 1 - (self.centre_x / self.semi_axis_a) ** 2 - (self.centre_y / self.semi_axis_b) ** 2
 
     def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -46,7 +46,7 @@ class EllipticHoop(ParametrisedHoop):
         return -ca.asin(self.centre_y / self.semi_axis_b)
 
     def _arc_length(self, u: ca.SX) -> ca.SX:
-        """Arc length from u = 0, the incomplete elliptic integral of the second kind, by Landen's transformation.
+        """Arc length from u = 0, an incomplete elliptic integral of the second kind, by Landen's transformation.
 
         Each step takes the semi-axes to their means and about doubles the angle, until the ellipse is a circle.  In
         this form it holds for either order of the axes and any number of turns.

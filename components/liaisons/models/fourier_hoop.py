@@ -37,12 +37,12 @@ class FourierHoop(ParametrisedHoop):
 
     @property
     def _coefficients(self) -> list[tuple[int, ca.SX, ca.SX]]:
-        """Numbers k of the harmonics, with their coefficients cos_k and sin_k."""
+        """Order k, cos_k and sin_k of each harmonic."""
         return [(k, self.symbols[f"cos_{k}"], self.symbols[f"sin_{k}"]) for k in range(1, 5)]
 
     @assertion("r must be > 0 all around: reduce cos_k, sin_k until O lies well inside the hoop")
     def star_shaped(self) -> ca.SX:
-        """Lower bound of r/radius: between two samples r falls by at most h²/8 max |d²r/dθ²| below the lesser one."""
+        """Lower bound of r/radius, from samples at intervals h: between two r falls by at most h²/8 max |d²r/dθ²|."""
         least = ca.mmin(ca.vertcat(*(self._radius(ca.SX(theta))[0] for theta in SAMPLES))) / self.radius
         bend = sum((k**2 * ca.sqrt(a**2 + b**2) for k, a, b in self._coefficients), ca.SX(0))
         return least - (SAMPLES[1] - SAMPLES[0]) ** 2 / 8 * bend
@@ -65,7 +65,7 @@ class FourierHoop(ParametrisedHoop):
         r, slope = self._radius(u)
         return ca.sqrt(r**2 + slope**2)
 
-    def _moment(self, u: ca.SX) -> ca.SX:
+    def _moment_of_rate(self, u: ca.SX) -> ca.SX:
         return self._r_squared(u)
 
     def _r_squared(self, u: ca.SX) -> ca.SX:

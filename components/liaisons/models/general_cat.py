@@ -6,9 +6,7 @@ import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Orientation, assertion, unchecked
 from liaisons.language.shapes import Box, Shapes
-from liaisons.models.shape_functions import Function, ShapedMechanism, component_of_shape
-
-_NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
+from liaisons.models.shape_functions import NUMBERS, Function, ShapedMechanism, component_of_shape, smallest_pivot
 
 
 class GeneralCat(ShapedMechanism, abstract=True):
@@ -34,7 +32,7 @@ class GeneralCat(ShapedMechanism, abstract=True):
     def _inertia(self) -> ca.SX:
         return self._value_of("inertia", 3, 3)
 
-    @unchecked(_NUMBERS)
+    @unchecked(NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         s_dot, count = self.active.s_dot, len(self.actives)
         turning = self.attitude.rate + self._value_of("connection", 3, count) @ s_dot
@@ -42,10 +40,9 @@ class GeneralCat(ShapedMechanism, abstract=True):
             ca.bilin(self._inertia, turning, turning) + ca.bilin(self._value_of("mass", count, count), s_dot, s_dot)
         ) / 2
 
-    @assertion("the moment of inertia must stay positive definite", unchecked=_NUMBERS)
+    @assertion("the moment of inertia must stay positive definite", unchecked=NUMBERS)
     def definite(self) -> ca.SX:
-        pivots, _, _ = ca.ldl(ca.densify(self._inertia), False)
-        return ca.mmin(pivots)
+        return smallest_pivot(self._inertia)
 
 
 def marle_cat(
@@ -56,7 +53,7 @@ def marle_cat(
     shape: Mapping[str, ActiveCoordinate] | None = None,
     name: str = "MarleCat",
 ) -> type[GeneralCat]:
-    """The cat of M 8.2 as a component, from three functions of the shape.
+    """Make the cat of M 8.2 as a component, from three functions of the shape.
 
     Each function is called with the shape coordinates, one argument each, and returns numbers or CasADi expressions.
 

@@ -27,16 +27,16 @@ class Hoop(PlaneCurve, abstract=True):
     hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0, symbol="I")
     beta = ActiveCoordinate("rad", "angle of the axis OA in the fixed frame")
     experiment = Experiment(reference={"beta_dot": 1.0, "beta_ddot": 0.2})
-    _a = property(lambda self: self._moment(self.free.q) / self._speed(self.free.q))  # r²θ' at the bead
+    _a = property(lambda self: self._moment_of_rate(self.free.q) / self._speed(self.free.q))  # r²θ' at the bead
     _xi_dot = property(lambda self: self._speed(self.free.q) * self.free.q_dot)
 
     @property
     def _r_r_dash(self) -> ca.SX:
-        """Product r r' of the distance from O and its derivative by ξ, at the bead."""
+        """Product r dr/dξ at the bead [m], with r the distance from O."""
         return ca.jacobian(self._r_squared(self.free.q), self.free.q) / (2 * self._speed(self.free.q))
 
     def _fixed_point(self, u: ca.SX) -> dict[str, ca.SX]:
-        """Point of the hoop at u, in the fixed frame."""
+        """Point of the hoop at the coordinate u, by axes of the fixed frame."""
         (x, y), cosine, sine = self.curve(u), ca.cos(self.beta), ca.sin(self.beta)
         return {"x": x * cosine - y * sine, "y": x * sine + y * cosine}
 
@@ -50,7 +50,7 @@ class Hoop(PlaneCurve, abstract=True):
 
     def kinetic_energy(self) -> ca.SX:
         u, u_dot, beta_dot = self.free.q, self.free.q_dot, self.dot(self.beta)
-        bead = self._xi_dot**2 + 2 * self._moment(u) * u_dot * beta_dot + self._r_squared(u) * beta_dot**2
+        bead = self._xi_dot**2 + 2 * self._moment_of_rate(u) * u_dot * beta_dot + self._r_squared(u) * beta_dot**2
         return self.mass / 2 * bead + self.hoop_inertia / 2 * beta_dot**2
 
     @output("J", "K_Y of M eq. 63 with Y = beta_dot: kinetic energy of the hoop and of the bead's normal velocity")
@@ -59,7 +59,7 @@ class Hoop(PlaneCurve, abstract=True):
 
     @output("N", "force on the bead along the left normal: the hoop's, and a load's if there is one")
     def normal_force(self) -> ca.SX:
-        """Mass times relative, Coriolis, centripetal and Euler's acceleration across the hoop."""
+        """Mass times the sum of relative, Coriolis, centripetal and Euler's acceleration across the hoop."""
         u, rate, beta_dot = self.free.q, self._xi_dot, self.dot(self.beta)
         x, y = self._rates(u)
         curvature = (x * ca.jacobian(y, u) - y * ca.jacobian(x, u)) / self._speed(u) ** 3

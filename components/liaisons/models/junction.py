@@ -14,6 +14,7 @@ from liaisons.language import (
     point,
 )
 from liaisons.language.shapes import Ball, Shapes, Trail
+from liaisons.models.solutions.linear import coordinate_motion
 
 
 class Junction(Mechanism):
@@ -54,8 +55,4 @@ class Junction(Mechanism):
     @closed_form("the pin under a constant torque")
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        push = at.angle_force / at.inertia
-        return {
-            "angle": at.angle_0 + at.angle_dot_0 * t + push * t**2 / 2,
-            "angle_dot": at.angle_dot_0 + push * t,
-        }
+        return coordinate_motion(t, at, "angle", forces=[(at.angle_force / at.inertia, 0.0)])

@@ -34,43 +34,43 @@ class KnottedMotion(Operator, SampledStates, abstract=True):
     repeats: Any  # parameters: the time after which the motion repeats itself [s],
     announced: Any  # and whether next_event_time has samples, too
 
-    def rounds(self, t: ca.SX) -> ca.SX:
-        """Number of completed rounds; a round that ends within rounding errors is completed."""
+    def completed_rounds(self, t: ca.SX) -> ca.SX:
+        """Number of rounds that are completed at t, but for rounding errors."""
         return ca.floor(t / self.repeats + 1e-10)
 
     def time_of_round(self, t: ca.SX) -> ca.SX:
-        """Time since the start of the round, put forward by rounding errors."""
-        return t - self.rounds(t) * self.repeats + 1e-9 * self.period
+        """Time since the start of the round [s], and 1e-9 periods more, beyond rounding errors."""
+        return t - self.completed_rounds(t) * self.repeats + 1e-9 * self.period
 
     def signal(self, t: ca.SX) -> ca.SX:
         columns = "instant", "planned", "planned_rate", "planned_acceleration"
         (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(self.time_of_round(t), *columns, rests=True)
-        tau, h = t - self.rounds(t) * self.repeats - t_0, t_1 - t_0
+        tau, h = t - self.completed_rounds(t) * self.repeats - t_0, t_1 - t_0
         is_jump = h < CLOCK_ERROR * self.period
         u = tau * ca.if_else(is_jump, 0, 1 / ca.if_else(is_jump, self.period, h))
         return quintic((y, v, a), (y_1, v_1, a_1), tau, h, u) + self.value
 
     def last_sample(self, t: ca.SX) -> ca.SX:
-        return self._samples(t)[0]
+        return self._sample_instants(t)[0]
 
     def events(self) -> list[ca.SX]:
-        return [self._samples(self.clock)[1]]
+        return [self._sample_instants(self.clock)[1]]
 
     def next_event_time(self) -> ca.SX:
-        """Next repeated instant of this round, the start of the next round, or the next sample if these are announced.
+        """Instant of the next jump, of the next round, or of the next sample if samples are ``announced``.
 
         At samples only the third derivative jumps.
         """
         t = self.clock
         (next_jump,), _ = self.interval(self.time_of_round(t), "next_jump", rests=True)
-        begin = self.rounds(t) * self.repeats
+        begin = self.completed_rounds(t) * self.repeats
         sample = ca.if_else(self.announced > 0, self.events()[0], begin + next_jump)
         return self.first_after([begin + next_jump, begin + self.repeats, sample])
 
-    def _samples(self, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Instants of the last sample before or at t, and of the next one [s]."""
+    def _sample_instants(self, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Instants [s] of the last sample up to t, and of the next one."""
         (t_0,), (t_1,) = self.interval(self.time_of_round(t), "instant", rests=True)
-        begin, period = self.rounds(t) * self.repeats, self.period
+        begin, period = self.completed_rounds(t) * self.repeats, self.period
         count = ca.floor((t - begin - t_0) / period + CLOCK_ERROR)
         last = ca.if_else(t_1 > t_0, t_0, t_0 + period * count)
         return begin + last, begin + ca.fmin(ca.if_else(t_1 > t_0, t_1, last + period), self.repeats)

@@ -50,7 +50,7 @@ class LinearMolecule(Mechanism):
         return self.stiffness / 2 * (left**2 + right**2)
 
     def _normal_coordinates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Normal coordinates q_k of the present displacements."""
+        """Normal coordinates q_1, q_2, q_3 of the displacements."""
         u = (self.x_1, self.x_2 - self.spacing, self.x_3 - 2 * self.spacing)
         return normal_coordinates(u, self.mass_outer, self.mass_inner)
 

@@ -40,33 +40,33 @@ class FourBars(Mechanism, abstract=True):
         return self._top(0)
 
     def picture(self) -> Shapes:
-        tops = [self._top(i) for i in self._rods]
+        tops = [self._top(i) for i in self._indices]
         standing = [Rod({"x": i * self.length}, top) for i, top in enumerate(tops)]
         return [*standing, *(Rod(left, right) for left, right in pairwise(tops))]
 
     def kinetic_energy(self) -> ca.SX:
-        standing = ca.SX(sum(self.length**2 * self.dot(self.symbols[f"theta_{i}"]) ** 2 for i in self._rods))
-        tops = [{axis: self.dot(z) for axis, z in self._top(i).items()} for i in self._rods]
+        standing = ca.SX(sum(self.length**2 * self.dot(self.symbols[f"theta_{i}"]) ** 2 for i in self._indices))
+        tops = [{axis: self.dot(z) for axis, z in self._top(i).items()} for i in self._indices]
         lying = sum(v[a] ** 2 + v[a] * w[a] + w[a] ** 2 for v, w in pairwise(tops) for a in "xz")
         return self.mass / 6 * (standing + lying)
 
     def potential_energy(self) -> ca.SX:
-        heights = [self._top(i)["z"] for i in self._rods]
+        heights = [self._top(i)["z"] for i in self._indices]
         lying = sum((left + right) / 2 for left, right in pairwise(heights))
         return self.mass * self.gravity * (ca.SX(sum(heights)) / 2 + lying)
 
     @property
-    def _rods(self) -> range:
-        """Numbers of the standing rods."""
+    def _indices(self) -> range:
+        """Indices i of the standing rods."""
         return range(self.windows + 1)
 
     def _top(self, i: int) -> dict[str, ca.SX]:
-        """Top B_i of a standing rod."""
+        """Position of B_i, the top of standing rod i, by axis."""
         theta = self.symbols[f"theta_{i}"]
         return {"x": self.length * (i + ca.cos(theta)), "z": self.length * ca.sin(theta)}
 
     def stretch(self, i: int) -> ca.SX:
-        """Stretch σ_i of a lying rod [m]."""
+        """Stretch σ_i of lying rod i [m]."""
         left, right = self._top(i - 1), self._top(i)
         return (sum((right[axis] - left[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
 

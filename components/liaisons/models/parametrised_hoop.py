@@ -24,8 +24,8 @@ class ParametrisedHoop(Hoop, abstract=True):
 
     @assertion("the hoop must be star-shaped about O, which lies inside it")
     def star_shaped(self) -> ca.SX:
-        """Least moment of the samples."""
-        return ca.mmin(ca.vertcat(*(self._moment(ca.SX(u)) for u in SAMPLES)))
+        """Smallest r² dθ/du of the samples, positive about a hoop that is star-shaped."""
+        return ca.mmin(ca.vertcat(*(self._moment_of_rate(ca.SX(u)) for u in SAMPLES)))
 
     @property
     def _u_at_A(self) -> ca.SX:  # noqa: N802
@@ -33,7 +33,7 @@ class ParametrisedHoop(Hoop, abstract=True):
         return ca.SX(0)
 
     def _arc(self, u: ca.SX, rule: tuple[np.ndarray, np.ndarray]) -> ca.SX:
-        """Arc length from 0 to u by a quadrature rule, which stays a loop in the generated code."""
+        """Arc length from 0 to u by a quadrature rule, nodes and weights on [-1, 1]; a loop in the generated code."""
         nodes, weights = (ca.DM(column) for column in rule)
         k, v = self.parameter_column, ca.SX.sym("v")
         speed = ca.Function("speed", [k, v], [self._speed(v)]).map(nodes.numel())
@@ -65,5 +65,5 @@ class ParametrisedHoop(Hoop, abstract=True):
 
     @calculated("m2", "area inside the hoop")
     def hoop_area(self) -> ca.SX:
-        """Trapezoidal rule: exact for a curve of trigonometric polynomials."""
-        return np.pi * sum((self._moment(ca.SX(u)) for u in SAMPLES), ca.SX(0)) / len(SAMPLES)
+        """Area by the trapezoidal rule, which is exact for trigonometric polynomials."""
+        return np.pi * sum((self._moment_of_rate(ca.SX(u)) for u in SAMPLES), ca.SX(0)) / len(SAMPLES)

@@ -50,7 +50,7 @@ class Pid(Sampled):
     @closed_form("sums of constants and a geometric series", delay="== 0", lowest="== -1e30", highest="== 1e30")
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        """Between samples, for constant inputs."""
+        """Return outputs and states between samples, for constant inputs."""
         n = np.floor(t / at.period + 1e-6)
         deviation = at.derivative_weight * at.setpoint - at.reading
         decay = at.derivative_time / (at.derivative_time + at.filter * at.period)

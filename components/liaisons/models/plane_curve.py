@@ -27,20 +27,20 @@ class PlaneCurve(Mechanism, abstract=True):
         return along, left
 
     def _speed(self, u: ca.SX) -> ca.SX:
-        """Length dξ/du = |dOP/du|."""
+        """Speed dξ/du = |dOP/du| [m]."""
         x, y = self._rates(u)
         return ca.sqrt(x**2 + y**2)
 
-    def _moment(self, u: ca.SX) -> ca.SX:
-        """Moment OP × dOP/du = r² dθ/du: positive where OP turns counter-clockwise."""
+    def _moment_of_rate(self, u: ca.SX) -> ca.SX:
+        """Moment of dOP/du about O, r² dθ/du [m2], positive where OP turns counter-clockwise."""
         (x, y), (x_rate, y_rate) = self.curve(u), self._rates(u)
         return x * y_rate - y * x_rate
 
     def _r_squared(self, u: ca.SX) -> ca.SX:
-        """Square of the distance from O, r²."""
+        """Square of the distance from O, r² [m2]."""
         return ca.SX(sum(component**2 for component in self.curve(u)))
 
-    def _polar_angle(self, direction: ca.SX) -> ca.SX:
-        """Angle of OP, not wrapped, next to a direction that is never opposite to it."""
-        (x, y), cosine, sine = self.curve(self.free.q), ca.cos(direction), ca.sin(direction)
-        return direction + ca.atan2(y * cosine - x * sine, x * cosine + y * sine)
+    def _polar_angle(self, near: ca.SX) -> ca.SX:
+        """Polar angle of OP, not wrapped: that within π of an angle, which must not be opposite to it."""
+        (x, y), cosine, sine = self.curve(self.free.q), ca.cos(near), ca.sin(near)
+        return near + ca.atan2(y * cosine - x * sine, x * cosine + y * sine)

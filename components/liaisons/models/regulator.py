@@ -48,7 +48,7 @@ class Regulator(KnottedMotion):
         t = self.clock
         (offset, advance, *row), _ = self.interval(self.time_of_round(t), "offset", "advance", *gains, rests=True)
         readings = (self.symbols[f"reading_{i}"] for i in range(1, READINGS + 1))
-        return {"wanted": offset + self.rounds(t) * advance - sum(map(mul, row, readings))}
+        return {"wanted": offset + self.completed_rounds(t) * advance - sum(map(mul, row, readings))}
 
     def internal_rates(self) -> dict[str, ca.SX]:
         limits = ["lowest", "highest", "slowest", "fastest", "least", "most"]

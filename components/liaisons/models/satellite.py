@@ -56,7 +56,7 @@ class Satellite(Mechanism):
         R, spins = self.attitude.matrix, (self.wheel_1, self.wheel_2, self.wheel_3)
 
         def position(r: ca.SX) -> dict[str, ca.SX]:
-            """Components of a vector by axis."""
+            """Components x, y, z of a vector, by axis."""
             return dict(zip("xyz", ca.vertsplit(r), strict=True))
 
         panels = [Box(position(side * R[:, 1]), R, (0.5, 1.1, 0.03)) for side in (-1, 1)]

@@ -12,6 +12,8 @@ from liaisons.language import ActiveCoordinate, Mechanism
 
 Function = Callable[..., Any]
 _Shaped = TypeVar("_Shaped", bound="ShapedMechanism")
+NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
+"""Why units are not checked."""
 
 
 class ShapedMechanism(Mechanism, abstract=True):
@@ -20,7 +22,7 @@ class ShapedMechanism(Mechanism, abstract=True):
     functions: ClassVar[Mapping[str, Function]] = {}
 
     def _value_of(self, name: str, rows: int = 1, columns: int = 1) -> ca.SX:
-        """Value of one of the functions at the present shape, checked by its size."""
+        """Value of the function of this name at the shape; raise a ComponentError if its size is another."""
         value = self.functions[name](*ca.vertsplit(self.active.s))
         if isinstance(value, (list, tuple)):
             value = ca.vertcat(*(ca.horzcat(*row) if isinstance(row, (list, tuple)) else row for row in value))
@@ -33,10 +35,16 @@ class ShapedMechanism(Mechanism, abstract=True):
         return matrix
 
 
+def smallest_pivot(matrix: ca.SX) -> ca.SX:
+    """Smallest pivot of Cholesky's decomposition, positive for a positive definite symmetric matrix."""
+    pivots, _, _ = ca.ldl(ca.densify(matrix), False)
+    return ca.mmin(pivots)
+
+
 def component_of_shape(
     base: type[_Shaped], functions: Mapping[str, Function], shape: Mapping[str, ActiveCoordinate] | None, name: str
 ) -> type[_Shaped]:
-    """A component from functions of its shape, as if it were written where the first of them was defined.
+    """Make a component from functions of its shape, in the module of the first function.
 
     :param functions: by symbol; each is called with the shape coordinates, one argument each.
     :param shape: names and declarations of these; without it they are the arguments of the first function, with their
@@ -44,7 +52,7 @@ def component_of_shape(
     :raises ComponentError: if a name is taken, there are no shape coordinates, or a function does not take them.
     """
     symbol, first = next(iter(functions.items()))
-    coordinates = _arguments(first) if shape is None else dict(shape)
+    coordinates = _shape_coordinates(first) if shape is None else dict(shape)
     for coordinate in coordinates:
         if hasattr(base, coordinate):
             raise ComponentError(f"{name}: a shape coordinate cannot be called {coordinate!r}; choose another name")
@@ -60,8 +68,8 @@ def component_of_shape(
     return new_class(name, (base,), exec_body=lambda body: body.update(namespace))
 
 
-def _arguments(function: Function) -> dict[str, ActiveCoordinate]:
-    """Shape coordinates with the names and defaults of the arguments of a function."""
+def _shape_coordinates(function: Function) -> dict[str, ActiveCoordinate]:
+    """Shape coordinates with the names of a function's arguments; its defaults are their start values."""
     arguments = inspect.signature(function).parameters.values()
     starts = {a.name: 0.0 if a.default is a.empty else a.default for a in arguments}
     return {name: ActiveCoordinate("1", f"shape coordinate {name}", start=start) for name, start in starts.items()}

@@ -50,7 +50,7 @@ class SpatialCat(Mechanism):
     )
 
     def _half_B(self) -> tuple[ca.SX, ca.SX]:  # noqa: N802
-        """Axis b of half B and its angular velocity relative to half A, in the frame of A."""
+        """Axis b of half B, and angular velocity of half B relative to half A, both in the frame of A."""
         sine, cosine = ca.sin(self.azimuth), ca.cos(self.azimuth)
         hinge = ca.vertcat(cosine, sine, 0)
         axis = ca.vertcat(sine * ca.sin(self.bend), -cosine * ca.sin(self.bend), ca.cos(self.bend))

@@ -49,15 +49,15 @@ class Swing(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.gravity * (self.mass_seat * self.seat["z"] + self.mass_torso * self.torso["z"])
 
-    def _moment(self) -> tuple[ca.SX, ca.SX]:
-        """Static moment about the pivot, mass × centre of mass [kg.m]: along the rope, and to its left."""
+    def _static_moment(self) -> tuple[ca.SX, ca.SX]:
+        """Components of mass × centre of mass about the pivot [kg.m], along the rope and to its left."""
         along = (self.mass_seat + self.mass_torso) * self.rope
         lever = self.mass_torso * self.torso_length
         return along + lever * ca.cos(self.lean), lever * ca.sin(self.lean)
 
     @output("rad", "angle of the centre of mass from the downward vertical, the theta of M eq. 54")
     def theta_com(self) -> ca.SX:
-        along, across = self._moment()
+        along, across = self._static_moment()
         return self.theta + ca.atan2(across, along)
 
     @output("kg.m2", "moment of inertia I about the pivot (M eq. 55)")
@@ -67,7 +67,7 @@ class Swing(Mechanism):
 
     @output("N.m", "gravity times total mass times distance of the centre of mass from the pivot (M eq. 54)")
     def D(self) -> ca.SX:  # noqa: N802
-        return self.gravity * ca.hypot(*self._moment())
+        return self.gravity * ca.hypot(*self._static_moment())
 
     @output("kg.m", "coupling of theta and rope in the kinetic energy (M eq. 55)")
     def J_rope(self) -> ca.SX:  # noqa: N802
@@ -79,7 +79,7 @@ class Swing(Mechanism):
 
     @assertion("the centre of mass must stay off the pivot")
     def com_off_the_pivot(self) -> ca.SX:
-        return ca.hypot(*self._moment())
+        return ca.hypot(*self._static_moment())
 
     from liaisons.models.pictures.swing import picture
     from liaisons.models.solutions.swing import exact, leaning, lift

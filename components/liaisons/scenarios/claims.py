@@ -26,7 +26,7 @@ class Bound:
 
 
 def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
-    """Make a bound for claims.
+    """Return a bound for claims: a tolerance with its unit and reason.
 
     :param tolerance: largest error that is allowed, >= 0.
     :param unit: SI unit of error and tolerance; empty for what is relative or a count.
@@ -65,25 +65,23 @@ class Claims:
         :param names: of those that are compared, if they go by name; all that are expected unless given.
         """
         if isinstance(expected, Mapping):
-            pairs = [
-                (_checked_signal(text, got, name), expected[name]) for name in (expected if names is None else names)
-            ]
+            pairs = [(_checked_signal(text, got, name), expected[name]) for name in names or expected]
         else:
             pairs = [(got, expected)]
         self._append_verdict(text, [np.abs(_checked_difference(text, *pair)) for pair in pairs], bound)
 
     def below(self, text: str, got: ArrayLike, limit: ArrayLike, bound: Bound) -> None:
-        """Claim that no result exceeds the limit; the error is the largest excess."""
+        """Claim that results do not exceed a limit; the error is the largest excess."""
         self._append_verdict(text, [np.maximum(_checked_difference(text, got, limit), 0.0)], bound)
 
     def order(self, text: str, sizes: ArrayLike, errors: ArrayLike, order: float, bound: Bound) -> None:
-        """Claim that errors go as the sizes to this power: the slope of their logarithms, three at least."""
+        """Claim the order of errors: the slope of their logarithms over those of the sizes, at least three."""
         self(text, slope(sizes, errors), order, bound)
 
     def energy(self, text: str, *runs: Result, tolerance: float) -> None:
-        """Claim that mechanisms gained what their operators, drives and loads gave them, less what was dissipated.
+        """Claim that the energy balance of each mechanism in the runs stays 0.
 
-        The bound is 10 x tolerance x mean kinetic energy x time; of several the one that comes nearest to it counts.
+        The bound is 10 x tolerance x mean kinetic energy x time; of several balances the one nearest to it counts.
 
         :param tolerance: that of the runs.
         """
@@ -100,7 +98,7 @@ class Claims:
         self(text, error, 0.0, within(bound, "J", because="10 x tolerance x mean kinetic energy x time"))
 
     def _append_verdict(self, text: str, errors: list[NDArray[Any]], bound: Bound) -> None:
-        """Append the verdict on a claim whose error is the largest of these."""
+        """Append the verdict on a claim; its error is the largest one of all."""
         if not isinstance(bound, Bound):
             raise ValidityError(f"{text!r}: {shown(bound)} is no bound; give within(tolerance, unit, because=...)")
         error = max(map(np.max, errors), key=lambda e: (np.isnan(e), e))
@@ -110,7 +108,7 @@ class Claims:
 
 
 def _checked_signal(text: str, got: Any, name: str) -> ArrayLike:
-    """Values of a signal, checked to be in the results."""
+    """Values of a signal; raise a ValidityError if the results have none of this name."""
     try:
         return got[name]
     except (TypeError, IndexError, KeyError):
@@ -118,7 +116,7 @@ def _checked_signal(text: str, got: Any, name: str) -> ArrayLike:
 
 
 def _checked_difference(text: str, got: object, expected: object) -> NDArray[Any]:
-    """Results less the reference, checked to have shapes that agree."""
+    """Results less the reference; raise a ValidityError if their shapes do not agree."""
     numbers, reference = (_checked_numbers(text, values) for values in (got, expected))
     try:
         if numbers.size:
@@ -129,7 +127,7 @@ def _checked_difference(text: str, got: object, expected: object) -> NDArray[Any
 
 
 def _checked_numbers(text: str, values: object) -> NDArray[Any]:
-    """Real or complex numbers as an array, checked."""
+    """Array of real or complex numbers; raise a ValidityError for anything else."""
     try:
         numbers = np.asarray(values)
     except ValueError:  # rows of different lengths

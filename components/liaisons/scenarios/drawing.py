@@ -20,7 +20,7 @@ _WIDTH, _HEIGHT = 5.2, 4.0
 def panels(
     *labels: tuple[str, ...], mosaic: str = "", size: tuple[float, float] | None = None, **options: Any
 ) -> list[Any]:
-    """Make the figure and return the axes of its panels, from left to right.
+    """Make the scenario's figure; return the axes of its panels, from left to right.
 
     :param labels: of each panel its title and what stands along x and y, with units; a panel of four is in space.
     :param mosaic: their arrangement where they do not stand in one row, "ab;cc": the first is a, the second b ...
@@ -49,7 +49,7 @@ def panels(
 
 
 def dots(axis: Any, x: ArrayLike, y: ArrayLike, *, every: int = 0, **style: Any) -> None:
-    """Draw the points through which a curve has to pass.
+    """Draw points of a reference, through which a curve has to pass.
 
     :param axis: a panel.
     :param x: along the axis, shape (n,).
@@ -63,7 +63,7 @@ def dots(axis: Any, x: ArrayLike, y: ArrayLike, *, every: int = 0, **style: Any)
 
 
 def save(path: Path) -> None:
-    """Add a legend below each panel with labelled curves, one for all where they are alike, and write the figure.
+    """Write the figure to a file, with a legend below each panel, or one for all panels if their labels are equal.
 
     :raises ValidityError: if there is none.
     """

@@ -42,11 +42,11 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """Whether it finished and all of its claims hold."""
+        """Whether the scenario finished and all of its claims hold."""
         return not self.error and all(verdict.passed for verdict in self.verdicts)
 
     def rows(self) -> list[Mapping[str, str]]:
-        """Rows of the table, one a verdict; scenario and time stand in the first."""
+        """Rows of :func:`report`, one for each verdict; the first one has the name of the scenario and its time."""
         rows = [verdict.row() for verdict in self.verdicts]
         rows += [{"claim": "(see its error)", "verdict": "ERROR"}] if self.error else []
         first = {"scenario": self.scenario.name, "time": f"{self.seconds:.1f} s"}
@@ -55,12 +55,12 @@ class Outcome:
 
 
 def names() -> list[str]:
-    """Names of the scenarios of this project."""
+    """Names of the project's scenarios."""
     return list(scenario_files())
 
 
 def scenario(main: Callable[[Claims], None]) -> Scenario:
-    """Make a scenario of the file that ends with this function; run it if the file is run as a program.
+    """Decorate the last function of a file: return its scenario, or run it if the file is run as a program.
 
     :raises ProjectError: if it is no function, something comes after it, or the file has no docstring.
     """
@@ -102,7 +102,7 @@ def load(target: str) -> Scenario:
 
 
 def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = False) -> Outcome:
-    """Run a scenario: simulate, judge its claims, and write its figure.
+    """Run a scenario, write its figure, and return its outcome.
 
     :param figures: directory for the figure; :func:`liaisons.base.project.figures_directory` unless given.
     :param debug: let errors of the scenario through instead of putting them into the outcome.
@@ -127,5 +127,5 @@ def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = Fa
 
 
 def report(outcomes: Iterable[Outcome]) -> str:
-    """Table of outcomes: scenario, claim, error, tolerance, verdict, time."""
+    """Return a table of all verdicts: scenario, claim, error, tolerance, verdict, time."""
     return table([row for outcome in outcomes for row in outcome.rows()])

@@ -12,7 +12,7 @@ def picture(self: Any) -> Shapes:
     h, (_, _, x, z, *_) = self.hinge, next(self._bodies)
 
     def point(hinge: Any, along: Any = 0.0, up: Any = 0.0, psi: Any = 0.0) -> dict[str, ca.SX]:
-        """Point of a body turned by psi about a hinge."""
+        """Position of a point of a body that is turned by psi about a hinge."""
         r = turned("y", -self.phi) @ (ca.vertcat(x + hinge, 0, z) + turned("y", -psi) @ ca.vertcat(along, 0, up))
         return {"x": self.com_x + r[0], "z": self.com_z + r[2]}
 

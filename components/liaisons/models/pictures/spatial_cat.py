@@ -14,7 +14,7 @@ def picture(self: Any) -> Shapes:
     B = turned("z", self.azimuth) @ turned("x", self.bend) @ turned("z", self.twist - self.azimuth)
 
     def position(from_joint: ca.SX) -> dict[str, ca.SX]:
-        """Position of a point given by its vector from the joint, in units of d and the frame of A."""
+        """Position of a point, from its vector from the joint in units of d and the frame of A."""
         x, y, z = ca.vertsplit(R @ (d * from_joint + d / 2 * (A - axis)))
         return {"x": self.com_x + x, "y": self.com_y + y, "z": self.com_z + z}
 

@@ -8,7 +8,7 @@ from liaisons.language import Values, closed_form
 
 @closed_form("velocities [m/s] after ball 1 strikes others that touch and move together: Moreau's rule")
 def moreau(at: Values) -> NDArray:
-    """The struck balls move on as one body of their mass."""
+    """Return velocities of the balls, (n,): those struck move on as one body."""
     (first, *struck), v = at.mass, at.x_dot_0
     at.require(v[0] > v[1] and np.ptp(v[1:]) == 0, f"x_dot_0 = {v}: the balls struck must move together")
     impulse = (1 + at.bounce) * (v[0] - v[1]) * first * sum(struck) / (first + sum(struck))
@@ -17,7 +17,7 @@ def moreau(at: Values) -> NDArray:
 
 @closed_form("velocities [m/s] after all impacts of ball 1 with 2 and of 2 with 3, one after the other from the left")
 def sequence(at: Values) -> NDArray:
-    """Velocities at the start and after each impact if a gap separates balls 2 and 3; (impacts + 1, 3)."""
+    """Return velocities at the start and after each impact, (impacts + 1, 3), of three balls with gaps between them."""
     m, v = at.mass, [at.x_dot_0]
     at.require(len(m) == 3, f"{len(m)} balls: of more than three the order depends on the gaps")
     while np.any(np.diff(v[-1]) < -1e-12 * np.max(np.abs(v[0]))):

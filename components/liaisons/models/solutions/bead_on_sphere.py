@@ -8,7 +8,7 @@ from liaisons.models.solutions import elliptic
 
 
 def _start_angle(at: Values) -> float:
-    """Angle of the start from the top [rad], checked to lie on the sphere."""
+    """Start angle from the top [rad]; raise a ValidityError unless the start lies on the sphere."""
     distance = np.hypot(at.x_0, at.z_0)
     text = f"BeadOnSphere: x_0 = {at.x_0}, z_0 = {at.z_0}: start on the sphere, at radius = {at.radius}"
     at.require(abs(distance - at.radius) <= 1e-9 * at.radius and at.x_0 != 0, f"{text}, beside its top")
@@ -17,7 +17,7 @@ def _start_angle(at: Values) -> float:
 
 @closed_form("angle from the top [rad] and instant [s] at which the bead leaves the sphere", gravity="> 0")
 def leaves(at: Values) -> tuple[float, float]:
-    """It leaves at cos θ = (2/3) cos θ_0, where the force m g (3 cos θ - 2 cos θ_0) ends."""
+    """Return angle and instant: the force m g (3 cos θ - 2 cos θ_0) ends at cos θ = (2/3) cos θ_0."""
     start, omega = _start_angle(at), np.sqrt(at.gravity / at.radius)
     at.require(abs(start) < np.pi / 2, f"x_0 = {at.x_0}: it starts below the equator, and falls")
     angle = np.copysign(np.arccos(2 / 3 * np.cos(start)), start)

@@ -18,7 +18,7 @@ def _impacts(end: float, at: Values) -> tuple[NDArray, NDArray]:
 
 @closed_form("the instant [s] at which the ball comes to rest on a table at rest", gravity="> 0", bounce="< 1")
 def rests_at(at: Values) -> float:
-    """It is √(2h/g) (1 + e)/(1 - e) for a drop from h: a geometric series of flights, each e times the one before."""
+    """Return the instant: √(2h/g) (1 + e)/(1 - e) for a drop from h, as each flight takes e times the one before."""
     instants, speeds = _impacts(-1.0, at)
     return float(instants[0] + 2 * speeds[0] * at.bounce / (at.gravity * (1 - at.bounce)))
 
@@ -58,10 +58,11 @@ def leaves_at(at: Values, *, amplitude: float, angular_frequency: float) -> floa
 
 @closed_form("the range of Γ in which bouncing once a period of the table is stable", gravity="> 0")
 def period_one_range(at: Values) -> tuple[float, float]:
-    """Stability of the map from an impact (t, v) to the next, with the deviations δt, δv from bouncing in step.
+    """Return the smallest and the largest Γ, from the stability of the map of an impact (t, v) to the next.
 
-    In step the flight of T = 2π/ω ends with the speed w = gT/2 it began with: w - ż = e (w + ż), ż = Aω cos φ, so
-    that Γ cos φ = π (1 - e)/(1 + e), and w + ż = gT/(1 + e).  The next impact is where the table is met:
+    δt and δv are deviations from bouncing in step.  In step the flight of T = 2π/ω ends with the speed w = gT/2 it
+    began with: w - ż = e (w + ż), ż = Aω cos φ, so that Γ cos φ = π (1 - e)/(1 + e), and w + ż = gT/(1 + e).  The next
+    impact is where the table is met:
     δt' = δt + (1 + e)/g δv.  There v' = (1 + e) ż - e (v - gτ), so that δv' = (1 + e) z̈ δt' - eδv + eg (δt' - δt).
     This matrix has determinant e² and trace 1 + e² - (1 + e)² Γ sin φ.  |trace| < 1 + determinant is
     0 < Γ sin φ < 2 (1 + e²)/(1 + e)²: born where φ = 0, lost where a multiplier is -1, and the period doubles.
@@ -73,7 +74,7 @@ def period_one_range(at: Values) -> tuple[float, float]:
 
 @closed_form("bouncing once a period of the table A sin ωt, stable or not", gravity="> 0")
 def period_one(at: Values, *, amplitude: float, angular_frequency: float) -> tuple[float, float]:
-    """Phase φ of the table at the impacts [rad], with sin φ > 0, and speed after them [m/s]."""
+    """Return the phase φ of the table at the impacts [rad], sin φ > 0, and the ball's speed after each [m/s]."""
     cosine = period_one_range(at=at)[0] * at.gravity / (amplitude * angular_frequency**2)
     at.require(cosine <= 1, f"amplitude = {amplitude}: a table so slow throws no ball that high")
     return float(np.arccos(cosine)), float(np.pi * at.gravity / angular_frequency)

@@ -12,8 +12,8 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     rotation = -at.charge / at.mass * at.array("B_x", "B_y", "B_z")
     a = at.charge / at.mass * at.array("E_x", "E_y", "E_z")
     r_0, v_0 = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
-    r, r_dot = _turning(t, r_0, v_0, a, rotation)
-    centre = _centre(t, r_0, v_0, a, rotation) if rotation.any() else r
+    r, r_dot = _particle_motion(t, r_0, v_0, a, rotation)
+    centre = _guiding_centre(t, r_0, v_0, a, rotation) if rotation.any() else r
     names = (form.format(axis) for form in ("{}", "{}_dot", "guiding_centre_{}") for axis in "xyz")
     return dict(zip(names, (*r, *r_dot, *centre), strict=True))
 
@@ -25,10 +25,10 @@ def drift(at: Values) -> NDArray:
     return np.cross(E, B) / (B @ B)
 
 
-def _turning(
+def _particle_motion(
     t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rotation: NDArray
 ) -> tuple[NDArray, NDArray]:
-    """Position r and velocity r' of r'' = acceleration + rotation∧r': accelerated along the axis, turning across it.
+    """Position r and velocity r' that solve r'' = acceleration + rotation∧r'.
 
     :param t: times since the start [s], any shape; the vectors have shape (3,).
     :returns: shape (3, ...) each.
@@ -46,8 +46,8 @@ def _turning(
     return np.moveaxis(r, -1, 0), np.moveaxis(r_dot, -1, 0)
 
 
-def _centre(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rotation: NDArray) -> NDArray:
-    """Centre that a :func:`_turning` goes round; the rotation must not be 0.
+def _guiding_centre(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rotation: NDArray) -> NDArray:
+    """Position of the centre about which the particle turns; the rotation must not be 0.
 
     :returns: shape (3, ...).
     """
@@ -55,4 +55,4 @@ def _centre(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rot
     across = np.cross(rotation, acceleration) / square
     centre_0 = r_0 + np.cross(rotation, v_0 - across) / square
     rate, along = across + rotation * (rotation @ v_0) / square, rotation * (rotation @ acceleration) / square
-    return _turning(t, centre_0, rate, along, np.zeros(3))[0]
+    return _particle_motion(t, centre_0, rate, along, np.zeros(3))[0]

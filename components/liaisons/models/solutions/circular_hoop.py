@@ -11,14 +11,9 @@ from liaisons.models.solutions.slow_turn import SLOW_TURN, SlowTurn
 
 @closed_form("at constant rate a pendulum of frequency |β_dot| √(d/R)", offset="< radius", hoop_inertia=">= 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """The centrifugal force is its gravity; the operator's torque balances the moment of the normal force."""
+    """Return motion, normal force and torque: the centrifugal force takes the part of gravity in a pendulum."""
     R, d, Y = at.radius, at.offset, at.beta_dot
-    frequency = abs(Y) * np.sqrt(d / R)
-    if frequency > 0:
-        psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, frequency)
-    else:
-        psi_dot = np.full_like(t, at.xi_dot_0 / R)
-        psi = at.xi_0 / R + psi_dot * t
+    psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, abs(Y) * np.sqrt(d / R))
     normal_force = at.mass * (R * (psi_dot + Y) ** 2 + d * Y**2 * np.cos(psi))
     torque = -d * np.sin(psi) * normal_force
     motion = {"xi": R * psi, "xi_dot": R * psi_dot}
@@ -30,17 +25,17 @@ def slow_turn(at: Values) -> SlowTurn:
     return SlowTurn({0: at.offset, 1: at.radius})
 
 
-def _circle(xi: ArrayLike, at: Values) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Tangential part a = r²θ', rest b = r²r'², and their derivatives by ξ, at arc lengths of a circle."""
+def _tangential_and_normal_parts(xi: ArrayLike, at: Values) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Parts a = r²θ' and b = r²r'² of r² at arc lengths ξ of a circle, and their derivatives by ξ."""
     R, d, psi = at.radius, at.offset, np.asarray(xi, dtype=float) / at.radius
     return R + d * np.cos(psi), (d * np.sin(psi)) ** 2, -d / R * np.sin(psi), d**2 / R * np.sin(2 * psi)
 
 
 @closed_form("the three terms of the dynamic field, D_0, H(Y) and -X_K (M eq. 65-67), in ξ and p_ξ with Y = β_dot")
 def dynamic_field(xi: ArrayLike, p_xi: ArrayLike, beta_dot: ArrayLike, at: Values) -> dict[str, NDArray]:
-    """Rates of ξ [m/s] and of p_ξ [N] in each term, shape (2, ...)."""
+    """Return the rates of ξ [m/s] and of p_ξ [N] in each term, shape (2, ...)."""
     xi, p, Y = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in (xi, p_xi, beta_dot)))
-    a, _, a_dash, b_dash = _circle(xi, at)
+    a, _, a_dash, b_dash = _tangential_and_normal_parts(xi, at)
     fields = {
         "D_0": (p / at.mass, 0 * p),
         "H(Y)": (-a * Y, a_dash * p * Y),
@@ -53,13 +48,13 @@ def dynamic_field(xi: ArrayLike, p_xi: ArrayLike, beta_dot: ArrayLike, at: Value
 def on_a_free_shaft(t: NDArray, at: Values, *, shaft_inertia: float = 0.0) -> dict[str, NDArray]:
     """Return ξ, β, p_ξ, and the constants p_β [kg.m2/s] and energy [J]; ``shaft_inertia`` [kg.m2] is added to I."""
     inertia = at.hoop_inertia + shaft_inertia
-    a, b, _, _ = _circle(at.xi_0, at)
+    a, b, _, _ = _tangential_and_normal_parts(at.xi_0, at)
     p_0 = at.mass * (at.xi_dot_0 + a * at.beta_dot)
     p_beta = a * p_0 + (inertia + at.mass * b) * at.beta_dot
 
     def rates(_: float, y: NDArray) -> list[float]:
         """Hamilton's equations of ξ, β, p_ξ."""
-        a, b, a_dash, b_dash = _circle(y[0], at)
+        a, b, a_dash, b_dash = _tangential_and_normal_parts(y[0], at)
         Y = (p_beta - a * y[2]) / (inertia + at.mass * b)
         return [y[2] / at.mass - a * Y, Y, a_dash * y[2] * Y + at.mass / 2 * b_dash * Y**2]
 

@@ -9,7 +9,7 @@ from liaisons.models.solutions.linear import Modes, superposition
 
 @closed_form("frequencies [rad/s] (2,), the slow one first, and modes (1, θ_2/θ_1) as columns (2, 2)", gravity="> 0")
 def normal_modes(at: Values) -> Modes:
-    """In the slow mode both bobs swing to the same side, in the fast one to opposite sides."""
+    """Return frequencies and modes: the bobs swing to one side in the slow mode, to opposite sides in the fast one."""
     # λ = g/Ω² solves λ² - (l_1 + l_2) λ + l_1 l_2 m_1/(m_1 + m_2) = 0 and θ_2/θ_1 = l_1/(λ - l_2); of the two
     # roots each of λ and of λ - l_2 the one with cancellation follows from the product.
     product, difference, total = at.length_1 * at.length_2, at.length_1 - at.length_2, at.mass_1 + at.mass_2

@@ -26,7 +26,7 @@ def exact(t: NDArray, at: Values, *, amplitude: float = 0.1, angular_frequency: 
 
 @closed_form("a bound of what precedes a sudden unit push at mass j before j Δx/c, J_2j(x)/√(1 - (x/2j)²)")
 def forerunner(t: NDArray, j: ArrayLike, at: Values) -> NDArray:
-    """An endless chain answers a step by u_j = ∫ 2j J_2j(x) dt/t, with x = 2 √(κ/m) t < 2j."""
+    """Return the bound from an endless chain's answer to a step, u_j = ∫ 2j J_2j(x) dt/t, x = 2 √(κ/m) t < 2j."""
     order, x = 2 * np.asarray(j), 2 * np.sqrt(at.stiffness / at.mass) * t
     at.require(np.all(x < order), f"at t = {np.max(t)} s the push is there")
     return jv(order, x) / np.sqrt(1 - (x / order) ** 2)

@@ -11,15 +11,15 @@ Phase = tuple[float, float, float, float]
 """Instant [s], elongation [m] and rate [m/s] at which it begins; direction of sliding, ±1, or 0 where it sticks."""
 
 
-def _balanced_elongations(at: Values) -> tuple[float, float]:
+def _static_and_sliding_elongations(at: Values) -> tuple[float, float]:
     """Elongations [m] at which static and sliding friction balance the spring."""
     weight = at.mass * at.gravity / at.stiffness
     return at.mu_static * weight, at.mu_sliding * weight
 
 
 def _phases(end: float, at: Values) -> Iterator[Phase]:
-    """Yield the phases of sliding and sticking until ``end``, or until the last."""
-    static, sliding = _balanced_elongations(at)
+    """Yield the phases of sliding and sticking until ``end`` [s], or until the mass rests."""
+    static, sliding = _static_and_sliding_elongations(at)
     omega, belt = np.sqrt(at.stiffness / at.mass), at.belt_dot
     t, x, rate = 0.0, at.x_0 - at.support, at.x_dot_0
     direction = np.sign(rate - belt)
@@ -52,19 +52,19 @@ def _phases(end: float, at: Values) -> Iterator[Phase]:
     support_dot="== 0",
 )
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    _, sliding = _balanced_elongations(at)
+    _, sliding = _static_and_sliding_elongations(at)
     omega = np.sqrt(at.stiffness / at.mass)
     motion = np.zeros((3, *np.shape(t)))
     for begin, start, rate, direction in _phases(np.max(t), at):
         since = t - begin
         if direction == 0:
-            state = start + rate * since, np.full_like(since, rate), at.stiffness * (start + rate * since)
+            elongation = start + rate * since
+            state = elongation, rate, at.stiffness * elongation
         else:
             a, sine, cosine = start + direction * sliding, np.sin(omega * since), np.cos(omega * since)
             position = a * cosine + rate / omega * sine - direction * sliding
-            force = np.full_like(since, -direction * at.stiffness * sliding)
-            state = position, rate * cosine - a * omega * sine, force
-        motion = np.where(since >= 0, state, motion)
+            state = position, rate * cosine - a * omega * sine, -direction * at.stiffness * sliding
+        motion = np.where(since >= 0, np.broadcast_arrays(*state), motion)
     return {"x": at.support + motion[0], "x_dot": motion[1], "slip_force": motion[2]}
 
 
@@ -76,8 +76,8 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     gravity="> 0",
 )
 def turning_points(at: Values) -> tuple[NDArray, NDArray]:
-    """Each half swing takes π/ω and loses 2 μ m g/k, until static friction balances the spring."""
-    static, sliding = _balanced_elongations(at)
+    """Return instants and elongations: a half swing takes π/ω and loses 2 μ m g/k, until static friction holds."""
+    static, sliding = _static_and_sliding_elongations(at)
     x = [at.x_0 - at.support]
     while abs(x[-1]) > static:
         x.append(2 * np.sign(x[-1]) * sliding - x[-1])
@@ -91,12 +91,12 @@ def turning_points(at: Values) -> tuple[NDArray, NDArray]:
     belt_dot="!= 0",
 )
 def stick_slip(at: Values) -> tuple[float, float]:
-    """The durations are 2δ/v and (2/ω)(π - arctan(δω/v)), δ = (μ_s - μ_k) m g/k.
+    """Return both durations, 2δ/v and (2/ω)(π - arctan(δω/v)), δ = (μ_s - μ_k) m g/k.
 
     It slides from δ beyond the centre, at the belt's speed: x = δ cos ωt + (v/ω) sin ωt.  The rate is v again where
     tan(ωt/2) = -δω/v, there x = -δ, and the belt carries it over 2δ.
     """
-    static, sliding = _balanced_elongations(at)
+    static, sliding = _static_and_sliding_elongations(at)
     omega, reach, speed = np.sqrt(at.stiffness / at.mass), static - sliding, abs(at.belt_dot)
     return float(2 * reach / speed), float(2 / omega * (np.pi - np.arctan(reach * omega / speed)))
 
@@ -108,7 +108,7 @@ def stick_slip(at: Values) -> tuple[float, float]:
     stiffness="== 0",
 )
 def drift(at: Values, *, amplitude: float, angular_frequency: float) -> float:
-    """It is Aω sin(πF/2μmg): at the velocity V, sign(V - Aω cos ωt) is F/μmg in the mean, (2/π) arcsin(V/Aω)."""
+    """Return V = Aω sin(πF/2μmg), at which the mean of sign(V - Aω cos ωt), (2/π) arcsin(V/Aω), is F/μmg."""
     share = at.x_force / (at.mu_sliding * at.mass * at.gravity)
     at.require(abs(share) < 1, f"x_force = {at.x_force}: friction does not hold it")
     return float(amplitude * angular_frequency * np.sin(np.pi / 2 * share))

@@ -12,9 +12,9 @@ from liaisons.models.solutions.slow_turn import SLOW_TURN, SlowTurn
 
 @closed_form("by Jacobi elliptic functions and one quadrature, about the centre at constant rate", t=">= 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """In a time τ with dt = (dξ/du) dτ Jacobi's integral is that of a pendulum.
+    """Return motion and torque: in the time τ, dt = (dξ/du) dτ, the angle 2u moves as that of a pendulum.
 
-    Its angle is 2u, its frequency |β_dot| √|a² - b²|; t(τ) is a quadrature.
+    The pendulum's frequency is |β_dot| √|a² - b²|; t(τ) is a quadrature.
     """
     a, b, Y = at.semi_axis_a, at.semi_axis_b, at.beta_dot
     frequency = abs(Y) * np.sqrt(abs(a**2 - b**2))
@@ -28,8 +28,6 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
 
     def motion(tau: NDArray) -> tuple[NDArray, NDArray]:
         """Coordinate u and rate ξ_dot at times τ."""
-        if frequency == 0:
-            return at.u_0 + v_0 * tau, np.full_like(tau, v_0)
         twice, rate = elliptic.pendulum(tau, 2 * (at.u_0 - lowest), 2 * v_0, frequency)
         return twice / 2 + lowest, rate / 2
 

@@ -17,7 +17,7 @@ from scipy.special import ellipkm1, elliprf, elliprj
 
 from liaisons.errors import ValidityError
 from liaisons.models.solutions import rotations
-from liaisons.models.solutions.elliptic import inverse, jacobi
+from liaisons.models.solutions.elliptic import inverse_jacobi, jacobi
 
 _STEADY = 1e-15  # sine of the angle between ω and H that is rounding
 _SEPARATRIX = 1e-13  # 1 - k² that is rounding
@@ -47,8 +47,8 @@ def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) ->
     (C, B, A), axes, (omega_c, omega_b, omega_a) = moments[order], axes[:, order], along[order]
     about_c = A * (A - C) * omega_a**2 + B * (B - C) * omega_b**2  # H² - 2EC
     about_a = B * (B - A) * omega_b**2 + C * (C - A) * omega_c**2  # H² - 2EA
-    complement = float((A - C) * decides / ((A - B) * about_c)) if A != B else 0.0
-    if complement <= _SEPARATRIX:
+    m_1 = float((A - C) * decides / ((A - B) * about_c)) if A != B else 0.0
+    if m_1 <= _SEPARATRIX:
         raise ValidityError(
             "euler_top: the rotation ends about the middle axis (separatrix); change the start a little"
         )
@@ -60,51 +60,43 @@ def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) ->
     big_a = np.sqrt(about_c / (A * (A - C)))
     big_b = np.sqrt(about_a / (B * (B - A)))
     big_c = np.sqrt(about_a / (C * (C - A)))
-    u_0 = inverse(omega_b * np.sqrt(B * abs(B - A)), omega_c * np.sqrt(C * abs(C - A)), complement)
+    u_0 = inverse_jacobi(omega_b * np.sqrt(B * abs(B - A)), omega_c * np.sqrt(C * abs(C - A)), m_1)
     speed = np.sign(A - C) * np.sqrt((A - B) * about_c / (A * B * C))
     u = u_0 + speed * t
-    am, sn, cn, dn = jacobi(u, complement)
+    am, sn, cn, dn = jacobi(u, m_1)
     omega = np.stack([big_c * cn, big_b * sn, big_a * dn])
 
     n = A * (B - C) / (C * (B - A))
-    third = _third_kind(u, n, complement) - _third_kind(np.array(u_0), n, complement)
+    third = _third_kind(u, n, m_1) - _third_kind(np.array(u_0), n, m_1)
     psi = size / A * t + size * (1 / C - 1 / A) / speed * third
-    to_H = _to_momentum(omega, np.array([C, B, A]), am)
-    principal = rotations.of_matrix(axes)
-    first = _to_momentum(
-        np.array([omega_c, omega_b, omega_a]), np.array([C, B, A]), np.array(jacobi(u_0, complement)[0])
-    )
+    to_H = _momentum_frame(omega, np.array([C, B, A]), am)
+    principal = rotations.quaternion_of_matrix(axes)
+    first = _momentum_frame(np.array([omega_c, omega_b, omega_a]), np.array([C, B, A]), np.array(jacobi(u_0, m_1)[0]))
     at_start = rotations.product(attitude, principal, rotations.conjugate(first))
-    parts = (_column(at_start, t.ndim), rotations.about(2, psi), to_H)
-    quaternion = rotations.product(*parts, _column(rotations.conjugate(principal), t.ndim))
+    quaternion = rotations.product(at_start, rotations.about_axis(2, psi), to_H, rotations.conjugate(principal))
     return np.tensordot(axes, omega, 1), quaternion
 
 
-def _to_momentum(omega: NDArray, moments: NDArray, am: NDArray) -> NDArray:
-    """Quaternion that turns the direction of H, given along (c, b, a), onto the third axis and keeps a in a plane."""
+def _momentum_frame(omega: NDArray, moments: NDArray, am: NDArray) -> NDArray:
+    """Quaternion of the rotation of the axes (c, b, a) that takes the angular momentum H onto the third axis."""
     H_c, H_b, H_a = (moment * rate for moment, rate in zip(moments, omega, strict=True))
     spin = np.arctan2(H_b, H_c)
     spin = spin + 2 * np.pi * np.round((am - spin) / (2 * np.pi))  # it lies in the quadrant of am: continuous
     tilt = np.arctan2(np.hypot(H_b, H_c), H_a)
-    return rotations.product(rotations.about(1, -tilt), rotations.about(2, -spin))
+    return rotations.product(rotations.about_axis(1, -tilt), rotations.about_axis(2, -spin))
 
 
-def _third_kind(u: NDArray, n: float, complement: float) -> NDArray:
+def _third_kind(u: NDArray, n: float, m_1: float) -> NDArray:
     """Elliptic integral ∫ dv / (1 - n sn²v) from 0 to u, n <= 0, by Carlson's forms."""
-    quarter = float(ellipkm1(complement))
+    quarter = float(ellipkm1(m_1))
     half_periods = np.round(u / (2 * quarter))
     parity = 1 - 2 * (half_periods % 2)
-    _, sn, cn, _ = jacobi(u, complement)
+    _, sn, cn, _ = jacobi(u, m_1)
     s, c = parity * sn, cn**2
 
     def within(s: NDArray, c: NDArray) -> NDArray:
-        """The integral within half a period."""
-        modular = c + complement * s**2
+        """Integral from 0 to u in [-K, K], with s = sn u and c = cn² u."""
+        modular = c + m_1 * s**2
         return s * elliprf(c, modular, 1.0) + n / 3 * s**3 * elliprj(c, modular, 1.0, 1 - n * s**2)
 
     return within(s, c) + 2 * half_periods * within(np.array(1.0), np.array(0.0))
-
-
-def _column(q: NDArray, dimensions: int) -> NDArray:
-    """Quaternion with axes of length 1 for those of the times."""
-    return q[(...,) + (None,) * dimensions]

@@ -8,7 +8,7 @@ from liaisons.language import Values, closed_form
 
 @closed_form("Freudenstein's equation, d/a cos ψ - d/c cos φ + (a² - b² + c² + d²)/(2 a c) = cos (φ - ψ)")
 def freudenstein(turn: ArrayLike, at: Values) -> dict[str, NDArray]:
-    """At angles of the crank [rad], any shape: rocker and elbow of the open loop."""
+    """Return the angles ``swing`` and ``elbow`` [rad] of the open loop, at angles of the crank [rad] of any shape."""
     phi = np.asarray(turn, dtype=float)
     a, b, c, d = at.elbow_at_x, at.pin_at_x, at.pin_at_child_x, at.swing_at_x
     constant = (a**2 - b**2 + c**2 + d**2) / (2 * a * c)

@@ -11,7 +11,7 @@ from liaisons.models.solutions.slow_turn import SLOW_TURN, SlowTurn
 
 @closed_form("by one quadrature, for a bead that goes round while the hoop turns at constant rate", t=">= 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """Return θ and ξ; r must be positive, and the bead must not turn back."""
+    """Return θ, ξ and their rates; r must be positive, and the bead must not turn back."""
     waves, k, Y = fourier_waves(at), np.arange(1, 5), at.beta_dot
 
     def radius_and_speed(theta: ArrayLike) -> tuple[NDArray, NDArray]:
@@ -51,5 +51,5 @@ def slow_turn(at: Values) -> SlowTurn:
 
 
 def fourier_waves(at: Values) -> NDArray:
-    """Complex coefficients of e^ikθ, k = 1 to 4, of which r/radius - 1 is the real part."""
+    """Complex coefficients w_k, k = 1 to 4: r/radius = 1 + Re Σ w_k e^ikθ."""
     return at.array(*(f"cos_{k}" for k in range(1, 5))) - 1j * at.array(*(f"sin_{k}" for k in range(1, 5)))

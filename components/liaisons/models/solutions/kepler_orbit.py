@@ -19,8 +19,7 @@ from liaisons.models.solutions.stumpff import stumpff
 
 @closed_form("ellipse, parabola or hyperbola, by Kepler's equation solved to rounding", mass="> 0", mu="> 0")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    turns = at.x_0 * at.y_dot_0 != at.y_0 * at.x_dot_0
-    at.require(turns, "angular momentum 0: the planet moves through r = 0")
+    at.require(at.x_0 * at.y_dot_0 != at.y_0 * at.x_dot_0, "angular momentum 0: the planet moves through r = 0")
     position, velocity = _motion(t, complex(at.x_0, at.y_0), complex(at.x_dot_0, at.y_dot_0), at.mu)
     return {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
 
@@ -47,7 +46,7 @@ def time(E: ArrayLike, at: Values, *, semi_axis: float, eccentricity: float) -> 
 def _motion(
     t: NDArray[np.float64], r_0: complex, v_0: complex, mu: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Position and velocity at times t; the angular momentum must not vanish."""
+    """Complex positions and velocities at times t; the angular momentum must not be 0."""
     sigma, L = (r_0.conjugate() * v_0).real, (r_0.conjugate() * v_0).imag
     distance, parameter = abs(r_0), L**2 / mu
     beta = 2 * mu / distance - abs(v_0) ** 2
@@ -83,7 +82,7 @@ def _motion(
 
 
 def _universal_anomaly(t: NDArray, nearest: float, e: float, beta: float, mu: float) -> NDArray:
-    """Universal anomaly s at times t >= 0, on an ellipse up to half a period.
+    """Universal anomaly s at times t >= 0 since the pericentre, on an ellipse up to half a period.
 
     By Newton's method: t(s) is convex, since r grows, so that from an upper bound s falls to the root.
     """

@@ -62,7 +62,7 @@ def coordinate_motion(
     gamma: float = 0.0,
     forces: Sequence[tuple[complex, float]] = (),
 ) -> dict[str, NDArray]:
-    """Value and rate of a linear coordinate, by their names, from its start values; see :func:`oscillation`."""
+    """Value and rate of a coordinate by name, from its start values, as :func:`oscillation` of it."""
     start = at.array(f"{name}_0", f"{name}_dot_0")
     motion = oscillation(t, *start, omega_squared=omega_squared, gamma=gamma, forces=forces)
     return dict(zip((name, f"{name}_dot"), motion, strict=True))
@@ -78,7 +78,7 @@ def superposition(
     push: ArrayLike = 0.0,
     forces: Sequence[tuple[complex, float]] = (),
 ) -> tuple[NDArray, NDArray]:
-    """Positions and rates of n undamped degrees of freedom from their normal modes.
+    """Positions and rates of n undamped degrees of freedom, by superposition of their normal modes.
 
     :param t: times since the start [s], any shape, >= 0.
     :param frequencies: Ω_k [rad/s], (n,).
@@ -99,14 +99,8 @@ def superposition(
     return x, v
 
 
-def free_fall(t: NDArray, at: Values) -> dict[str, NDArray]:
-    """Height ``com_z`` and its rate of a centre of mass in free fall."""
-    height = at.com_z_0 + at.com_z_dot_0 * t - at.gravity * t**2 / 2
-    return {"com_z": height, "com_z_dot": at.com_z_dot_0 - at.gravity * t}
-
-
 def _roots(omega_squared: float, gamma: float) -> tuple[complex, complex]:
-    """Roots λ_1, λ_2 of K eq. 126, the slower decaying one first, without cancellation (their product is ω_0²)."""
+    """Roots of λ² + γ λ + ω_0² (K eq. 126), without cancellation; that of the slower decay is the first."""
     fast = -gamma / 2 - np.emath.sqrt(gamma**2 / 4 - omega_squared)
     return complex(omega_squared / fast if fast else 0), complex(fast)
 
@@ -121,10 +115,10 @@ def _divided_difference(a: complex, b: complex, t: NDArray) -> NDArray:
 
 
 def _second_divided_difference(nodes: tuple[complex, complex, complex], t: NDArray) -> NDArray:
-    """Divided difference exp[a, b, c](t) = (exp[a, b] - exp[b, c]) / (a - c), a and c those that differ most.
+    """Divided difference exp[a, b, c](t) = (exp[a, b](t) - exp[b, c](t)) / (a - c) of three nodes in any order.
 
-    While |a - c| t < 1 the quotient loses digits; there the convolution is integrated by Gauss's rule, whose twelve
-    points are exact to rounding for so short a piece of an exponential.
+    a and c are the nodes that differ most.  While |a - c| t < 1 the quotient loses digits; there the convolution is
+    integrated by Gauss's rule, whose twelve points are exact to rounding for so short a piece of an exponential.
     """
     a, b, c = max(permutations(nodes), key=lambda order: abs(order[0] - order[2]))
     short = np.abs(a - c) * t < 1

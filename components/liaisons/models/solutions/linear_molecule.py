@@ -11,12 +11,12 @@ from liaisons.models.solutions.linear import superposition
 
 
 def frequencies(m: Any, M: Any, stiffness: Any) -> tuple[Any, Any, Any]:
-    """Normal frequencies Ω_k of K eq. 157; m is the mass of each outer atom, M that of the inner one."""
+    """Normal frequencies Ω_1, Ω_2, Ω_3 of K eq. 157, for masses m of the outer atoms and M of the inner one."""
     return 0.0, (stiffness / m) ** 0.5, (stiffness * (1 / m + 2 / M)) ** 0.5
 
 
 def normal_coordinates(u: Sequence[Any], m: Any, M: Any) -> tuple[Any, Any, Any]:
-    """Normal coordinates q_k = u_kᵀ M u/(u_kᵀ M u_k) of displacements u; the modes are orthogonal in the masses."""
+    """Normal coordinates q_k = u_kᵀ M u/(u_kᵀ M u_k) of displacements u, with the modes u_k of K eq. 158."""
     left, middle, right = u
     alpha = m / M
     return (

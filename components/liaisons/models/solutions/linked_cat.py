@@ -13,12 +13,10 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     limbs += m_2 * (at.psi_2_at_x + at.limb_2_centre_x * np.exp(1j * at.psi_2))
     centre = limbs / (m_0 + m_1 + m_2)  # from the trunk's, along its axes
 
-    def trunk(end: str) -> complex:
-        return getattr(at, f"fall_x{end}") + 1j * getattr(at, f"fall_y{end}")
-
     angle, rate = at.fall_angle_0, at.fall_angle_dot_0
     turned = angle + rate * t
-    velocity = trunk("_dot_0") + 1j * rate * centre * np.exp(1j * angle)
-    mass_centre = trunk("_0") + centre * np.exp(1j * angle) + velocity * t - 0.5j * at.gravity * t**2
+    lever = centre * np.exp(1j * angle)
+    velocity = complex(at.fall_x_dot_0, at.fall_y_dot_0) + 1j * rate * lever
+    mass_centre = complex(at.fall_x_0, at.fall_y_0) + lever + velocity * t - 0.5j * at.gravity * t**2
     position = mass_centre - centre * np.exp(1j * turned)
     return {"fall_x": position.real, "fall_y": position.imag, "fall_angle": turned}

@@ -19,7 +19,7 @@ def exact(
     angular_frequency: float = 1.0,
     phase: float = 0.0,
 ) -> dict[str, NDArray]:
-    """``driven`` is the input to which amplitude · sin(angular_frequency t + phase) is added, as by a Sinusoid."""
+    """Return x and its rate; amplitude · sin(angular_frequency t + phase) is added to the input ``driven``."""
     at.require(driven in ("support", "x_force"), f"driven = {driven!r}; use 'support' or 'x_force'")
     omega_squared, per_newton = at.stiffness / at.mass, 1 / at.mass
     constant = omega_squared * at.support + per_newton * at.x_force
@@ -32,7 +32,7 @@ def exact(
     "the stationary motion amplitude · cos(ωt + φ) under 1 N · cos ωt (K eq. 121, 123)", angular_frequency="> 0"
 )
 def response(angular_frequency: ArrayLike, at: Values) -> tuple[NDArray, NDArray]:
-    """Amplitude [m/N] and phase φ in [-π, 0] [rad]; a support that moves by 1 m acts as ``stiffness`` newton."""
+    """Return amplitude [m/N] and phase φ in [-π, 0] [rad]; a support moved by 1 m acts as ``stiffness`` newton."""
     omega = np.asarray(angular_frequency, dtype=float)
     real, imaginary = at.stiffness / at.mass - omega**2, at.damping * omega
     size = np.hypot(real, imaginary)

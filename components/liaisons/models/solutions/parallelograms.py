@@ -25,5 +25,5 @@ def exact(
 
 @closed_form("λ_1 sin θ [N], the force of the first lying rod but for its pole where sin θ = 0", gravity="> 0")
 def pull(theta: ArrayLike, at: Values, component: Any) -> NDArray:
-    """It follows from the equation of the first rod, (1/3 + 1/2) m l² θ'' = -m g l cos θ + λ_1 l sin θ."""
+    """Return λ_1 sin θ from the equation of the first rod, (1/3 + 1/2) m l² θ'' = -m g l cos θ + λ_1 l sin θ."""
     return at.mass * (at.gravity - 5 / 6 * at.length * _frequency(at, component) ** 2) * np.cos(theta)

@@ -4,21 +4,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.language import Values, closed_form
-from liaisons.models.solutions.linear import free_fall
+from liaisons.models.solutions.linear import coordinate_motion
 
 
 @closed_form("a parabola, and with the limbs held still a uniform turn")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    motion = free_fall(t, at)
-    for q in ("com_x", "phi"):
-        start, rate = at.array(f"{q}_0", f"{q}_dot_0")
-        motion |= {q: start + rate * t, f"{q}_dot": np.full_like(t, rate)}
+    motion = {}
+    for name, acceleration in (("com_x", 0.0), ("com_z", -at.gravity), ("phi", 0.0)):
+        motion |= coordinate_motion(t, at, name, forces=[(acceleration, 0.0)])
     return motion
 
 
 @closed_form("the trunk's rate [rad/s] without angular momentum, φ' = -(J_1 ψ_1' + J_2 ψ_2')/I (M eq. 58)")
 def turn_rate(psi_1: ArrayLike, psi_2: ArrayLike, psi_1_dot: ArrayLike, psi_2_dot: ArrayLike, at: Values) -> NDArray:
-    """Rate for angles [rad] and rates [rad/s] of any shape, by reduced masses."""
+    """Return the rate at angles [rad] and rates [rad/s] of any shape, by reduced masses."""
     m_0, m_1, m_2 = at.array("mass_0", "mass_1", "mass_2")
     total, h, c_1, c_2 = m_0 + m_1 + m_2, at.hinge, at.arm_1, at.arm_2
     mu_1, mu_2, mu = m_1 * (total - m_1) / total, m_2 * (total - m_2) / total, m_1 * m_2 / total

@@ -25,7 +25,7 @@ def crouch_growth(*, length_low: float, length_high: float) -> float:
     length_high="> 0",
 )
 def crouch_schedule(half_swings: int, at: Values, *, length_low: float, length_high: float) -> tuple[NDArray, NDArray]:
-    """Instants [s] alternate between θ = 0 and a turning point, (2 half_swings,); θ_max [rad] is (half_swings + 1,)."""
+    """Return instants [s] of θ = 0 and of turning points, (2 half_swings,), and θ_max [rad], (half_swings + 1,)."""
     growth = crouch_growth(length_low=length_low, length_high=length_high)
     versines = (1 - np.cos(at.theta_0)) * growth ** np.arange(half_swings + 1)
     at.require(versines[-1] < 2, f"it goes over the top; half_swings = {half_swings} is too many")
@@ -52,5 +52,5 @@ def pumped(t: NDArray, at: Values, *, amplitude: float, angular_frequency: float
     "the growth rate [1/s] of small swings under the length l (1 + depth · sin 2Ωt), ¾ Ω · depth", gravity="> 0"
 )
 def pumping_rate(depth: float, at: Values) -> float:
-    """It is of first order in the depth: the first of Mathieu's tongues, at its middle."""
+    """Return the rate in the middle of Mathieu's first tongue, to first order in the depth."""
     return float(0.75 * depth * np.sqrt(at.gravity / at.length))

@@ -4,11 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-IDENTITY = (1.0, 0.0, 0.0, 0.0)
-
 
 def product(*factors: NDArray) -> NDArray:
-    """Product q_1 q_2 ... of quaternions, the rotation q_1 after q_2 after ...; the factors broadcast."""
+    """Product q_1 q_2 ... of quaternions, the rotation q_1 after q_2 after ...; factors (4,) and (4, ...) broadcast."""
     w, x, y, z = factors[0]
     for a, b, c, d in factors[1:]:
         w, x, y, z = (
@@ -25,8 +23,8 @@ def conjugate(q: NDArray) -> NDArray:
     return np.concatenate([q[:1], -q[1:]])
 
 
-def about(axis: int, angle: ArrayLike) -> NDArray:
-    """Rotation by an angle [rad], of any shape, about axis 0, 1 or 2; continuous in the angle."""
+def about_axis(axis: int, angle: ArrayLike) -> NDArray:
+    """Quaternion of the rotation by an angle [rad], of any shape, about axis 0, 1 or 2; continuous in the angle."""
     half = np.asarray(angle, dtype=float) / 2
     q = np.zeros((4, *half.shape))
     q[0], q[1 + axis] = np.cos(half), np.sin(half)
@@ -34,22 +32,17 @@ def about(axis: int, angle: ArrayLike) -> NDArray:
 
 
 def exponential(vector: NDArray) -> NDArray:
-    """Rotation by a rotation vector [rad], shape (3, ...); continuous in the vector."""
+    """Quaternion of the rotation by a rotation vector [rad], shape (3, ...); continuous in the vector."""
     half = np.linalg.norm(vector, axis=0) / 2
     return np.concatenate([np.cos(half)[None], np.sinc(half / np.pi) * vector / 2])
 
 
-def turned(q: NDArray, vector: NDArray) -> NDArray:
-    """Attitude q, shape (4,), turned about axes of the body by rotation vectors [rad], shape (3, ...)."""
-    return product(q[(...,) + (None,) * (vector.ndim - 1)], exponential(vector))
-
-
-def of_matrix(matrix: NDArray) -> NDArray:
-    """One of the two unit quaternions of a rotation matrix, shape (3, 3)."""
+def quaternion_of_matrix(matrix: NDArray) -> NDArray:
+    """Unit quaternion of a rotation matrix, shape (3, 3), of either sign."""
     return np.roll(Rotation.from_matrix(matrix).as_quat(), 1)
 
 
-def unit(q: ArrayLike) -> NDArray:
+def unit_quaternion(q: ArrayLike) -> NDArray:
     """Quaternion divided by its norm."""
     q = np.asarray(q, dtype=float)
     return q / np.linalg.norm(q)

@@ -15,20 +15,20 @@ TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz"
 
 
 def _inertia(at: Values) -> NDArray:
-    """Inertia tensor J [kg.m2], (3, 3), checked to be positive definite."""
+    """Inertia tensor J [kg.m2], (3, 3); raise a ValidityError unless it is positive definite."""
     J = at.array(*TENSOR).reshape(3, 3)
     at.require(np.all(np.linalg.eigvalsh(J) > 0), f"J = {J.tolist()} must be positive definite")
     return J
 
 
-def _start(at: Values) -> NDArray:
+def _start_attitude(at: Values) -> NDArray:
     """Unit quaternion of the attitude at the start, (4,)."""
-    return rotations.unit(at.array(*(f"{name}_0" for name in Orientation.quaternion)))
+    return rotations.unit_quaternion(at.array(*(f"{name}_0" for name in Orientation.quaternion)))
 
 
 @closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    omega, q = euler_top(t, _inertia(at), at.array("omega_x_0", "omega_y_0", "omega_z_0"), _start(at))
+    omega, q = euler_top(t, _inertia(at), at.array("omega_x_0", "omega_y_0", "omega_z_0"), _start_attitude(at))
     return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
 
 
@@ -39,12 +39,12 @@ def slew(
     turn_3: ArrayLike = 0,
     *,
     at: Values,
-    start: ArrayLike = rotations.IDENTITY,
+    start: ArrayLike = (1.0, 0.0, 0.0, 0.0),
 ) -> dict[str, NDArray]:
-    """The wheels turn by Δφ = (turn_1, turn_2, turn_3) [rad], any shape, in proportion, from the attitude ``start``."""
+    """Return the attitude, ``start`` before, after turns (turn_1, turn_2, turn_3) [rad] of the wheels, any shape."""
     turns = np.stack(np.broadcast_arrays(turn_1, turn_2, turn_3))
     vector = -at.J_wheel * np.tensordot(np.linalg.inv(_inertia(at)), turns, 1)
-    q = rotations.turned(rotations.unit(start), vector)
+    q = rotations.product(rotations.unit_quaternion(start), rotations.exponential(vector))
     return dict(zip(Orientation.quaternion, q, strict=True))
 
 
@@ -52,7 +52,7 @@ def slew(
 def slew_torque(
     push_1: ArrayLike = 0, push_2: ArrayLike = 0, push_3: ArrayLike = 0, *, at: Values
 ) -> dict[str, NDArray]:
-    """The wheels are accelerated by φ'' = (push_1, push_2, push_3) [rad/s2], any shape, in proportion."""
+    """Return the torques [N.m] that accelerate the wheels by φ'' = (push_1, push_2, push_3) [rad/s2], of any shape."""
     push = np.stack(np.broadcast_arrays(push_1, push_2, push_3)).astype(float)
     turning = np.tensordot(np.linalg.inv(_inertia(at)), at.J_wheel * push, 1)
     return {f"wheel_{k}_force": row for k, row in enumerate(at.J_wheel * (push - turning), 1)}
@@ -60,12 +60,12 @@ def slew_torque(
 
 @closed_form("without angular momentum, the wheels turned at any rates: ω = -J⁻¹ J_wheel φ', integrated at 1e-13")
 def steered(t: NDArray, at: Values, *, wheels: Callable[[float], ArrayLike]) -> dict[str, NDArray]:
-    """Rates φ' [rad/s], (3,), at an instant come from ``wheels``; they must not jump within a 400th of the time."""
+    """Return the attitude; ``wheels`` takes an instant to the rates φ' [rad/s], (3,), without jumps."""
     follows = -at.J_wheel * np.linalg.inv(_inertia(at))
 
     def rates(t: float, q: NDArray) -> NDArray:
         """Rate of the attitude."""
         return rotations.product(q, np.concatenate([[0.0], follows @ np.asarray(wheels(t), dtype=float) / 2]))
 
-    q = integrate(at, rates, _start(at), t, longest=float(np.max(t, initial=1e-300)) / 400)
+    q = integrate(at, rates, _start_attitude(at), t, longest=float(np.max(t, initial=1e-300)) / 400)
     return dict(zip(Orientation.quaternion, q, strict=True))

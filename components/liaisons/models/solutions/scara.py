@@ -8,7 +8,7 @@ from liaisons.language import Values, closed_form
 
 @closed_form("the mass matrix of shoulder, elbow and turn (Spong, Hutchinson, Vidyasagar, 6.4)")
 def mass_matrix(elbow: float, at: Values) -> NDArray:
-    """At the angle of the elbow [rad], (3, 3)."""
+    """Return the mass matrix at the angle of the elbow [rad], (3, 3)."""
     a_1, a_2, c_1, c_2 = at.elbow_at_x, at.shift_at_x, at.inner_centre_x, at.outer_centre_x
     m_1, m_2, m, J = at.inner_mass, at.outer_mass, at.quill_mass, at.quill_inertia_zz
     second = at.outer_inertia_zz + m_2 * c_2**2 + m * a_2**2 + J

@@ -37,7 +37,7 @@ class SlowTurn:
     waves: Mapping[int, complex]  # c_k [m] by k
 
     def curve(self, u: ArrayLike, order: int = 0) -> NDArray:
-        """Point OP as complex number [m], or a derivative of it by u; of the shape of ``u`` [rad], as all results."""
+        """Point OP of the hoop as complex number [m], or its derivative of an ``order`` by u [rad], of any shape."""
         terms = ((1j * k) ** order * c * np.exp(1j * k * np.asarray(u, dtype=float)) for k, c in self.waves.items())
         return np.sum(list(terms), axis=0)
 
@@ -45,8 +45,8 @@ class SlowTurn:
         """Length dξ/du [m/rad]."""
         return np.abs(self.curve(u, 1))
 
-    def a(self, u: ArrayLike) -> NDArray:
-        """Part r²θ' [m] of OP across the tangent."""
+    def lever_arm(self, u: ArrayLike) -> NDArray:
+        """Lever arm a = r²θ' of the tangent about O [m]."""
         return np.imag(np.conj(self.curve(u)) * self.curve(u, 1)) / self.speed(u)
 
     def r_squared(self, u: ArrayLike) -> NDArray:
@@ -61,27 +61,26 @@ class SlowTurn:
     @cached_property
     def shift(self) -> float:
         """Shift -4π area/length [m] in an infinitely slow turn."""
-        return float(-_TURN * self._mean(self.a(_GRID)))
+        return float(-_TURN * self._mean(self.lever_arm(_GRID)))
 
     def spread(self, beads: int) -> NDArray:
         """Coordinates u of beads at equal distances along the hoop, from u = 0 on."""
         lengths, u = self.length * np.arange(beads) / beads, _TURN * np.arange(beads) / beads
-        arc = _primitive_spectrum(self.speed(_GRID))
         for _ in range(50):
-            step = (self.length / _TURN * u + _interpolated(arc, u) - _interpolated(arc, 0.0) - lengths) / self.speed(u)
+            step = (self._arc_length(u) - lengths) / self.speed(u)
             u = u - step
             if np.max(np.abs(step)) <= 1e-14:
                 break
         return u
 
     def smooth_remainder(self, duration: float, u: ArrayLike, speed: float = 1.0) -> NDArray:
-        """Error of :attr:`shift` after a SmoothStep, to order 1/T³, for beads that start at u with a speed [m/s]."""
-        a, r_squared = self.a(_GRID), self.r_squared(_GRID)
+        """Error of :attr:`shift` [m] after a SmoothStep, to order 1/T³, for beads at u with a speed [m/s] before."""
+        a, r_squared = self.lever_arm(_GRID), self.r_squared(_GRID)
         G = self._primitive(a)
         variance, square, mean = self._mean(r_squared**2) - self._mean(r_squared) ** 2, self._mean(G**2), self._mean(a)
 
         def rate(x: float) -> float:
-            """Integrand of the remainder over the time x of the turn, from 0 to 1."""
+            """Integrand of the remainder at the time x of the turn, from 0 to 1."""
             beta_dot = _TURN / duration * 140 * (x * (1 - x)) ** 3
             beta_ddot = _TURN / duration**2 * 420 * (x * (1 - x)) ** 2 * (1 - 2 * x)
             return -(variance / 4 * beta_dot**4 + square * beta_ddot**2) / (speed - mean * beta_dot) ** 3
@@ -96,34 +95,37 @@ class SlowTurn:
         return float(_TURN**2 * np.max(np.abs(r_squared - self._mean(r_squared))) / (2 * speed * duration))
 
     def abrupt_mean_remainder(self, duration: float, speed: float = 1.0) -> float:
-        """Mean error of :attr:`shift` over all starts of an abrupt turn, to order 1/T²."""
-        a, r_squared = self.a(_GRID), self.r_squared(_GRID)
-        arc = _primitive_spectrum(self.speed(_GRID))
-        xi = self.length / _TURN * _GRID + _interpolated(arc, _GRID) - _interpolated(arc, 0.0)
-        places, primitive = np.append(xi, self.length), self._primitive(r_squared)
+        """Mean error of :attr:`shift` [m] over all starting points of an abrupt turn, to order 1/T²."""
+        a, r_squared = self.lever_arm(_GRID), self.r_squared(_GRID)
+        xi, primitive = self._arc_length(_GRID), self._primitive(r_squared)
         end = np.mod(xi + speed * duration - _TURN * a, self.length)
-        at_end = np.interp(end, places, np.append(primitive, primitive[0]))
+        at_end = np.interp(end, np.append(xi, self.length), np.append(primitive, primitive[0]))
         covariance = self._mean(a * r_squared) - self._mean(a) * self._mean(r_squared)
         return float(_TURN**2 / (2 * speed**2 * duration**2) * (self._mean(at_end) - _TURN * covariance))
+
+    def _arc_length(self, u: NDArray) -> NDArray:
+        """Arc length from 0 to u [m]."""
+        arc = _primitive_spectrum(self.speed(_GRID))
+        return self.length / _TURN * u + _interpolated(arc, u) - _interpolated(arc, 0.0)
 
     def _mean(self, values: NDArray) -> float:
         """Mean over the arc length of values on the grid."""
         return float(np.average(values, weights=self.speed(_GRID)))
 
     def _primitive(self, values: NDArray) -> NDArray:
-        """Primitive ∫ (values - <values>) dξ on the grid, with mean 0."""
+        """Periodic primitive over ξ of values on the grid less their mean; of mean 0."""
         G = np.real(np.fft.ifft(_primitive_spectrum((values - self._mean(values)) * self.speed(_GRID))))
         return G - self._mean(G)
 
 
 def _primitive_spectrum(values: NDArray) -> NDArray:
-    """Spectrum of the periodic primitive by u of values on the grid, without their mean."""
+    """Fourier coefficients of the periodic primitive over u of values on the grid less their mean."""
     spectrum = np.fft.fft(values)
     return np.divide(spectrum, 1j * _HARMONIC, where=_HARMONIC != 0, out=np.zeros_like(spectrum))
 
 
 def _interpolated(spectrum: NDArray, u: ArrayLike) -> NDArray:
-    """Values of a spectrum at u; waves beyond the 256th are rounding."""
+    """Values at u of a function with these Fourier coefficients; those beyond the 256th are rounding."""
     near = np.abs(_HARMONIC) <= 256
     waves = np.exp(1j * np.multiply.outer(np.asarray(u, dtype=float), _HARMONIC[near]))
     return np.real(waves @ spectrum[near]) / _GRID.size

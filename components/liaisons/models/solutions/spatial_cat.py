@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from liaisons.language import Orientation, Values, closed_form
 from liaisons.models.solutions import rotations
-from liaisons.models.solutions.linear import free_fall
+from liaisons.models.solutions.linear import coordinate_motion
 
 
 @closed_form("the angle Φ [rad] by which χ turns the cat about a + b, once round at constant bend")
@@ -17,18 +17,18 @@ def turn(bend: float, at: Values) -> float:
 
 @closed_form("free fall, and without momentum and twist, at constant bend, a turn that χ alone determines")
 def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
-    """The angle ``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
+    """Return com_z and the attitude of half A; χ is ``azimuth`` [rad] at the times, ``azimuth_0`` at the start."""
     chi = np.asarray(azimuth, dtype=float)
     psi = turn(at.bend, at) * (chi - azimuth_0) / (2 * np.pi)
-    start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
-    end = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
-    q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), end)
-    return free_fall(t, at) | dict(zip(Orientation.quaternion, q.reshape(4, *chi.shape), strict=True))
+    angles = azimuth_0, at.bend / 2, psi, -at.bend / 2, -chi
+    q = rotations.product(*map(rotations.about_axis, (2, 0, 2, 0, 2), angles))
+    fall = coordinate_motion(t, at, "com_z", forces=[(-at.gravity, 0.0)])
+    return fall | dict(zip(Orientation.quaternion, q, strict=True))
 
 
 @closed_form("the bend [rad] that turns the cat by Φ once round: (I - J) Φ c² + 2π J c = I Φ")
 def bend_for(turn: float, at: Values) -> float:
-    """It exists for 0 < ``turn`` <= 2π and I >= J."""
+    """Return the bend; there is one for 0 < ``turn`` <= 2π and I >= J."""
     I, J = at.inertia_transverse, at.inertia_axial  # noqa: E741
     at.require(0 < turn <= 2 * np.pi and I >= J, f"turn = {turn} must be > 0, <= 2π, and I >= J")
     return float(2 * np.arccos(I * turn / (np.pi * J + np.sqrt((np.pi * J) ** 2 + (I - J) * I * turn**2))))
@@ -45,7 +45,7 @@ def bisector(bend: ArrayLike, azimuth: ArrayLike) -> NDArray:
 
 @closed_form("the turn [rad] about a + b when b goes once round a cone tilted against a: Kane and Scher's integral")
 def cone_turn(at: Values, *, tilt: float, half_angle: float) -> float:
-    """The ``half_angle`` of the cone [rad] must be more than the ``tilt`` of its axis [rad]."""
+    """Return the turn for a cone whose ``half_angle`` [rad] exceeds the ``tilt`` of its axis [rad]."""
     ratio = at.inertia_axial / at.inertia_transverse
     (s, c), (sb, cb) = ((np.sin(angle), np.cos(angle)) for angle in (tilt, half_angle))
 

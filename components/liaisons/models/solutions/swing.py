@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import quad
 
 from liaisons.language import Values, closed_form
 from liaisons.models.solutions import elliptic
@@ -20,39 +21,34 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}
 
 
+def _coupling_and_inertia(psi: float, at: Values) -> tuple[float, float]:
+    """Coupling J of rope and lean, and moment of inertia I, at the lean ψ [kg.m2] (M eq. 55)."""
+    own, mixed = at.mass_torso * at.torso_length**2, at.mass_torso * at.torso_length * at.rope * np.cos(psi)
+    return own + mixed, own + 2 * mixed + (at.mass_seat + at.mass_torso) * at.rope**2
+
+
 @closed_form("the shift of the rope [rad] by a lean at once from ``lean`` to another, -∫ (J/I) dψ: a horizontal lift")
 def lift(to: float, at: Values) -> float:
-    """p_θ and the rope's length stay; J = (I + m_2 b² - (m_1 + m_2) l²)/2, and dψ/I integrates to an arctangent."""
-    m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
-    mean, swing = (m_1 + m_2) * l**2 + m_2 * b**2, 2 * m_2 * l * b  # I = mean + swing cos ψ
-    root = np.sqrt((mean - swing) * (mean + swing))
-
-    def primitive(psi: float) -> float:
-        """Primitive ∫ dψ/I, not wrapped."""
-        half = psi / 2
-        turns = np.round(half / np.pi)
-        return 2 / root * (np.pi * turns + np.arctan((mean - swing) / root * np.tan(half - np.pi * turns)))
-
-    rest = (m_2 * b**2 - (m_1 + m_2) * l**2) / 2
-    return float(-(to - at.lean) / 2 - rest * (primitive(to) - primitive(at.lean)))
+    """Return the shift, at constant p_θ and rope."""
+    integral, _ = quad(lambda psi: np.divide(*_coupling_and_inertia(psi, at)), at.lean, to, epsabs=1e-13)
+    return -integral
 
 
 @closed_form("the motion under the lean ψ + amplitude · sin(angular_frequency t): M eq. 54-56 at 1e-13")
 def leaning(t: NDArray, at: Values, *, amplitude: float, angular_frequency: float) -> dict[str, NDArray]:
-    """Return θ and p_θ; ``lean`` is the mean lean, the rope keeps its length."""
-    m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
+    """Return θ and p_θ for a rope of constant length; ``lean`` is the mean of the lean."""
 
     def posture(t: float) -> tuple[float, float, float]:
         """Lean ψ, moment of inertia I, and momentum J ψ'."""
         psi = at.lean + amplitude * np.sin(angular_frequency * t)
-        J = m_2 * (b**2 + l * b * np.cos(psi))
-        inertia = m_1 * l**2 + m_2 * (l**2 + b**2 + 2 * l * b * np.cos(psi))
+        J, inertia = _coupling_and_inertia(psi, at)
         return psi, inertia, J * amplitude * angular_frequency * np.cos(angular_frequency * t)
 
     def rates(t: float, y: NDArray) -> list[float]:
         """Rates of θ and p_θ."""
         psi, inertia, turning = posture(t)
-        moment = (m_1 + m_2) * l * np.sin(y[0]) + m_2 * b * np.sin(y[0] + psi)
+        along, across = (at.mass_seat + at.mass_torso) * at.rope, at.mass_torso * at.torso_length
+        moment = along * np.sin(y[0]) + across * np.sin(y[0] + psi)
         return [(y[1] - turning) / inertia, -at.gravity * moment]
 
     _, inertia, turning = posture(0.0)
