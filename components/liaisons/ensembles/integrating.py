@@ -20,13 +20,13 @@ from liaisons.ensembles.methods import METHODS, Tableau
 from liaisons.ensembles.right_hand_sides import (
     INTEGRALS,
     check_record,
+    continuous_model,
     domain_gaps,
     operator_models,
     right_hand_side,
-    settable,
-    smooth_model,
+    settable_variables,
 )
-from liaisons.ensembles.steps import Advance, Floats, compiled, packs, unpacked
+from liaisons.ensembles.steps import Advance, Floats, compiled_advance, lane_blocks, rows_of_blocks
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
 from liaisons.language import Variable
@@ -101,9 +101,11 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    model = smooth_model(found_component(component), "an ensemble", "take sweep(), which runs its FMU", contacts=True)
+    model = continuous_model(
+        found_component(component), "an ensemble", "take sweep(), which runs its FMU", allow_contacts=True
+    )
     moving = operator_models(model, operators)
-    variables = settable(model, moving)
+    variables = settable_variables(model, moving)
     for name in named("start_values", start_values):
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
@@ -193,7 +195,7 @@ def _by_steps(cases: _Cases, method: Tableau, *, estimate: bool) -> tuple[Floats
         model, moving, lanes=lanes, shared=shared, record=cases.names, start_time=float(time[0])
     )
     each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
-    advance = compiled(equations, method, once)
+    advance = compiled_advance(equations, method, once)
 
     t, *constants, y = equations.symbols
     (start,) = program(constants, [equations.start]).evaluate([each, once[:, None]])
@@ -256,7 +258,7 @@ def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floa
 
 def _integrate(cases: _Cases, advance: Advance, each: Floats, start: Floats, steps: int) -> Floats:
     """Integrate all cases, in blocks of lanes and several blocks at once: states, (states, times, cases)."""
-    lanes, first = packs(each, fill="edge"), packs(start, fill="edge")
+    lanes, first = lane_blocks(each, fill="edge"), lane_blocks(start, fill="edge")
     records = np.empty((len(cases.time), *first.shape))
     records[0] = first
 
@@ -268,7 +270,7 @@ def _integrate(cases: _Cases, advance: Advance, each: Floats, start: Floats, ste
             records[k + 1, chunk] = states
 
     cases.in_threads(advance_chunk, len(lanes), _CHUNK)
-    return unpacked(records, start.shape[1]).swapaxes(0, 1)
+    return rows_of_blocks(records, start.shape[1]).swapaxes(0, 1)
 
 
 Run = Sequence[Floats]

@@ -17,7 +17,7 @@ from liaisons.ensembles.methods import Tableau
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.expressions import c_parts, literal
 
-Column = tuple[ca.SX, str]
+CArray = tuple[ca.SX, str]
 """Symbols or expressions, and the name of the array in C that has them; ``"*y"``: with D numbers an entry."""
 
 OPERATIONS = 1000
@@ -52,7 +52,7 @@ _SIMD = "#pragma omp simd\n"
 _LOOP = "    for (int i = 0; i < {}; ++i)\n        {};"
 
 
-def head_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
+def declarations_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
     """Declarations at the head of all C code: sizes, nodes and ``clipped``.
 
     :param width: D.
@@ -70,20 +70,23 @@ def head_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
     )
 
 
-def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: bool = False) -> str:
+def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, stores_stages: bool = False) -> str:
     """The head, and the function ``step``, which advances D motions by one step.
 
-    :param keeps: whether ``step`` has an argument for the states at the stages and before the projection.
+    :param stores_stages: whether ``step`` has an argument for the states at the stages and before the projection.
     """
-    point, projects = argument_columns(equations), keeps or not ca.is_equal(equations.projected, equations.symbols[3])
+    point, projects = (
+        c_arguments(equations),
+        stores_stages or not ca.is_equal(equations.projected, equations.symbols[3]),
+    )
     most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
     lines = [*c_function("rates", point, [(equations.rates, "*f")], most)]
     lines += c_function("project", point, [(equations.projected, "*f")], most) if projects else ()
-    lines.append(f"static void step({_STEP}{', double *restrict kept' if keeps else ''})\n{{")
-    lines.append(f"    double time, f[S * N * D]{'' if keeps else ', at[N * D]'};")
+    lines.append(f"static void step({_STEP}{', double *restrict kept' if stores_stages else ''})\n{{")
+    lines.append(f"    double time, f[S * N * D]{'' if stores_stages else ', at[N * D]'};")
     for stage, row in enumerate(tableau.rows):
         last = stage == tableau.stages
-        state = f"(kept + {stage} * N * D)" if keeps else "at" if any(row) and (projects or not last) else "y"
+        state = f"(kept + {stage} * N * D)" if stores_stages else "at" if any(row) and (projects or not last) else "y"
         if last or state != "y":
             lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{state}[i] = {_state_code(row, 'N * D')}"))
         lines.append(f"    time = clipped(t + C[{stage}] * h, limits);")
@@ -91,21 +94,25 @@ def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: 
             lines.append(f"    rates(&time, k, s, {state}, f + {stage} * N * D);")
         elif projects:
             lines.append(f"    project(&time, k, s, {state}, y);")
-    return head_code(equations, tableau, width) + "\n".join([*lines, "}\n"])
+    return declarations_code(equations, tableau, width) + "\n".join([*lines, "}\n"])
 
 
-def argument_columns(equations: RightHandSide, star: str = "*") -> list[Column]:
-    """Symbols and array names of t, k, s and y; k and y with D numbers an entry, or one if ``star`` is empty."""
+def c_arguments(equations: RightHandSide, *, packed: bool = True) -> list[CArray]:
+    """Symbols and C arrays of t, the lanes k, the shared values s and the states y.
+
+    :param packed: whether k and y have D numbers an entry, not one.
+    """
+    star = "*" * packed
     return list(zip(equations.symbols, ("t", f"{star}k", "s", f"{star}y"), strict=True))
 
 
-def move_code(tableau: Tableau) -> Iterator[str]:
+def stage_state_code(tableau: Tableau) -> Iterator[str]:
     """The function ``move``: the state at a stage or after the step, from the rates f of the stages."""
     parameters = "double h, const double *restrict y, double *restrict at"
     return _row_function("move", parameters, _SIMD, (f"at[i] = {_state_code(row, 'count')}" for row in tableau.rows))
 
 
-def combine_code(rows: Iterable[Sequence[float]]) -> Iterator[str]:
+def weighted_sum_code(rows: Iterable[Sequence[float]]) -> Iterator[str]:
     """The function ``combine``: the sum of blocks of f with the weights of a row."""
     statements = (f"sum[i] = {_sum_code(row, 'count') or '0.0'}" for row in rows)
     return _row_function("combine", "double *restrict sum", "", statements)
@@ -130,7 +137,7 @@ def _sum_code(row: Sequence[float], count: str) -> str:
     return " + ".join(f"{literal(weight)} * f[{q} * {count} + i]" for q, weight in enumerate(row) if weight)
 
 
-def c_function(name: str, inputs: Sequence[Column], outputs: Sequence[Column], most: int = OPERATIONS) -> Iterator[str]:
+def c_function(name: str, inputs: Sequence[CArray], outputs: Sequence[CArray], most: int = OPERATIONS) -> Iterator[str]:
     """C function of arrays; where an output has D numbers an entry it is a loop over these.
 
     :param most: operations in each function of C, which this one calls.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.compiler import compile_library, host
-from liaisons.ensembles.steps import Floats, call, loaded
+from liaisons.ensembles.steps import Floats, call_c_function, loaded
 from liaisons.errors import SimulationError
 from liaisons.fmu.code import core_files
 from liaisons.fmu.layout import first_reference
@@ -61,8 +61,8 @@ class Members:
         created = False
         with suppress(MemoryError, OverflowError, ValueError):
             self._members = np.zeros(count, _MEMBER)
-            created = call(self._code, "create_members", count, self._members)
-            finalize(self, call, self._code, "free_members", count, self._members)
+            created = call_c_function(self._code, "create_members", count, self._members)
+            finalize(self, call_c_function, self._code, "free_members", count, self._members)
         if not created:
             raise SimulationError(f"{model.name}: out of memory for {count} members; take fewer")
 
@@ -76,14 +76,14 @@ class Members:
         members, values = self._members[first : first + len(values)], np.ascontiguousarray(values)
         self._call("start_members", members, time, tolerance, names, values)
 
-    def step(self, times: Floats, names: Sequence[str] = (), values: ArrayLike = (), begin: ArrayLike = 0.0) -> None:
+    def step(self, times: Floats, names: Sequence[str] = (), values: ArrayLike = (), origin: ArrayLike = 0.0) -> None:
         """Step all members from each time to the next one.
 
         :param values: of inputs, which are held, (members, names).
-        :param begin: what the times count from, for each member.
+        :param origin: time [s] at which the times are 0, one for all members or one for each.
         """
         values, origins = np.array(values, dtype=float, order="C"), np.empty(len(self._members))
-        origins[:] = begin
+        origins[:] = origin
         self._call("step_members", self._members, origins, len(times) - 1, np.ascontiguousarray(times), names, values)
 
     def read(self, names: Sequence[str]) -> Floats:
@@ -107,7 +107,7 @@ class Members:
             else:
                 made.append(argument)
         with self._lock:
-            call(self._code, function, len(members), members, *made)
+            call_c_function(self._code, function, len(members), members, *made)
 
 
 @lru_cache

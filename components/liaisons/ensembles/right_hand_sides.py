@@ -96,23 +96,22 @@ def flat_model(declared: type[Component]) -> Model:
     return assemble(declared).flat()
 
 
-def smooth_model(
+def continuous_model(
     subject: Target | Model | System,
     task: str,
     remedy: str,
     error: type[LiaisonsError] = ComponentError,
     *,
-    contacts: bool = False,
+    allow_contacts: bool = False,
 ) -> Model:
-    """The model of a component or a system without samples, its arrays element by element.
+    """Model of a component or a system in continuous time, with arrays element by element.
 
-    :param task: what needs it, for the error; ``remedy``: what the user may do instead.
-    :param contacts: whether it may have any.
-    :raises LiaisonsError: if there are contacts or samples.
+    :param task: what needs the model, for the error; ``remedy``: what the user may do instead.
+    :raises LiaisonsError: for samples, and for contacts unless they are allowed.
     """
     equations = flattening.composed_model(subject) if isinstance(subject, System) else subject
     declared = equations if isinstance(equations, Model) else component(equations)
-    for refuse in (refuse_samples,) if contacts else (refuse_contacts, refuse_samples):
+    for refuse in (refuse_samples,) if allow_contacts else (refuse_contacts, refuse_samples):
         refuse(declared, task, remedy, error)
     return declared.flat() if isinstance(declared, Model) else flat_model(declared)
 
@@ -141,7 +140,7 @@ def operator_models(
     return moving
 
 
-def settable(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
+def settable_variables(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
     """Variables that can be set, by name; those of operators are ``"length.amplitude"``."""
     driven = {name for a in model.active if a.value in moving for name in (a.value, a.rate, a.acceleration)}
     own = {v.name: v for v in (*model.parameters, *model.inputs) if v.name not in driven}

@@ -62,29 +62,29 @@ void integrate(long blocks, long steps, double start, double h, const double *sh
 """
 
 
-def compiled(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
+def compiled_advance(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
     """Function that takes steps of all cases, in machine code.
 
     :param shared: values that all cases share.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    code = library(source(equations, tableau))
+    code = compiled_library(source(equations, tableau))
 
     def advance(start: float, size: float, steps: int, lanes: Floats, states: Floats) -> None:
         """Advance the states of blocks by steps of one size."""
-        call(code, "integrate", len(states), steps, start, size, shared, lanes, states)
+        call_c_function(code, "integrate", len(states), steps, start, size, shared, lanes, states)
 
     return advance
 
 
-def packs(rows: Floats, width: int = LANES, fill: Literal["constant", "edge"] = "constant") -> Floats:
+def lane_blocks(rows: Floats, width: int = LANES, fill: Literal["constant", "edge"] = "constant") -> Floats:
     """(rows, columns) as (blocks, rows, width); the last block is filled up with zeros, or with the last column."""
     blocks = -(-rows.shape[1] // width)
     padded = np.pad(rows, ((0, 0), (0, blocks * width - rows.shape[1])), mode=fill)
     return np.ascontiguousarray(padded.reshape(len(rows), blocks, width).swapaxes(0, 1))
 
 
-def unpacked(blocks: Floats, count: int) -> Floats:
+def rows_of_blocks(blocks: Floats, count: int) -> Floats:
     """(..., blocks, rows, width) as (..., rows, columns), of which there are ``count``."""
     rows = blocks.swapaxes(-3, -2)
     return rows.reshape(*rows.shape[:-2], blocks.shape[-3] * blocks.shape[-1])[..., :count]
@@ -95,7 +95,7 @@ def source(equations: RightHandSide, tableau: Tableau) -> str:
     return step_code(equations, tableau, LANES) + _INTEGRATE
 
 
-def call(code: ctypes.CDLL, name: str, *arguments: Any) -> int:
+def call_c_function(code: ctypes.CDLL, name: str, *arguments: Any) -> int:
     """Call a C function of a library; arrays must be contiguous and have the type that it takes."""
     called = getattr(code, name)
     called.restype = ctypes.c_long
@@ -111,7 +111,7 @@ def _c_argument(argument: Any) -> Any:
 
 
 @lru_cache(maxsize=64)
-def library(code: str, *options: str) -> ctypes.CDLL:
+def compiled_library(code: str, *options: str) -> ctypes.CDLL:
     """Compile C code and load the library; the same code is compiled once a process.
 
     :param options: of the compiler, beside those for packs.

@@ -16,7 +16,7 @@ from liaisons.base.arguments import as_path, chosen, finite, listed, merged, nam
 from liaisons.base.array_names import split
 from liaisons.base.files import beside, toml_arguments
 from liaisons.cosim import System
-from liaisons.ensembles.right_hand_sides import operator_models, settable, smooth_model
+from liaisons.ensembles.right_hand_sides import continuous_model, operator_models, settable_variables
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
@@ -105,7 +105,9 @@ def identify(
     finite("start_time", start_time, IdentificationError)
     if segments is not None:
         whole("segments", segments, IdentificationError)
-    model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, contacts=True)
+    model = continuous_model(
+        subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, allow_contacts=True
+    )
     experiments = measurements(
         data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing, instants=instants
     )
@@ -117,7 +119,7 @@ def identify(
             raise IdentificationError(
                 f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"
             )
-    variables = settable(model, operator_models(model, operators, IdentificationError))
+    variables = settable_variables(model, operator_models(model, operators, IdentificationError))
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, listed("each", each, IdentificationError))
     starts = unknowns.by_element("start_values", values)

@@ -17,7 +17,7 @@ from liaisons.base.files import replacing
 from liaisons.base.progress import progress_bar
 from liaisons.errors import SimulationError
 from liaisons.pictures.declared import Picture
-from liaisons.pictures.frames import RATE, Frames, frames
+from liaisons.pictures.frames import RATE, Frames, picture_frames
 from liaisons.pictures.gltf import glb_file
 from liaisons.pictures.inline import inlined_page
 from liaisons.pictures.openmodelica import openmodelica_files
@@ -158,13 +158,13 @@ def motion_frames(
 ) -> Frames:
     """Return the shapes of the picture at every step [s].
 
-    :param shifts: as in :func:`liaisons.pictures.frames.frames`.
+    :param shifts: as in :func:`liaisons.pictures.frames.picture_frames`.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
     """
     count = int(float(time[-1] - time[0]) / step + 1e-9) + 1
     instants = time[0] + np.arange(count) * step
     between = {name: _interpolated(time, np.asarray(values, dtype=float), instants) for name, values in signals.items()}
-    return frames(scene.picture, instants, scene.values(between).__getitem__, title=title, shifts=shifts)
+    return picture_frames(scene.picture, instants, scene.values(between).__getitem__, title=title, shifts=shifts)
 
 
 def _default_speed(time: NDArray[np.float64]) -> float:
@@ -188,7 +188,7 @@ def _interpolated(
     time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return values between communication points, by Akima's curves, which do not overshoot at jumps."""
-    if len(time) < 3 or not np.isfinite(values).all():  # frames() names it
+    if len(time) < 3 or not np.isfinite(values).all():  # picture_frames() names it
         return np.interp(instants, time, values)
     from scipy.interpolate import Akima1DInterpolator
 

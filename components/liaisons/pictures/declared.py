@@ -43,7 +43,7 @@ class Picture:
     shapes: tuple[Shape, ...]
 
     @classmethod
-    def of(cls, text: bytes, owner: str) -> Picture:
+    def from_json(cls, text: bytes, owner: str) -> Picture:
         """Read the picture of an FMU.
 
         :param owner: for messages.
@@ -68,7 +68,7 @@ class Picture:
         return cls(tuple(shapes))
 
     @classmethod
-    def of_points(cls, names: Iterable[str]) -> Picture:
+    def from_points(cls, names: Iterable[str]) -> Picture:
         """Return balls and trails of points whose coordinates are variables, ``bob_x``, ``bob_z``."""
         ordered = dict.fromkeys(sorted(names))
         points = dict.fromkeys(name[:-2] for name in ordered if name[-2:] in {"_x", "_y", "_z"})

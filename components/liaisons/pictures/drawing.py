@@ -27,7 +27,7 @@ def add_empty_polygons(stage: Stage, axes: Axes) -> PolyCollection:
     return polygons
 
 
-def draw(polygons: PolyCollection, faces: list[Face]) -> None:
+def draw_faces(polygons: PolyCollection, faces: list[Face]) -> None:
     """Replace the polygons of a collection."""
     polygons.set_verts([face.corners for face in faces])
     colours: Any = np.array([face.colour for face in faces])
@@ -35,7 +35,7 @@ def draw(polygons: PolyCollection, faces: list[Face]) -> None:
     polygons.set_edgecolor(colours)
 
 
-def pixels(
+def frame_images(
     stage: Stage, *, turns: float = 0.0, width: int = 480, first: int = 0, ratio: float | None = None
 ) -> Iterator[NDArray]:
     """Yield the frames, (height, width, 3) of bytes; even numbers, as films want.
@@ -50,7 +50,7 @@ def pixels(
     canvas = FigureCanvasAgg(figure)
     count = len(stage.frames.time)
     for k in range(first, count):
-        draw(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
+        draw_faces(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
         canvas.draw()
         yield np.array(canvas.buffer_rgba())[..., :3]
 
@@ -60,7 +60,7 @@ def write_gif(stage: Stage, path: Path, *, turns: float, progress: Callable[[], 
     from PIL import Image
 
     images: list[Image.Image] = []
-    for frame in pixels(stage, turns=turns):
+    for frame in frame_images(stage, turns=turns):
         image = Image.fromarray(frame)
         images.append(image.quantize(palette=images[0], dither=Image.Dither.NONE) if images else image.quantize(64))
         progress()
@@ -74,7 +74,7 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
     """Write an MP4."""
     import imageio_ffmpeg
 
-    images = pixels(stage, turns=turns, width=720)
+    images = frame_images(stage, turns=turns, width=720)
     first = next(images)
     film = imageio_ffmpeg.write_frames(str(path), first.shape[1::-1], fps=RATE, output_params=["-f", "mp4"])
     film.send(None)
@@ -90,6 +90,6 @@ def write_strip(stage: Stage, path: Path, **_: object) -> None:
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     instants = np.linspace(0, len(time) - 1, count).round().astype(int)
     for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):
-        draw(add_empty_polygons(stage, axes), stage.faces(k))
+        draw_faces(add_empty_polygons(stage, axes), stage.faces(k))
         axes.set_title(f"{time[k]:.3g} s", fontsize=9, color=COLOURS["rod"])
     figure.savefig(path, format="png")

@@ -81,7 +81,7 @@ class Frames:
         return np.concatenate([points for shape in self.shapes for points in (shape.points, shape.corners)], axis=1)
 
 
-def frames(
+def picture_frames(
     picture: Picture, time: NDArray, signal: Signal, *, title: str, shifts: Sequence[float] | None = None
 ) -> Frames:
     """Return the shapes of a picture at some times; groups of shapes are moved apart.
