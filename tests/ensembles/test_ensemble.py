@@ -16,10 +16,10 @@ from liaisons import System, ensemble, max_error, simulate
 from liaisons.base import compiler
 from liaisons.check import slope
 from liaisons.ensembles import integrating, members
-from liaisons.ensembles.integrating import _errors
+from liaisons.ensembles.integrating import _step_halving_errors
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
-from liaisons.ensembles.steps import compiled_library, source
+from liaisons.ensembles.steps import compiled_library, ensemble_code
 from liaisons.errors import BuildError, ComponentError, SimulationError
 from liaisons.language import Mechanism
 from liaisons.models import (
@@ -360,7 +360,7 @@ def test_the_generated_code_is_clean(component, monkeypatch) -> None:
     found = right_hand_side(flat_model(component), {}, lanes=["gravity"], shared=[], record=["energy"])
     strict = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-fopenmp-simd")
     monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, *strict))
-    assert compiler.compile_library({"ensemble.c": source(found, METHODS["rk4"]).encode()}, compiler.host())
+    assert compiler.compile_library({"ensemble.c": ensemble_code(found, METHODS["rk4"]).encode()}, compiler.host())
 
 
 @pytest.mark.parametrize(
@@ -397,7 +397,7 @@ def test_the_estimate_takes_the_order_that_three_runs_show() -> None:
     error = 1e-6
     states = [[1 + error, 1.0, 1.0, 1.0], [1 + 16 * error, 1 + 1e-3, 1.2, 1 + 1e-14], [1 + 256 * error, 1.0, 2.0, 1.0]]
     fine, half, quarter = (np.array(row)[None, None] for row in states)
-    found = _errors((fine, fine), (half, half), (quarter, quarter), order=8)
+    found = _step_halving_errors((fine, fine), (half, half), (quarter, quarter), order=8)
     np.testing.assert_allclose(found[0], [error, np.inf, np.inf, 1e-14], rtol=0.3)
 
 
@@ -424,6 +424,6 @@ def test_the_estimate_covers_a_rate_that_jumps_on_or_off_the_steps(instant: floa
 def test_a_state_that_is_right_to_rounding_says_how_fast_the_others_converge() -> None:
     # Two states of one case: the first happens to be as far off with all steps, the second with the coarsest alone.
     fine, half, quarter = (np.array(values).reshape(2, 1, 1) for values in ([1, 1], [1 + 3e-11, 1], [1, 1 + 1e-8]))
-    assert np.isfinite(_errors((fine, fine), (half, half), (quarter, quarter), order=8)).all()
+    assert np.isfinite(_step_halving_errors((fine, fine), (half, half), (quarter, quarter), order=8)).all()
     chaotic = np.array([1 + 3e-3, 1]).reshape(2, 1, 1)
-    assert np.isinf(_errors((fine, fine), (chaotic, chaotic), (fine, fine), order=8)).all()
+    assert np.isinf(_step_halving_errors((fine, fine), (chaotic, chaotic), (fine, fine), order=8)).all()
