@@ -12,7 +12,7 @@ from liaisons import identify, operator, simulate
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit
 from liaisons.identification.minimising import LOSSES
-from liaisons.identification.verifying import glejser, grubbs_bound, grubbs_ratio, residual_tests
+from liaisons.identification.verifying import glejser_statistic, grubbs_bound, grubbs_ratio, residual_tests
 from liaisons.models import Oscillator, Pendulum
 
 TIMES = np.linspace(0.0, 6.0, 121)
@@ -272,7 +272,7 @@ def test_residuals_fail_as_rarely_as_the_level_says(n: int) -> None:
     grows_with = np.array([t, np.abs(np.cos(3 * t))])
     sets = random.standard_normal((4000, n))
     deviation = np.sqrt(0.05 * 0.95 / len(sets))
-    grown = np.mean([glejser(r, grows_with) > chi2.isf(0.05, 2) for r in sets])
+    grown = np.mean([glejser_statistic(r, grows_with) > chi2.isf(0.05, 2) for r in sets])
     assert (0 if n < 20 else 0.04) < grown < 0.05 + 3 * deviation
     assert np.mean([grubbs_ratio(r) > grubbs_bound(n, 0.05) for r in sets]) == pytest.approx(0.05, abs=3 * deviation)
 

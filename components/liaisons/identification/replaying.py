@@ -27,20 +27,20 @@ _MIN_STEPS = 1000
 
 @lru_cache(maxsize=1)  # film and verdicts share the runs
 def replays(estimate: ParameterEstimate) -> tuple[Result, ...]:
-    """Runs of the FMUs for each experiment; the times of its measurements are communication points."""
+    """Results of the FMUs for each experiment, with the times of its measurements as communication points."""
     problem, values = estimate.problem, estimate.values.tolist()
     return tuple(
         _run_experiment(
             problem,
             experiment,
             {name: values[column] for name, column in columns.items() if name != TIME_OFFSET},
-            [times.ravel() for times in sides(estimate, i).values()],
+            [times.ravel() for times in impact_sides(estimate, i).values()],
         )
         for i, (experiment, columns) in enumerate(zip(estimate.objective.experiments, problem.columns, strict=True))
     )
 
 
-def sides(estimate: ParameterEstimate, experiment: int) -> dict[str, Floats]:
+def impact_sides(estimate: ParameterEstimate, experiment: int) -> dict[str, Floats]:
     """Times [s] just before and just after the fitted impacts of an experiment, shape (2, impacts)."""
     chosen, begin = estimate.objective.experiments[experiment], estimate.problem.start_time
     delay = 0.0 if chosen.offset is None else estimate.values[chosen.offset]
