@@ -25,13 +25,6 @@ def test_samples_repeat_with_their_seed_only() -> None:
     assert 2 <= first["b"].min() <= first["b"].max() <= 3
 
 
-def test_a_latin_hypercube_has_one_case_in_each_stratum() -> None:
-    cases = sample(40, {"a": (0, 40), "b": stats.norm(1.0, 0.1)}, seed=1, latin_hypercube=True)
-    assert sorted(np.floor(cases["a"]).astype(int)) == list(range(40))
-    quantiles = stats.norm(1.0, 0.1).cdf(cases["b"])
-    assert sorted(np.floor(40 * quantiles).astype(int)) == list(range(40))
-
-
 def test_a_normal_distribution_is_one() -> None:
     values = sample(2000, {"a": stats.norm(5.0, 2.0)}, seed=0)["a"]
     # Kolmogorov and Smirnov: a right sample falls below this in one of a thousand cases, and the seed is fixed.
@@ -39,7 +32,7 @@ def test_a_normal_distribution_is_one() -> None:
 
 
 def test_columns_case_by_case() -> None:
-    cases = Cases.of({"a": [1, 2, 3], "b": [4, 5, 6]})
+    cases = Cases.from_columns({"a": [1, 2, 3], "b": [4, 5, 6]})
     assert [cases.case(k) for k in range(3)] == [{"a": 1, "b": 4}, {"a": 2, "b": 5}, {"a": 3, "b": 6}]
 
 
@@ -52,7 +45,7 @@ def test_columns_case_by_case() -> None:
         (grid, {"a": [1, np.nan]}, "a has values that are not finite"),
         (grid, {"a": ["x"]}, "a = "),
         (grid, {"a": np.arange(10_000.0), "b": np.arange(10_000.0)}, "100000000 cases are too many"),
-        (Cases.of, {"a": [1, 2], "b": [1]}, "a 2, b 1"),
+        (Cases.from_columns, {"a": [1, 2], "b": [1]}, "a 2, b 1"),
     ],
 )
 def test_misuse(make, over, message) -> None:

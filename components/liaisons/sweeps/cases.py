@@ -46,14 +46,14 @@ class Cases(Mapping[str, Floats]):
             column.flags.writeable = False
 
     @classmethod
-    def of(cls, columns: Mapping[str, ArrayLike]) -> Cases:
-        """Return cases one by one: the first values of all columns, then the second ones, ...
+    def from_columns(cls, columns: Mapping[str, ArrayLike]) -> Cases:
+        """Cases from columns: the first case has the first values of all of them, and so on.
 
         :raises SweepError: if nothing is varied, or columns differ in length.
         """
         if isinstance(columns, Cases):
             return columns
-        arrays = _columns(columns)
+        arrays = _checked_columns(columns)
         if len(set(map(len, arrays.values()))) > 1:
             lengths = ", ".join(f"{name} {len(column)}" for name, column in arrays.items())
             raise SweepError(f"columns of different lengths: {lengths}; give one value a case, or use grid()")
@@ -82,23 +82,22 @@ class Cases(Mapping[str, Floats]):
 
 
 def grid(over: Mapping[str, ArrayLike]) -> Cases:
-    """Return the cases of all combinations of values; the last name varies fastest.
+    """Cases of all combinations of values, in which the last name varies fastest.
 
     ``column.reshape(len(a), len(b))`` is the column of a result on the grid.
 
     :raises SweepError: if there is nothing to vary, or a value is no finite number.
     """
-    columns = _columns(over)
+    columns = _checked_columns(over)
     _refuse_too_many("grid", math.prod(map(len, columns.values())))
     mesh = np.meshgrid(*columns.values(), indexing="ij")
     return Cases({name: np.ascontiguousarray(axis).reshape(-1) for name, axis in zip(columns, mesh, strict=True)})
 
 
-def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hypercube: bool = False) -> Cases:
-    """Return cases of independent random values; the same ones for the same seed.
+def sample(count: int, over: Mapping[str, Distribution], *, seed: int) -> Cases:
+    """Cases of independent random values, the same ones for the same seed.
 
     :param over: name -> ``(low, high)``, or a distribution of ``scipy.stats``.
-    :param latin_hypercube: spread the values of each name evenly over its quantiles.
     :raises SweepError: for an invalid count or seed, nothing to vary, or no distribution.
     """
     whole("sample: count", count, SweepError)
@@ -106,15 +105,9 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
     whole("sample: seed", seed, SweepError, least=0)
     if not named("sample: over", over, SweepError):
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
-    generator = np.random.default_rng(int(seed))
-    if latin_hypercube:
-        from scipy.stats import qmc
-
-        quantiles = qmc.LatinHypercube(d=len(over), rng=generator).random(int(count))
-    else:
-        quantiles = generator.random((int(count), len(over)))
-    columns = zip(over.items(), quantiles.T, strict=True)
-    return Cases({name: _values_at(name, distribution, q) for (name, distribution), q in columns})
+    probabilities = np.random.default_rng(int(seed)).random((int(count), len(over)))
+    columns = zip(over.items(), probabilities.T, strict=True)
+    return Cases({name: _distribution_values(name, distribution, q) for (name, distribution), q in columns})
 
 
 def _refuse_too_many(maker: str, count: int) -> None:
@@ -123,10 +116,10 @@ def _refuse_too_many(maker: str, count: int) -> None:
         raise SweepError(f"{maker}: {count} cases are too many; give {_MOST} at most, and do the rest in another sweep")
 
 
-def _values_at(name: str, distribution: Distribution, quantiles: Floats) -> Floats:
-    """Quantiles of a distribution, checked to be finite; shape (count,)."""
+def _distribution_values(name: str, distribution: Distribution, probabilities: Floats) -> Floats:
+    """Quantiles of a distribution at the probabilities, shape (count,); a SweepError unless they are finite."""
     if isinstance(distribution, Quantiles):
-        values = np.array(distribution.ppf(quantiles), dtype=float)
+        values = np.array(distribution.ppf(probabilities), dtype=float)
     else:
         try:
             low, high = map(float, distribution)
@@ -137,14 +130,14 @@ def _values_at(name: str, distribution: Distribution, quantiles: Floats) -> Floa
             ) from None
         if low >= high:
             raise SweepError(f"sample: {name} = {distribution!r}; give (low, high) with low < high")
-        values = low + (high - low) * quantiles
+        values = low + (high - low) * probabilities
     if not np.all(np.isfinite(values)):
         raise SweepError(f"sample: {name} = {shown(distribution)} gives values that are not finite; choose another one")
     return values
 
 
-def _columns(over: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-    """Values by name as arrays, checked to be finite and not empty."""
+def _checked_columns(over: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    """Arrays of the values by name; a SweepError unless they are finite and not empty."""
     if not named("cases", over, SweepError):
         raise SweepError("nothing is varied; give at least one name with its values")
     columns = {}

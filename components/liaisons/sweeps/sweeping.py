@@ -87,7 +87,7 @@ def sweep(
     _check_settings(workers, client, time_limit, retry=retry, journal=journal)
     study = _study(
         subject,
-        Cases.of(cases),
+        Cases.from_columns(cases),
         checked_measures(keep),
         named("start_values", {} if start_values is None else start_values, SweepError),
         SimulationSettings(
