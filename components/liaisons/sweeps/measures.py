@@ -21,7 +21,7 @@ _MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max":
 
 
 def checked_measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
-    """Return the measure of each column by its name, checked.
+    """Measures by the names of their columns, checked.
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
@@ -38,7 +38,7 @@ def checked_measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[
 
 
 def signal_and_kind(measure: str) -> tuple[str, str]:
-    """Signal of a measure, and which of its values: ``"final"``, ``"max"`` or ``"min"``."""
+    """Signal of a measure such as ``"theta:max"``, and which of its values: ``"final"``, ``"max"`` or ``"min"``."""
     signal, colon, word = measure.partition(":")
     if not signal:
         raise SweepError(f"keep {measure!r}: no signal is named; write SIGNAL, SIGNAL:max or SIGNAL:min")
@@ -48,7 +48,7 @@ def signal_and_kind(measure: str) -> tuple[str, str]:
 
 
 def evaluate_measures(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
-    """Return the measures of a case, in the order of the columns.
+    """Measures of a case from its result, in the order of the columns.
 
     :raises SweepError: if a function fails or returns no number.
     """
@@ -67,7 +67,7 @@ def evaluate_measures(keep: Mapping[str, Measure], result: Result) -> tuple[floa
 
 
 def measure_identity(measure: Measure) -> bytes:
-    """Bytes that identify a measure in the key of a journal; of a function its code and the values it encloses."""
+    """Bytes that identify a measure in the key of a journal; for a function its code and the values in its closure."""
     if isinstance(measure, str):
         return measure.encode()
     code = getattr(measure, "__code__", None)

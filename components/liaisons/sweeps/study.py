@@ -31,8 +31,8 @@ class Study:
     cases: Cases
     keep: Mapping[str, Measure]
 
-    def starts(self, case: int) -> dict[str, SystemComponent]:
-        """The components with the start values of one case.
+    def case_components(self, case: int) -> dict[str, SystemComponent]:
+        """Components with the start values of one case, by name.
 
         :raises SimulationError: if a value does not fit.
         """
@@ -50,16 +50,16 @@ class Study:
             fmu.require_library("a sweep with a journal, or on a cluster,")
         return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
 
-    def moved(self, paths: Mapping[Path, Path]) -> Study:
-        """A copy of the study whose FMUs lie at other paths: old path -> new one."""
+    def with_fmu_paths(self, paths: Mapping[Path, Path]) -> Study:
+        """Copy of the study whose FMUs are files at other paths: old path -> new path."""
         parts = {
             name: replace(part, fmu=replace(part.fmu, path=paths[part.fmu.path]))
             for name, part in self.simulation.parts.items()
         }
         return replace(self, simulation=replace(self.simulation, parts=parts))
 
-    def key(self) -> str:
-        """Hash of all that the outcomes depend on: contents of the FMUs and settings."""
+    def journal_key(self) -> str:
+        """Hash that identifies the study in a journal: of its FMUs, settings, cases and measures."""
         digest = hashlib.sha256()
 
         def add(*parts: object) -> None:
@@ -81,7 +81,7 @@ class Study:
         return digest.hexdigest()
 
     def _typed_value(self, owner: str, variable: str, value: float) -> object:
-        """A number as a value of the type of its variable; unchanged where it does not fit and will be refused."""
+        """Number in the type of its variable; unchanged where it does not fit, which is refused later."""
         kind = self.simulation.parts[owner].fmu.variables[variable].type
         if kind in {"Integer", "Enumeration"} and value.is_integer():
             return int(value)
@@ -115,7 +115,7 @@ Outcome: TypeAlias = Completed | Failure
 
 
 def failure_of(error: Exception) -> Failure:
-    """Return the failure of a case that ended with this error: refused after Discard, Error or no convergence.
+    """Failure of a case that ended with an error; the model has refused it after Discard, Error or no convergence.
 
     Fatal is no refusal: the FMU may have run out of memory.
     """

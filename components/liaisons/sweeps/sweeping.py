@@ -85,7 +85,7 @@ def sweep(
     :raises JournalError: if the journal belongs to another sweep, is in use by one, or has a line of another sweep.
     """
     _check_settings(workers, client, time_limit, retry=retry, journal=journal)
-    study = _study(
+    study = _checked_study(
         subject,
         Cases.from_columns(cases),
         checked_measures(keep),
@@ -101,7 +101,11 @@ def sweep(
         ),
     )
     shape = study.cases.count, len(study.keep)
-    book = nullcontext() if journal is None else Journal(as_path("journal", journal), study.key(), *shape, retry=retry)
+    book = (
+        nullcontext()
+        if journal is None
+        else Journal(as_path("journal", journal), study.journal_key(), *shape, retry=retry)
+    )
     with book as opened:
         outcomes: dict[int, Outcome] = {} if opened is None else dict(opened.done)
         remaining = [case for case in range(study.cases.count) if case not in outcomes]
@@ -119,7 +123,7 @@ def sweep(
             elif remaining:
                 with cluster.connected_client(client) as connection:
                     cluster.simulate_on_cluster(study, remaining, connection, deliver, time_limit)
-    return _table(study, outcomes)
+    return _result_table(study, outcomes)
 
 
 def _check_settings(
@@ -136,14 +140,14 @@ def _check_settings(
         raise SweepError("retry: there is no journal to find failures in; name that of the sweep to be done again")
 
 
-def _study(
+def _checked_study(
     subject: Path | str | System,
     cases: Cases,
     keep: Mapping[str, Measure],
     starts: Mapping[str, float | bool | str],
     settings: SimulationSettings,
 ) -> Study:
-    """The study of a sweep, checked: names, settings, and the start values of the first case."""
+    """Study of a sweep, with checked names, settings, and start values of the first case."""
     _check_names(cases, keep, starts)
     single = not isinstance(subject, System)
     if not isinstance(subject, System):
@@ -159,7 +163,7 @@ def _study(
     simulation = checked(title, parts, connections, settings, single=single, also=signals)
 
     def scalar(name: str) -> VariableReference:
-        """Component and variable of a name, which must not be an array."""
+        """Component and variable of a name; a SimulationError for an array."""
         owner, variable = owned(title, parts, "the sweep of", name, single=single)
         if variable not in parts[owner].fmu.variables:
             raise SimulationError(f"{owner}: {parts[owner].fmu.unknown(variable)}")
@@ -170,7 +174,7 @@ def _study(
         if parts[owner].fmu.variables[variable].type == "String":
             raise SweepError(f"keep {name!r}: a sweep keeps numbers, and this is a string")
     study = Study(simulation, {name: scalar(name) for name in cases}, cases, keep)
-    study.starts(0)  # refuses, before any simulation, names that cannot be set
+    study.case_components(0)  # refuses, before any simulation, names that cannot be set
     return study
 
 
@@ -183,8 +187,8 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
             raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
 
 
-def _table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
-    """The table of a sweep: what was varied, what was kept, failures and warnings."""
+def _result_table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
+    """Result of a sweep as a table of the cases: varied values, measures, failures and warnings."""
     done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
     measured = np.full((len(study.keep), study.cases.count), np.nan)
     measured[:, list(done)] = np.reshape([outcome.values for outcome in done.values()], (-1, len(study.keep))).T
@@ -206,7 +210,7 @@ def _table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
 
 
 def _collect_warnings(done: Mapping[int, Completed]) -> tuple[str, ...]:
-    """Collect the warnings with the numbers of their cases, and log how many cases have any."""
+    """Log how many cases have warnings, and return all warnings with the numbers of their cases."""
     collected = Warnings()
     for case, outcome in done.items():
         for text in outcome.warnings:
