@@ -25,7 +25,7 @@ from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
 from liaisons.pictures.camera import camera_facing
 from liaisons.pictures.frames import RATE, Frames, picture_frames
-from liaisons.pictures.gltf import _MESHES, _material, _rotations_of_axes
+from liaisons.pictures.gltf import _MESHES, _material, _quaternions_of_axes
 from liaisons.pictures.stage import LIGHT, Stage, rgb
 
 from .conftest import MECHANISMS, Fmu, Moved
@@ -119,7 +119,7 @@ def test_a_viewer_of_glb_sees_all_shapes_where_they_are(name: str, moved: Moved,
 
 def test_keyframes_turn_the_short_way() -> None:
     turned = Rotation.from_rotvec(np.outer(np.linspace(0, 9, 50), [0.6, 0, 0.8])).as_matrix()
-    quaternions = _rotations_of_axes(np.swapaxes(turned, 1, 2))
+    quaternions = _quaternions_of_axes(np.swapaxes(turned, 1, 2))
     assert np.sum(quaternions[1:] * quaternions[:-1], axis=1) == pytest.approx(np.cos(9 / 49 / 2))
 
 

@@ -19,7 +19,7 @@ from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.pictures import Picture, animate
 from liaisons.pictures.animation import Values
 from liaisons.pictures.camera import camera_facing
-from liaisons.pictures.frames import FLASH, RATE, THICKNESS, Moving, picture_frames
+from liaisons.pictures.frames import FLASH, RATE, THICKNESS, ShapeMotion, picture_frames
 from liaisons.pictures.stage import TEETH, Stage, rgb
 
 from .test_animation import content, numbers, omedit
@@ -79,7 +79,7 @@ def test_a_flash_names_a_unilateral_liaison() -> None:
         document(wrong)
 
 
-def moving(shape: dict[str, Any], count: int = 1, **signals: NDArray) -> Moving:
+def moving(shape: dict[str, Any], count: int = 1, **signals: NDArray) -> ShapeMotion:
     """One shape at some frames."""
     picture = Picture.from_json(json.dumps({"version": "1.1", "shapes": [shape]}).encode(), "it")
     (found,) = picture_frames(picture, np.arange(count) / RATE, signals.__getitem__, title="it").shapes

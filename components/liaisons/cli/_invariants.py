@@ -23,7 +23,7 @@ from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.run import performed
 from liaisons.errors import LiaisonsError, SimulationError
-from liaisons.ssp.assignment import fitted, parameters
+from liaisons.ssp.assignment import parameter_quantities, value_for_variable
 
 if TYPE_CHECKING:
     from liaisons.cosim.compiled.calls import Call
@@ -132,7 +132,10 @@ def _reference_verdict(fmu: Fmu, results: Path, files_by_role: Mapping[str, Path
     starts = []
     if "parameter" in files_by_role:
         with files_by_role["parameter"].open("rb") as file:
-            starts = [(name, fitted(name, fmu, name, quantity)) for name, quantity in parameters(tree(file))]
+            starts = [
+                (name, value_for_variable(name, fmu, name, quantity))
+                for name, quantity in parameter_quantities(tree(file))
+            ]
     inputs = [str(files_by_role["testcase"])] if "testcase" in files_by_role else []
     tolerance = fmu.experiment.tolerance or 1e-6
     span = times[0], times[-1], times[1] - times[0], tolerance

@@ -63,7 +63,7 @@ def animate(
     against: Mapping[str, ArrayLike] | None = None,
     turns: float = 0.0,
 ) -> float:
-    """Write a motion in the format of the suffix of the path; return its speed.
+    """Write a motion in the format of the path's suffix, and return its speed.
 
     :param time: of the signals [s].
     :param speed: seconds of motion a second; real time unless that takes longer than :data:`LONGEST`.
@@ -83,7 +83,7 @@ def animate(
         raise SimulationError(f"{path}: films need imageio-ffmpeg; pip install 'liaisons[film]', or write a .gif")
     if not scene.picture.shapes:
         raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
-    speed = _default_speed(time) if speed is None else _checked_speed(speed, time, scene.picture.count)
+    speed = _default_speed(time) if speed is None else _checked_speed(speed, time, scene.picture.point_count)
     finite("turns", turns)
     step = speed / RATE
     shown = motion_frames(scene, time, signals, step, title)
@@ -116,7 +116,7 @@ def animate(
 
 
 def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, title: str, most: int) -> bytes:
-    """Return the motion as a page of HTML; empty if there is nothing to draw.
+    """HTML page that plays a motion; empty if there is nothing to draw.
 
     :param most: bytes of all frames; a picture of many variables has fewer frames a second.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
@@ -132,7 +132,10 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
 
 
 def _player_page(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
-    """Return a page that plays frames."""
+    """HTML page that plays frames.
+
+    :param rate: frames a second.
+    """
     plan = {
         "picture": picture.document,
         "signals": picture.variables,
@@ -156,7 +159,7 @@ def motion_frames(
     *,
     shifts: Sequence[float] | None = None,
 ) -> Frames:
-    """Return the shapes of the picture at every step [s].
+    """Frames of a picture at every step [s] of a motion.
 
     :param shifts: as in :func:`liaisons.pictures.frames.picture_frames`.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
@@ -168,12 +171,12 @@ def motion_frames(
 
 
 def _default_speed(time: NDArray[np.float64]) -> float:
-    """Return seconds of motion a second: 1, unless the film takes longer than :data:`LONGEST` so."""
+    """Seconds of motion a second: 1, or more for a motion longer than :data:`LONGEST`."""
     return max(1.0, float(time[-1] - time[0]) / LONGEST)
 
 
 def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> float:
-    """Return the speed unless it is not positive or takes too many frames."""
+    """Speed; a SimulationError unless it is positive and takes few enough frames."""
     finite("speed", speed)
     most = min(_MOST, _MOST_POINTS // points)
     least = float(time[-1] - time[0]) * RATE / most
@@ -187,7 +190,7 @@ def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> floa
 def _interpolated(
     time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return values between communication points, by Akima's curves, which do not overshoot at jumps."""
+    """Values at instants between communication points, by Akima's interpolation, which does not overshoot at jumps."""
     if len(time) < 3 or not np.isfinite(values).all():  # picture_frames() names it
         return np.interp(instants, time, values)
     from scipy.interpolate import Akima1DInterpolator

@@ -26,7 +26,7 @@ class Camera:
     pitch: float
 
     def project(self, points: NDArray) -> NDArray:
-        """Return coordinates of points (..., 3) to the right, up and towards the eye, in their unit."""
+        """Coordinates of points (..., 3) to the right, up and towards the eye."""
         return points @ self.axes.T
 
     @property
@@ -37,6 +37,6 @@ class Camera:
 
 
 def camera_facing(plane: str | None, angle: float = 0.0) -> Camera:
-    """Return the camera that faces a plane, or looks at a spatial mechanism, rotated about it by an angle [rad]."""
+    """Camera that faces a plane, or for None looks at a spatial mechanism from an angle [rad]."""
     yaw, pitch = FACING[plane]
     return Camera(yaw + (angle if plane is None else 0.0), pitch)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.pictures.camera import Camera, camera_facing
-from liaisons.pictures.frames import RATE, Frames, Moving
+from liaisons.pictures.frames import RATE, Frames, ShapeMotion
 
 _TRAIL = 3 * RATE  # frames that a trail lasts
 COILS = 3, 9
@@ -70,18 +70,18 @@ class Stage:
         self.ratio = float(self.half[1] / self.half[0])
 
     def faces(self, k: int, angle: float = 0.0) -> list[Face]:
-        """Return the polygons of the frame k, those behind first.
+        """Polygons of the frame k, those behind first.
 
         :param angle: rotation of the camera about a spatial mechanism [rad].
         """
         camera = camera_facing(self.frames.plane, angle)
-        faces = list(self._faces(self.frames, k, camera, 1.0))
+        faces = list(self._shape_faces(self.frames, k, camera, 1.0))
         if self.ghost is not None:
-            faces = [*self._faces(self.ghost, k, camera, 0.3), *faces]
+            faces = [*self._shape_faces(self.ghost, k, camera, 0.3), *faces]
         return sorted(faces, key=lambda face: face.depth)
 
-    def _faces(self, frames: Frames, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
-        """Yield the polygons of all shapes."""
+    def _shape_faces(self, frames: Frames, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
+        """Yield the polygons of all shapes in the frame k."""
         for shape in frames.shapes:
             if shape.axes is not None:
                 floor = shape.kind == "floor"
@@ -92,7 +92,7 @@ class Stage:
                 yield from (face._replace(depth=depth) if floor else face for face in faces)
                 continue
             first = max(0, k + 1 - _TRAIL) if shape.kind == "trail" else k
-            points = camera.project(shape.path[first : k + 1] - self.middle[k])
+            points = camera.project(shape.closed_points[first : k + 1] - self.middle[k])
             radius, colour = self.radius(shape)[k, 0], (*rgb(shape.kind), opacity)
             if shape.kind == "ball":
                 yield from _ball_faces(points[-1, 0], radius, colour)
@@ -101,13 +101,13 @@ class Stage:
             elif shape.kind == "trail":
                 yield from _trail_faces(points[:, 0], radius, colour)
             elif shape.kind == "spring":
-                zigzag = _zigzag_points(points[-1, 0], points[-1, 1], radius, self.coils(shape))
+                zigzag = _zigzag_points(points[-1, 0], points[-1, 1], radius, self.coil_count(shape))
                 yield from _segment_faces(zigzag, SIZES["wire"] * self.extent, colour)
             else:
                 yield from _segment_faces(points[-1], radius, colour)
 
-    def _hatching(self, centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
-        """Yield the lines of a floor that is seen from its side."""
+    def _hatching(self, centre: NDArray, shape: ShapeMotion, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
+        """Yield the lines of a floor that the camera sees from its side."""
         assert shape.axes is not None  # as for all floors
         assert shape.size is not None
         up = camera.project(shape.axes[k, 2])
@@ -118,33 +118,33 @@ class Stage:
         yield _line_face(edge[0], edge[-1], radius, colour)
         yield from (_line_face(a, a - along - shape.size[k, 2] * up, radius / 2, colour) for a in edge[1:])
 
-    def radius(self, shape: Moving) -> NDArray:
-        """Return the radius [m] at each frame of a shape without axes, (n, 1); of a flash 0 when it is over."""
+    def radius(self, shape: ShapeMotion) -> NDArray:
+        """Radius [m] at each frame of a shape without axes, (n, 1); 0 for a flash that is over."""
         default = np.broadcast_to(SIZES[shape.kind] * self.extent, (len(shape.points), 1))
         if shape.kind == "flash":
             return default * shape.size
         return default if shape.size is None else np.where(shape.size > 0, shape.size, default)
 
-    def coils(self, spring: Moving) -> int:
-        """Return the number of coils of a spring; a short one of a chain has fewer."""
+    def coil_count(self, spring: ShapeMotion) -> int:
+        """Number of coils of a spring; a short one of a chain has fewer."""
         length = float(np.linalg.norm(spring.points[0, 1] - spring.points[0, 0]))
         return min(max(round(30 * length / self.extent), COILS[0]), COILS[1])
 
 
 def rgb(kind: str) -> tuple[float, ...]:
-    """Return the colour of a kind of shape in sRGB, each component from 0 to 1."""
+    """Colour of a kind of shape in sRGB, with components from 0 to 1."""
     return tuple(byte / 255 for byte in bytes.fromhex(COLOURS[kind][1:]))
 
 
 def _line_face(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...]) -> Face:
-    """Return a line from a to b (3,) with round ends."""
+    """Polygon of a line from a to b (3,) with round ends."""
     angle = np.arctan2(b[1] - a[1], b[0] - a[0]) + np.linspace(np.pi / 2, 3 * np.pi / 2, 7)
     end = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     return Face((a[2] + b[2]) / 2, np.concatenate([a[:2] + end, b[:2] - end]), colour)
 
 
 def _segment_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
-    """Yield lines between consecutive points."""
+    """Polygons of lines between consecutive points."""
     return (_line_face(a, b, radius, colour) for a, b in pairwise(points))
 
 
@@ -155,7 +155,7 @@ def _ball_faces(centre: NDArray, radius: float, colour: tuple[float, ...]) -> It
     yield Face(centre[2], centre[:2] + radius * ((-0.3, 0.3) + 0.35 * _CIRCLE), (*light, colour[3]))
 
 
-def _box_faces(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
+def _box_faces(centre: NDArray, shape: ShapeMotion, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
     """Yield the three faces of a box that the eye sees."""
     assert shape.axes is not None  # as for all boxes
     assert shape.size is not None
@@ -170,7 +170,7 @@ def _box_faces(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: 
 
 
 def _zigzag_points(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
-    """Return the points of a spring from a to b."""
+    """Points of a spring from a to b."""
     along = b - a
     length = float(np.hypot(along[0], along[1])) or 1.0
     across = min(width, length / 6) * np.array([-along[1], along[0], 0]) / length

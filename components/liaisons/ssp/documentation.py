@@ -34,7 +34,7 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 def system_page(
     name: str, parts: Iterable[SystemComponent], connections: Iterable[Connection], experiment: DefaultExperiment
 ) -> str:
-    """HTML page of a system."""
+    """HTML page of a system: components with start values, connections, experiment."""
     times = [f"starts at t = {experiment.start_time:g} s"]
     if experiment.stop_time is not None:
         times.append(f"stops at t = {experiment.stop_time:g} s")
@@ -53,7 +53,7 @@ def system_page(
 
 
 def _start_texts(part: SystemComponent) -> list[str]:
-    """Start values of a component in words."""
+    """Start values of a component as texts, ``"length = 2.0"``."""
     return [f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in part.starts.items()]
 
 
