@@ -38,14 +38,16 @@ def final_state(
     :raises ComponentError: where the integration cannot go on.
     """
     function = ca.Function("velocity", [t, X], [ca.densify(rate)])
-
-    def velocity(instant: float, state: NDArray) -> NDArray:
-        """Rate of the state at an instant, (n,)."""
-        return np.asarray(function(instant, state))[:, 0]
-
-    tolerances = {"rtol": tolerance, "atol": tolerance}
-    span, error = (0.0, duration), ComponentError
-    return integrate(owner, velocity, start, span, times=[duration], **tolerances, error=error)[:, -1]
+    return integrate(
+        owner,
+        lambda instant, state: np.asarray(function(instant, state))[:, 0],
+        start,
+        (0.0, duration),
+        times=[duration],
+        rtol=tolerance,
+        atol=tolerance,
+        error=ComponentError,
+    )[:, -1]
 
 
 def checked_times(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> NDArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -150,15 +149,6 @@ def repeated_option(metavar: str, words: str, *names: str, **more: Any) -> Any:
     return option(metavar, words, *names, default_factory=list, show_default=False, **more)
 
 
-def _set_unpacked_limit(limit: str | None) -> None:
-    """Set how much archives may take unpacked, for this process and those that it starts."""
-    if limit is not None:
-        from liaisons.base.archive import LIMIT_VARIABLE, unpacked_limit
-
-        os.environ[LIMIT_VARIABLE] = limit
-        unpacked_limit()
-
-
 def parse_assignment(text: str) -> tuple[str, float | bool | str]:
     """Name and value, a number, a truth value or a string, of ``NAME=VALUE``."""
     name, _, value = text.partition("=")
@@ -192,17 +182,6 @@ def add_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) -> 
 
 
 Number = float | None
-UnpackedLimit = Annotated[
-    str | None,
-    option(
-        "BYTES",
-        "so much an FMU or SSP archive may take unpacked (default: 1 GiB)",
-        "--unpacked-limit",
-        envvar="LIAISONS_UNPACKED_LIMIT",
-        callback=_set_unpacked_limit,
-    ),
-]
-
 Size = Annotated[
     Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", "--size", parser=parse_assignment)
 ]

@@ -18,7 +18,6 @@ from liaisons.cli._command import (
     Step,
     Stop,
     Tolerance,
-    UnpackedLimit,
     add_robot_options,
     command,
     flag,
@@ -57,7 +56,6 @@ def animate(
     stop: Stop = None,
     step: Step = None,
     tolerance: Tolerance = None,
-    _limit: UnpackedLimit = None,
     inputs: Inputs,
     join: Join = "quintic",
     speed: Annotated[
@@ -110,7 +108,6 @@ def show(
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
-    _limit: UnpackedLimit = None,
 ) -> int:
     """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account.
 

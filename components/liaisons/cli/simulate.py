@@ -25,7 +25,6 @@ from liaisons.cli._command import (
     Step,
     Stop,
     Tolerance,
-    UnpackedLimit,
     add_robot_options,
     check_figure_writable,
     command,
@@ -78,7 +77,6 @@ def simulate(
     stop: Stop = None,
     step: Step = None,
     tolerance: Tolerance = None,
-    _limit: UnpackedLimit = None,
     inputs: Inputs,
     join: Join = "quintic",
     record: Annotated[

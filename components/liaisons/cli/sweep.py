@@ -20,7 +20,6 @@ from liaisons.cli._command import (
     Step,
     Stop,
     Tolerance,
-    UnpackedLimit,
     check_figure_writable,
     command,
     flag,
@@ -31,8 +30,8 @@ from liaisons.cli._command import (
 )
 
 if TYPE_CHECKING:
+    from liaisons.base.arrays import Floats
     from liaisons.results import Result
-    from liaisons.sweeps import Cases
 
 _MOST = 10_000_000  # values of one name
 _SHOWN = 20  # rows on the screen; the file has all
@@ -127,7 +126,6 @@ def sweep(
     stop: Stop = None,
     step: Step = None,
     tolerance: Tolerance = None,
-    _limit: UnpackedLimit = None,
     csv: Annotated[Path | None, option("FILE", "write the table to a file")] = None,
     plot: Annotated[Path | None, option("FILE", "draw the table: curves over one name, maps over two")] = None,
     journal: Annotated[
@@ -250,7 +248,7 @@ def _subject_arguments(
     return {"subject": system, **span, "start_values": rest}
 
 
-def _requested_cases(over: list[Any], random: list[Any], samples: int | None, seed: int | None) -> Cases:
+def _requested_cases(over: list[Any], random: list[Any], samples: int | None, seed: int | None) -> dict[str, Floats]:
     """Cases of the grid or of the random samples that the options describe."""
     from liaisons.sweeps import grid, sample
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias, final, runtime_checkable
+from collections.abc import Mapping
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,58 +30,20 @@ Distribution: TypeAlias = Quantiles | tuple[float, float]
 """``(low, high)`` is uniform between them."""
 
 
-@final
-@dataclass(frozen=True, eq=False, repr=False)
-class Cases(Mapping[str, Floats]):
-    """Name of a parameter or input -> its value in each case, shape (count,).
+def checked_cases(columns: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    """Columns of one length by the names of parameters and inputs: the first case has the first values, and so on.
 
-    :param columns: all of one length.
+    :raises SweepError: if nothing is varied, a value is no finite number, or columns differ in length.
     """
-
-    columns: Mapping[str, Floats]
-
-    def __post_init__(self) -> None:
-        for column in self.columns.values():
-            column.flags.writeable = False
-
-    @classmethod
-    def from_columns(cls, columns: Mapping[str, ArrayLike]) -> Cases:
-        """Cases from columns: the first case has the first values of all of them, and so on.
-
-        :raises SweepError: if nothing is varied, or columns differ in length.
-        """
-        if isinstance(columns, Cases):
-            return columns
-        arrays = _checked_columns(columns)
-        if len(set(map(len, arrays.values()))) > 1:
-            lengths = ", ".join(f"{name} {len(column)}" for name, column in arrays.items())
-            raise SweepError(f"columns of different lengths: {lengths}; give one value a case, or use grid()")
-        return cls(arrays)
-
-    @property
-    def count(self) -> int:
-        """Number of cases."""
-        return len(next(iter(self.columns.values())))
-
-    def case(self, number: int) -> dict[str, float]:
-        """The values of one case, by name."""
-        return {name: float(column[number]) for name, column in self.columns.items()}
-
-    def __getitem__(self, name: str) -> Floats:
-        return self.columns[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
-
-    def __len__(self) -> int:
-        return len(self.columns)
-
-    def __repr__(self) -> str:
-        return f"<Cases: {self.count} of {', '.join(self)}>"
+    arrays = _checked_columns(columns)
+    if len(set(map(len, arrays.values()))) > 1:
+        lengths = ", ".join(f"{name} {len(column)}" for name, column in arrays.items())
+        raise SweepError(f"columns of different lengths: {lengths}; give one value a case, or use grid()")
+    return arrays
 
 
-def grid(over: Mapping[str, ArrayLike]) -> Cases:
-    """Cases of all combinations of values, in which the last name varies fastest.
+def grid(over: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    """Cases of all combinations of values as columns by name, in which the last name varies fastest.
 
     ``column.reshape(len(a), len(b))`` is the column of a result on the grid.
 
@@ -91,11 +52,11 @@ def grid(over: Mapping[str, ArrayLike]) -> Cases:
     columns = _checked_columns(over)
     _refuse_too_many("grid", math.prod(map(len, columns.values())))
     mesh = np.meshgrid(*columns.values(), indexing="ij")
-    return Cases({name: np.ascontiguousarray(axis).reshape(-1) for name, axis in zip(columns, mesh, strict=True)})
+    return {name: axis.ravel() for name, axis in zip(columns, mesh, strict=True)}
 
 
-def sample(count: int, over: Mapping[str, Distribution], *, seed: int) -> Cases:
-    """Cases of independent random values, the same ones for the same seed.
+def sample(count: int, over: Mapping[str, Distribution], *, seed: int) -> dict[str, Floats]:
+    """Cases of independent random values as columns by name, the same ones for the same seed.
 
     :param over: name -> ``(low, high)``, or a distribution of ``scipy.stats``.
     :raises SweepError: for an invalid count or seed, nothing to vary, or no distribution.
@@ -107,7 +68,7 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int) -> Cases:
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
     probabilities = np.random.default_rng(int(seed)).random((int(count), len(over)))
     columns = zip(over.items(), probabilities.T, strict=True)
-    return Cases({name: _distribution_values(name, distribution, q) for (name, distribution), q in columns})
+    return {name: _distribution_values(name, distribution, q) for (name, distribution), q in columns}
 
 
 def _refuse_too_many(maker: str, count: int) -> None:

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, final
 
+from liaisons.base.arrays import Floats
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation, with_start_values
 from liaisons.errors import LiaisonsError, RefusedError
-from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.measures import Measure, measure_identity
 
 
@@ -23,21 +23,27 @@ class Study:
     """A simulation and its cases.
 
     :param varied: column of the cases -> variable.
+    :param cases: columns of values, of one length.
     :param keep: column of the result -> measure.
     """
 
     simulation: Simulation
     varied: Mapping[str, VariableReference]
-    cases: Cases
+    cases: Mapping[str, Floats]
     keep: Mapping[str, Measure]
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return len(next(iter(self.cases.values())))
 
     def case_components(self, case: int) -> dict[str, SystemComponent]:
         """Components with the start values of one case, by name.
 
         :raises SimulationError: if a value does not fit.
         """
-        run, values = self.simulation, self.cases.case(case)
-        starts = {name: self._typed_value(*self.varied[name], value) for name, value in values.items()}
+        run, columns = self.simulation, self.cases.items()
+        starts = {name: self._typed_value(*self.varied[name], float(column[case])) for name, column in columns}
         return with_start_values(run.title, run.parts, starts, single=run.single)
 
     def fmus(self) -> list[Fmu]:

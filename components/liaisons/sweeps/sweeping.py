@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import as_path, named, positive, whole
+from liaisons.base.arrays import Floats
 from liaisons.base.logs import Warnings, logger
 from liaisons.base.progress import progress_bar
 from liaisons.cosim import System
@@ -22,7 +23,7 @@ from liaisons.cosim.structure.simulation import SimulationSettings, checked, own
 from liaisons.errors import SimulationError, SweepError
 from liaisons.results import Result
 from liaisons.sweeps import cluster
-from liaisons.sweeps.cases import Cases
+from liaisons.sweeps.cases import checked_cases
 from liaisons.sweeps.journal import Journal
 from liaisons.sweeps.measures import Measure, checked_measures, signal_and_kind
 from liaisons.sweeps.study import Completed, Failure, Outcome, Study
@@ -87,7 +88,7 @@ def sweep(
     _check_settings(workers, client, time_limit, retry=retry, journal=journal)
     study = _checked_study(
         subject,
-        Cases.from_columns(cases),
+        checked_cases(cases),
         checked_measures(keep),
         named("start_values", {} if start_values is None else start_values, SweepError),
         SimulationSettings(
@@ -100,7 +101,7 @@ def sweep(
             record=record,
         ),
     )
-    shape = study.cases.count, len(study.keep)
+    shape = study.count, len(study.keep)
     book = (
         nullcontext()
         if journal is None
@@ -108,9 +109,9 @@ def sweep(
     )
     with book as opened:
         outcomes: dict[int, Outcome] = {} if opened is None else dict(opened.done)
-        remaining = [case for case in range(study.cases.count) if case not in outcomes]
+        remaining = [case for case in range(study.count) if case not in outcomes]
         title = study.simulation.title if progress and remaining else ""
-        with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), study.cases.count) as show:
+        with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), study.count) as show:
 
             def deliver(finished: Mapping[int, Outcome]) -> None:
                 outcomes.update(finished)
@@ -142,7 +143,7 @@ def _check_settings(
 
 def _checked_study(
     subject: Path | str | System,
-    cases: Cases,
+    cases: Mapping[str, Floats],
     keep: Mapping[str, Measure],
     starts: Mapping[str, float | bool | str],
     settings: SimulationSettings,
@@ -178,7 +179,7 @@ def _checked_study(
     return study
 
 
-def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str, float | bool | str]) -> None:
+def _check_names(cases: Iterable[str], keep: Mapping[str, Measure], starts: Mapping[str, float | bool | str]) -> None:
     """Raise a SweepError for a name that is varied and also set, or varied and also kept."""
     for name in cases:
         if name in starts:
@@ -190,7 +191,7 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
 def _result_table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
     """Result of a sweep as a table of the cases: varied values, measures, failures and warnings."""
     done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
-    measured = np.full((len(study.keep), study.cases.count), np.nan)
+    measured = np.full((len(study.keep), study.count), np.nan)
     measured[:, list(done)] = np.reshape([outcome.values for outcome in done.values()], (-1, len(study.keep))).T
     parts = study.simulation.parts
     units = {name: parts[owner].fmu.variables[variable].unit for name, (owner, variable) in study.varied.items()}
