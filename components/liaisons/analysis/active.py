@@ -215,7 +215,7 @@ def dynamic_field(source: Source) -> DynamicField:
     return DynamicField(field(H_0, still), field(-K_Y, still), field(lift, shape_rate))
 
 
-def holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: float) -> dict[str, float]:
+def holonomy(source: Source, loop: Loop, **values: float) -> dict[str, float]:
     """Changes ∮ Γ ds of x by parallel transport round a closed loop, by the kinetic connection (M 7, 8.2).
 
     What the system does when it starts with all momenta 0 and no force acts, at whatever speed.
@@ -230,10 +230,10 @@ def holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: 
     x, shape_rates = equations.mechanism.free.q, ca.SX.sym("rates", len(equations.mechanism.actives))
     lift = equations.mechanism.free.kinematics @ kinetic_connection(equations).expression @ shape_rates
     start = np.atleast_1d(Quantity(equations, x).evaluate(**values))
-    return _changes_round_loop(equations, loop, (x, lift, shape_rates), start, tolerance=tolerance, values=values)
+    return _changes_round_loop(equations, loop, (x, lift, shape_rates), start, values)
 
 
-def dynamic_holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: float) -> dict[str, float]:
+def dynamic_holonomy(source: Source, loop: Loop, **values: float) -> dict[str, float]:
     """Changes of (x, p) by parallel transport round a closed loop, by the dynamic connection (M 7, eq. 53).
 
     The lift H(Y) is that of the function p·Γ Y: x moves as by the kinetic connection, and p with the map of fibres that
@@ -252,7 +252,7 @@ def dynamic_holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **
     states, shape_rates = ca.vertcat(m.free.q, m.free.p), ca.SX.sym("rates", len(m.actives))
     lift = ca.vertcat(*hamiltonian_field(equations, dynamic_lift_generator(equations, shape_rates)))
     start = Quantity(equations, states).evaluate(**values)
-    return _changes_round_loop(equations, loop, (states, lift, shape_rates), start, tolerance=tolerance, values=values)
+    return _changes_round_loop(equations, loop, (states, lift, shape_rates), start, values)
 
 
 def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str, float]:
@@ -302,8 +302,6 @@ def _changes_round_loop(
     loop: Loop,
     field: tuple[ca.SX, ca.SX, ca.SX],
     start: np.ndarray,
-    *,
-    tolerance: float,
     values: Mapping[str, float],
 ) -> dict[str, float]:
     """Changes of states by transport round a loop, by name; of a quaternion its values at the end.
@@ -324,7 +322,7 @@ def _changes_round_loop(
         lift, ca.vertcat(m.active.s, shape_rates), ca.densify(ca.vertcat(sigma, ca.jacobian(sigma, a)))
     )
     rate = with_values(equations, rate, values, states)
-    end = final_state(rate, states, start, t=a, duration=_TURN, tolerance=tolerance, owner=equations.name)
+    end = final_state(rate, states, start, t=a, duration=_TURN, owner=equations.name)
     names = list(map(str, ca.vertsplit(states)))
     quaternions = {name for item in m.orientations for name in item.quaternion}
     changes = zip(names, end.tolist(), (end - start).tolist(), strict=True)

@@ -13,6 +13,9 @@ from liaisons.base.reference_integration import integrate
 from liaisons.errors import ComponentError
 from liaisons.mechanics.equations import Equations
 
+_TOLERANCE = 1e-12
+"""Of integrations, relative and absolute."""
+
 
 def with_values(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
     """Expression with numbers in place of all symbols of the mechanism but the moving ones."""
@@ -28,9 +31,7 @@ def value_at_zero(expression: ca.SX, t: ca.SX) -> float:
     return float(ca.Function("start", [t], [expression])(0))
 
 
-def final_state(
-    rate: ca.SX, X: ca.SX, start: NDArray, *, t: ca.SX, duration: float, tolerance: float, owner: str
-) -> NDArray:
+def final_state(rate: ca.SX, X: ca.SX, start: NDArray, *, t: ca.SX, duration: float, owner: str) -> NDArray:
     """State at the end of the motion Ẋ = rate from ``start``, over [0, duration].
 
     :param rate: expression of t and X.
@@ -44,8 +45,8 @@ def final_state(
         start,
         (0.0, duration),
         times=[duration],
-        rtol=tolerance,
-        atol=tolerance,
+        rtol=_TOLERANCE,
+        atol=_TOLERANCE,
         error=ComponentError,
     )[:, -1]
 

@@ -125,13 +125,12 @@ class Flow:
         return float(np.linalg.det(self.jacobian))
 
 
-def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values: Any) -> Flow:
+def flow(source: Source, duration: float, **values: Any) -> Flow:
     """State after a duration, and its derivative J by the initial state (K 3.4, eq. 94, 98).
 
     J is integrated with the state, by the variational equations J̇ = (∂V/∂X) J, J(0) = 1.
 
     :param duration: time [s], > 0.
-    :param tolerance: of the integration, relative and absolute.
     :param values: start by ``q``, ``q_dot``, internal states; parameters; active coordinates, each a number or a
         function of time, from CasADi expression to expression, e.g. ``length=lambda t: 1 + 0.1 * ca.sin(t)``.
     :raises ComponentError: for constraints and contacts, an unknown symbol, a duration that is not > 0, or a motion
@@ -155,7 +154,7 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     rate = ca.vertcat(velocity, ca.vec(ca.jacobian(velocity, X) @ J))
     beginning = np.concatenate([start, np.eye(start.size).ravel()])
     state = ca.vertcat(X, ca.vec(J))
-    end = final_state(rate, state, beginning, t=t, duration=duration, tolerance=tolerance, owner=owner)
+    end = final_state(rate, state, beginning, t=t, duration=duration, owner=owner)
     names = [str(symbol) for symbol in ca.vertsplit(X)]
     return Flow(
         dict(zip(names, end[: start.size].tolist(), strict=True)), end[start.size :].reshape(J.shape, order="F")

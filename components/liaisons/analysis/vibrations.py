@@ -115,14 +115,10 @@ def _linearized_at_equilibrium(
             break
         step = np.linalg.lstsq(K, force[:, 0], rcond=_ZERO)[0]
         q = q + step
-        if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(q))) and _is_balanced(K, force[:, 0], step):
+        size, rest = np.max(np.abs(step)), np.max(np.abs(force[:, 0] - K @ step))  # along a zero mode forces rest
+        balanced = rest <= 1e-9 * (np.max(np.abs(K)) * (1 + size) + 1e-300)
+        if size <= 1e-13 * (1 + np.max(np.abs(q))) and balanced:
             _, K, M, B = forces_and_matrices()
             return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2, B
     guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
     raise ComponentError(f"{equations.name}: no equilibrium found from the guess {guess}; start nearer to one")
-
-
-def _is_balanced(K: NDArray, force: NDArray, step: NDArray) -> bool:
-    """Whether a step of Newton's method balances the forces, which it cannot along a zero mode."""
-    left = np.max(np.abs(force - K @ step))
-    return bool(left <= 1e-9 * (np.max(np.abs(K)) * (1 + np.max(np.abs(step))) + 1e-300))

@@ -16,7 +16,7 @@ from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats, MeasuredMotion
-from liaisons.identification.replaying import replays
+from liaisons.identification.verifying import replays
 from liaisons.results import Result
 from liaisons.results.figures import new_figure, save
 

@@ -14,8 +14,7 @@ from liaisons.identification import diagrams
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats
-from liaisons.identification.replaying import replays
-from liaisons.identification.verifying import verdicts
+from liaisons.identification.verifying import replays, verdicts
 from liaisons.results import Result
 
 

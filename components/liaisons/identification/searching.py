@@ -52,7 +52,7 @@ def parameter_estimate(problem: FittingProblem, segments: int | None = None) -> 
             continue
         if best is None or minimum.cost < best.cost:
             best = minimum
-        if not _is_far_above_noise(objective, best):
+        if _DEVIATION_PER_MEDIAN * np.median(np.abs(objective(best.values)[0])) <= _POOR_FIT:
             break
     if best is None:
         raise failure or AssertionError
@@ -71,11 +71,6 @@ def _initial_noise(problem: FittingProblem) -> tuple[Floats, ...]:
         name: _INITIAL_NOISE * (float(np.nanstd(np.concatenate(parts))) or 1.0) for name, parts in columns.items()
     }
     return tuple(np.array([levels[name] for name in data.signals]) for data in problem.measurements)
-
-
-def _is_far_above_noise(objective: Objective, minimum: Minimum) -> bool:
-    """Whether the median residual is far above the noise."""
-    return _DEVIATION_PER_MEDIAN * float(np.median(np.abs(objective(minimum.values)[0]))) > _POOR_FIT
 
 
 def _start_by_multiple_shooting(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:

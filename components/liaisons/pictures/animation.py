@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import finite
+from liaisons.base.arrays import Floats
 from liaisons.base.files import replacing
 from liaisons.base.progress import progress_bar
 from liaisons.errors import SimulationError
@@ -36,7 +37,7 @@ _KINDS = (*_DRAWN, ".glb", ".html", _VISUAL)
 
 _BYTES = 6  # of a number in a page: single precision in base64
 
-Values = Mapping[str, NDArray[np.float64]]
+Values = Mapping[str, Floats]
 
 
 class Scene(Protocol):
@@ -55,7 +56,7 @@ class Scene(Protocol):
 def animate(
     path: Path,
     scene: Scene,
-    time: NDArray[np.float64],
+    time: Floats,
     signals: Values,
     *,
     title: str,
@@ -115,7 +116,7 @@ def animate(
     return speed
 
 
-def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, title: str, most: int) -> bytes:
+def motion_page(scene: Scene, time: Floats, signals: Values, *, title: str, most: int) -> bytes:
     """HTML page that plays a motion; empty if there is nothing to draw.
 
     :param most: bytes of all frames; a picture of many variables has fewer frames a second.
@@ -152,7 +153,7 @@ def _player_page(picture: Picture, shown: Frames, *, title: str, speed: float, r
 
 def motion_frames(
     scene: Scene,
-    time: NDArray[np.float64],
+    time: Floats,
     signals: Mapping[str, ArrayLike],
     step: float,
     title: str,
@@ -170,12 +171,12 @@ def motion_frames(
     return picture_frames(scene.picture, instants, scene.values(between).__getitem__, title=title, shifts=shifts)
 
 
-def _default_speed(time: NDArray[np.float64]) -> float:
+def _default_speed(time: Floats) -> float:
     """Seconds of motion a second: 1, or more for a motion longer than :data:`LONGEST`."""
     return max(1.0, float(time[-1] - time[0]) / LONGEST)
 
 
-def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> float:
+def _checked_speed(speed: float, time: Floats, points: int) -> float:
     """Speed; a SimulationError unless it is positive and takes few enough frames."""
     finite("speed", speed)
     most = min(_MOST, _MOST_POINTS // points)
@@ -187,9 +188,7 @@ def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> floa
     return speed
 
 
-def _interpolated(
-    time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _interpolated(time: Floats, values: Floats, instants: Floats) -> Floats:
     """Values at instants between communication points, by Akima's interpolation, which does not overshoot at jumps."""
     if len(time) < 3 or not np.isfinite(values).all():  # picture_frames() names it
         return np.interp(instants, time, values)

@@ -199,7 +199,7 @@ class _Reader:
     def read_system(self, system: Element, parent: ElementPath, dictionaries: dict[str, ElementPath]) -> None:
         """Add a system and its nested systems to the structure."""
         structure = self.structure
-        structure.bindings.extend((parent, binding) for binding in _bindings(system))
+        structure.bindings.extend((parent, binding) for binding in system.iterfind(_BINDINGS))
         structure.shown.update(
             {(parent, name): self.units.get(unit) for name, unit in self._store_connectors(system, parent)}
         )
@@ -215,7 +215,7 @@ class _Reader:
                 structure.sources[inside[name]] = _fmu_path(element, inside[name])
                 if len(structure.sources) > _MOST_COMPONENTS:
                     raise SimulationError(f"its structure has more than {_MOST_COMPONENTS} components; divide it")
-                structure.bindings.extend((inside[name], binding) for binding in _bindings(element))
+                structure.bindings.extend((inside[name], binding) for binding in element.iterfind(_BINDINGS))
                 self._store_connectors(element, inside[name])
             elif element.tag == tag("ssd:System"):
                 self.read_system(element, inside[name], dictionaries)
@@ -263,6 +263,7 @@ class _Reader:
 
 _INWARDS = ("input", "parameter", "structuralParameter")
 _OUTWARDS = ("output", "calculatedParameter")
+_BINDINGS = child_path("ssd:ParameterBindings", "ssd:ParameterBinding")
 _DICTIONARIES = child_path("ssd:SignalDictionaries", "ssd:SignalDictionary")
 
 
@@ -291,11 +292,6 @@ def _connection_end(connection: Element, role: str, parent: ElementPath, inside:
         words = suggestion(element, inside) or f"; there are {', '.join(inside) or 'none'}"
         raise SimulationError(f"the connection from {' to '.join(ends)}: there is no element {element!r}{words}")
     return Pin(inside[element], connector, index)
-
-
-def _bindings(element: Element) -> list[Element]:
-    """Parameter bindings of an element."""
-    return element.findall(child_path("ssd:ParameterBindings", "ssd:ParameterBinding"))
 
 
 def _required(element: Element, attribute: str) -> str:

@@ -52,18 +52,17 @@ def evaluate_measures(keep: Mapping[str, Measure], result: Result) -> tuple[floa
 
     :raises SweepError: if a function fails or returns no number.
     """
-
-    def value(name: str, measure: Measure) -> float:
-        """The measure of one column."""
+    values: list[float] = []
+    for name, measure in keep.items():
         if isinstance(measure, str):
             signal, word = signal_and_kind(measure)
-            return float(_MEASURES[word](result[signal]))
+            values.append(float(_MEASURES[word](result[signal])))
+            continue
         try:
-            return float(measure(result))
+            values.append(float(measure(result)))
         except Exception as error:
             raise SweepError(f"keep: the function of {name!r} fails: {type(error).__name__}: {error}") from error
-
-    return tuple(value(*column) for column in keep.items())
+    return tuple(values)
 
 
 def measure_identity(measure: Measure) -> bytes:

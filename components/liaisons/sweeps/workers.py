@@ -149,7 +149,9 @@ class Pool:
             self._workers.append(self._start_worker())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
-            ready = wait([worker.pipe for worker in busy], self._time_to_next_limit(busy))
+            limit = self._time_limit or (_LONG_CASE if self._warns else None)
+            longest = max(worker.elapsed() for worker in busy)
+            ready = wait([worker.pipe for worker in busy], None if limit is None else max(0.01, limit - longest))
             for worker in busy:
                 if worker.pipe in ready and not self._receive(worker):
                     self._replace_dead(worker)
@@ -202,11 +204,6 @@ class Pool:
         worker.cases = [case for case in worker.cases if case not in outcomes]
         self._deliver(outcomes)
         return True
-
-    def _time_to_next_limit(self, busy: list[_Worker]) -> float | None:
-        """Time [s] until the longest running case reaches its time limit; None without a limit."""
-        limit = self._time_limit or (_LONG_CASE if self._warns else None)
-        return None if limit is None else max(0.01, limit - max(worker.elapsed() for worker in busy))
 
     def _end_overdue(self, worker: _Worker, limit: float) -> None:
         """End a process over its time limit, and deliver a failure of its case unless that has just finished."""
