@@ -15,6 +15,7 @@ from liaisons.analysis.phase_space import hamiltonian_field
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
+    Values,
     equations_of,
     require_conservative,
     require_constants_at_rest,
@@ -45,8 +46,8 @@ class Action:
 def action(
     source: Source,
     time: ArrayLike,
-    path: Mapping[str, ArrayLike],
-    variation: Mapping[str, ArrayLike] | None = None,
+    path: Values,
+    variation: Values | None = None,
     **values: float,
 ) -> Action:
     """Action S = ∫ L dt of a sampled path (K eq. 76, M eq. 1), and its variations with the path (K eq. 77, M eq. 9).
@@ -96,7 +97,7 @@ class StationaryPath:
     index: int  # directions in which S is a maximum, the conjugate points on the way: 0 means a minimum
 
 
-def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLike], **values: float) -> StationaryPath:
+def stationary_path(source: Source, time: ArrayLike, guess: Values, **values: float) -> StationaryPath:
     """Path with δS = 0 between the ends of a guess, by Newton's method on S; no equation of motion is used.
 
     The path is a cubic Hermite spline in the given instants: its error is of fourth order in their distance.
@@ -181,9 +182,7 @@ def gauss_function(source: Source) -> Quantity:
     return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
 
 
-def _sampled_coordinates(
-    equations: Equations, path: Mapping[str, ArrayLike], allowed: list[str] | None = None
-) -> list[str]:
+def _sampled_coordinates(equations: Equations, path: Values, allowed: list[str] | None = None) -> list[str]:
     """Names of the coordinates of a path: all free ones, and the active ones with samples.
 
     :param allowed: coordinates that may have samples, none of which must; None: as above.
@@ -199,9 +198,7 @@ def _sampled_coordinates(
     return [name for name in movable if name in path or rates[name] in path or (allowed is None and name in free)]
 
 
-def _sampled_path(
-    equations: Equations, time: ArrayLike, path: Mapping[str, ArrayLike], names: list[str]
-) -> tuple[NDArray, NDArray]:
+def _sampled_path(equations: Equations, time: ArrayLike, path: Values, names: list[str]) -> tuple[NDArray, NDArray]:
     """Times of a path, (n,), and values and rates of its coordinates, (coordinates, 2, n)."""
     t = np.asarray(time, dtype=float)
     needed = [suffixed(name, end) for name in names for end in ("", "_dot")]

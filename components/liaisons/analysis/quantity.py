@@ -26,6 +26,9 @@ Source = type[Mechanism] | Equations
 Formula = Callable[[Any], Any]
 """Takes the mechanism and returns a CasADi expression, as a component's own methods do: ``lambda m: m.mass * m.x``."""
 
+Values = Mapping[str, ArrayLike]
+"""Numbers or arrays by the names of symbols."""
+
 _STATES = 16  # an analytic identity that holds at this many random states holds everywhere
 _ROUNDING = 1e-11  # relative: some thousand operations in doubles
 _ROUNDS = 10  # projections, each of some Newton steps, from a random state onto the constraints
@@ -122,7 +125,7 @@ def equations_of(source: Source) -> Equations:
 _derived = cache(derive)
 
 
-def symbol_values(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
+def symbol_values(equations: Equations, values: Values) -> dict[str, NDArray]:
     """Number or array for each symbol, in the order of ``equations.symbols``; see :meth:`Quantity.evaluate`."""
     m, numbers = equations.mechanism, equations.numbers(values)
     for name, value in values.items():
@@ -179,7 +182,7 @@ def _applied_forces(equations: Equations) -> ca.SX:
     return ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads)
 
 
-def require_conservative(equations: Equations, purpose: str, values: Mapping[str, ArrayLike]) -> None:
+def require_conservative(equations: Equations, purpose: str, values: Values) -> None:
     """Raise a ComponentError for friction, drives and loads that are not 0 at these values."""
     if largest_relative_value(equations, ca.norm_1(_applied_forces(equations)), ca.SX(1), values):
         raise ComponentError(f"{equations.name}: {purpose} has no friction, drives and loads; set them to 0")
@@ -191,7 +194,7 @@ def require_free_coordinates(equations: Equations, purpose: str) -> None:
         raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all are prescribed")
 
 
-def require_constants_at_rest(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
+def require_constants_at_rest(equations: Equations, values: Values) -> None:
     """Raise a ComponentError for values of rates of active coordinates that are not 0, as they are held constant."""
     for name in map(str, ca.vertsplit(equations.mechanism.active.s_dot)):
         if np.any(values.get(name, 0)):
@@ -218,7 +221,7 @@ def orientation_cross_products(equations: Equations, u: ca.SX, v: ca.SX) -> ca.S
     return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
 
 
-def random_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+def random_states(equations: Equations, values: Values) -> dict[str, ArrayLike]:
     """Random states about the start, the same ones at each call; ``values`` are taken as they are."""
     m, rng = equations.mechanism, np.random.default_rng(0)
     centres = m.start_values()

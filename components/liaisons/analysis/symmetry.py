@@ -15,6 +15,7 @@ from liaisons.analysis.phase_space import poisson_bracket
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
+    Values,
     all_rates,
     equations_of,
     generator_matrix,
@@ -147,7 +148,7 @@ def momentum_map(
     return MomentumMap(components, structure)
 
 
-def _working_forces_text(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLike]) -> str:
+def _working_forces_text(equations: Equations, xi: ca.SX, values: Values) -> str:
     """Text on the forces beside those of L that do work along ξ, as the end of a sentence; empty if none does."""
     m = equations.mechanism
     rows = ca.vertcat(equations.constraints.matrix, ca.jacobian(m.contact_rates(), m.free.q_dot))
@@ -249,9 +250,7 @@ def similarity(source: Source, **values: float) -> Similarity:
     return Similarity(degree, tuple(dict.fromkeys([*moved, *_liaison_names(m)])))
 
 
-def _homogeneity_degree(
-    equations: Equations, expression: ca.SX, lengths: ca.SX, values: Mapping[str, ArrayLike]
-) -> float | None:
+def _homogeneity_degree(equations: Equations, expression: ca.SX, lengths: ca.SX, values: Values) -> float | None:
     """Degree of homogeneity of an expression in the lengths; NaN if it is zero, None if it is not homogeneous.
 
     By Euler's Σ r·∂f/∂r = k f at random states.
@@ -279,7 +278,7 @@ class Virial:
         return 2 * self.kinetic - self.virial - self.boundary
 
 
-def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **values: float) -> Virial:
+def virial(source: Source, time: ArrayLike, motion: Values, **values: float) -> Virial:
     """Virial theorem over a finite time, 2 T̄ - mean(Σ r·∂V/∂r) = [Σ p·r]/τ (K eq. 71, 72 before the limit).
 
     r are the free coordinates in metres; angles beside them do not enter.  The means are integrals of a cubic spline:
@@ -313,7 +312,7 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
     return Virial(float(kinetic), float(potential), float(mean), float((samples[3, -1] - samples[3, 0]) / tau))
 
 
-def _require_homogeneous_energy(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
+def _require_homogeneous_energy(equations: Equations, names: list[str], values: Values) -> None:
     """Raise a ComponentError unless T is of degree 2 in the lengths and their rates, and L = T - V."""
     m, T = equations.mechanism, equations.kinetic_energy
     lengths_and_rates = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))

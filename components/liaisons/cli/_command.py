@@ -221,10 +221,10 @@ Join = Annotated[
         "between rows of tables without rates: smooth, overshoots beside steps; acceleration jumps; rate jumps",
     ),
 ]
-Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]
-Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)", parser=float)]
-Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)", parser=float)]
-Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU's)", parser=float)]
+Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)")]
+Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)")]
+Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)")]
+Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU's)")]
 
 
 def check_figure_writable(path: Path | None) -> None:

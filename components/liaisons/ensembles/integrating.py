@@ -266,7 +266,7 @@ def _integrated_states(cases: _Cases, advance: Advance, lanes: Floats, start: Fl
     :param lanes: values that differ between the cases, (values, cases).
     :param steps: number between recorded times.
     """
-    values, first = lane_blocks(lanes, fill="edge"), lane_blocks(start, fill="edge")
+    values, first = lane_blocks(lanes), lane_blocks(start)
     records = np.empty((len(cases.time), *first.shape))
     records[0] = first
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,13 +77,10 @@ def compiled_advance(equations: RightHandSide, tableau: Tableau, shared: Floats)
     return advance
 
 
-def lane_blocks(rows: Floats, width: int = LANES, fill: Literal["constant", "edge"] = "constant") -> Floats:
-    """Blocks of ``width`` columns each, (blocks, rows, width), from an array (rows, columns).
-
-    :param fill: the last block is padded with zeros, or with the last column.
-    """
+def lane_blocks(rows: Floats, width: int = LANES) -> Floats:
+    """Blocks of ``width`` columns each, (blocks, rows, width), the last one padded with the last column."""
     blocks = -(-rows.shape[1] // width)
-    padded = np.pad(rows, ((0, 0), (0, blocks * width - rows.shape[1])), mode=fill)
+    padded = np.pad(rows, ((0, 0), (0, blocks * width - rows.shape[1])), mode="edge")
     return np.ascontiguousarray(padded.reshape(len(rows), blocks, width).swapaxes(0, 1))
 
 

@@ -93,7 +93,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         starts = program([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])
 
         def advance(size: float) -> Floats:
-            blocks, fixed = lane_blocks(self._states, fill="edge"), lane_blocks(self._values[self._fixed], fill="edge")
+            blocks, fixed = lane_blocks(self._states), lane_blocks(self._values[self._fixed])
             step(0.0, size, 1, fixed, blocks)
             return rows_of_blocks(blocks, self.num_envs)
 

@@ -200,10 +200,10 @@ class FittingProblem:
         """Number of measured values."""
         return sum(data.value_count for data in self.measurements)
 
-    def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
+    def objective(self, unknowns: Floats, deviations: Sequence[Floats]) -> Objective:
         """Objective of single shooting, with step sizes of the motions chosen at values of the unknowns."""
         experiments = (
-            self._measured_motion(data, columns, unknowns, level, tolerance=tolerance)
+            self._measured_motion(data, columns, unknowns, level)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
         )
         return Objective(self, tuple(experiments), self.start, self.limits)
@@ -217,7 +217,6 @@ class FittingProblem:
         *,
         start_time: float | None = None,
         record: Sequence[str] | None = None,
-        tolerance: float | None = None,
     ) -> MeasuredMotion:
         """Motion of an experiment, with step sizes chosen at values of the unknowns.
 
@@ -234,7 +233,7 @@ class FittingProblem:
             inputs=data.inputs,
             start_values={**self.start_values, **{name: float(unknowns[column]) for name, column in own.items()}},
             operators=self.operators,
-            tolerance=tolerance or self.tolerance,
+            tolerance=self.tolerance,
         )
         return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
 

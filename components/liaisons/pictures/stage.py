@@ -38,12 +38,16 @@ SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.
 """Default radius of each kind of shape, as a fraction of the extent of the picture."""
 
 
+Colour = tuple[float, ...]
+"""Red, green, blue and, of a face, opacity, from 0 to 1."""
+
+
 class Face(NamedTuple):
     """A polygon of one colour."""
 
     depth: float  # larger towards the eye
     corners: NDArray  # (k, 2)
-    colour: tuple[float, ...]  # RGBA
+    colour: Colour
 
 
 @final
@@ -131,24 +135,24 @@ class Stage:
         return min(max(round(30 * length / self.extent), COILS[0]), COILS[1])
 
 
-def rgb(kind: str) -> tuple[float, ...]:
+def rgb(kind: str) -> Colour:
     """Colour of a kind of shape in sRGB, with components from 0 to 1."""
     return tuple(byte / 255 for byte in bytes.fromhex(COLOURS[kind][1:]))
 
 
-def _line_face(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...]) -> Face:
+def _line_face(a: NDArray, b: NDArray, radius: float, colour: Colour) -> Face:
     """Polygon of a line from a to b (3,) with round ends."""
     angle = np.arctan2(b[1] - a[1], b[0] - a[0]) + np.linspace(np.pi / 2, 3 * np.pi / 2, 7)
     end = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     return Face((a[2] + b[2]) / 2, np.concatenate([a[:2] + end, b[:2] - end]), colour)
 
 
-def _segment_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+def _segment_faces(points: NDArray, radius: float, colour: Colour) -> Iterator[Face]:
     """Polygons of lines between consecutive points."""
     return (_line_face(a, b, radius, colour) for a, b in pairwise(points))
 
 
-def _ball_faces(centre: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+def _ball_faces(centre: NDArray, radius: float, colour: Colour) -> Iterator[Face]:
     """Yield a disc and its highlight."""
     yield Face(centre[2], centre[:2] + radius * _CIRCLE, colour)
     light = tuple(0.6 * c + 0.4 for c in colour[:3])
@@ -179,7 +183,7 @@ def _zigzag_points(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
     return a + part[:, None] * along + off[:, None] * across
 
 
-def _trail_faces(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
+def _trail_faces(points: NDArray, radius: float, colour: Colour) -> Iterator[Face]:
     """Yield the lines of a trail, the older the paler."""
     for i, (a, b) in enumerate(pairwise(points)):
         yield _line_face(a, b, radius, (*colour[:3], 0.7 * colour[3] * (i + 1) / len(points)))._replace(depth=-np.inf)

@@ -16,6 +16,8 @@ from liaisons.ssp.xml import child_path, tag, unit_definitions
 
 ElementPath = tuple[str, ...]
 """Names of nested elements; () is the root system."""
+Connector = tuple[ElementPath, str]
+"""Element and name of its connector, or of its parameter or variable."""
 
 _IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
 _FMU = "application/x-fmu-sharedlibrary"
@@ -63,7 +65,7 @@ class Structure:
     sources: dict[ElementPath, str] = field(default_factory=dict)
     bindings: list[tuple[ElementPath, Element]] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
-    shown: dict[tuple[ElementPath, str], UnitDefinition | None] = field(default_factory=dict)
+    shown: dict[Connector, UnitDefinition | None] = field(default_factory=dict)
 
     def connection_chains(self) -> Iterator[list[Edge]]:
         """Yield chains of edges from component to component through connectors of systems.
@@ -114,10 +116,10 @@ class Structure:
             unit = unit if next_unit is None and not edge.as_is and edge.conversion == SAME else next_unit
         return total
 
-    def parameter_targets(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
+    def parameter_targets(self, system: ElementPath, name: str) -> list[Connector]:
         """Components and variables to which a parameter of a system or component leads."""
-        variables: dict[tuple[ElementPath, str], None] = {}
-        seen: set[tuple[ElementPath, str]] = set()
+        variables: dict[Connector, None] = {}
+        seen: set[Connector] = set()
         waiting = [(system, name)]
         while waiting:
             connector = waiting.pop()
@@ -136,7 +138,7 @@ class Structure:
                 waiting += self._split_parameter_name(*connector)
         return list(variables)
 
-    def _split_parameter_name(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
+    def _split_parameter_name(self, system: ElementPath, name: str) -> list[Connector]:
         """Element with whose name the dotted name of a parameter begins, and the rest; none if there is no such one."""
         dot = len(name)
         while (dot := name.rfind(".", 0, dot)) > 0:  # the longest name of an element wins
@@ -146,12 +148,12 @@ class Structure:
         return []
 
     @cached_property
-    def _edges_into(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
+    def _edges_into(self) -> Mapping[Connector, list[Edge]]:
         """Edges by the connector at their end."""
         return _by_connector((edge.end, edge) for edge in self.edges)
 
     @cached_property
-    def _edges_from(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
+    def _edges_from(self) -> Mapping[Connector, list[Edge]]:
         """Edges by the connector at their start."""
         return _by_connector((edge.start, edge) for edge in self.edges)
 
@@ -161,9 +163,9 @@ class Structure:
         return {component[:depth] for component in self.sources for depth in range(1, len(component) + 1)}
 
 
-def _by_connector(ends: Iterable[tuple[Pin, Edge]]) -> dict[tuple[ElementPath, str], list[Edge]]:
+def _by_connector(ends: Iterable[tuple[Pin, Edge]]) -> dict[Connector, list[Edge]]:
     """Edges grouped by the connector of their pin."""
-    grouped: dict[tuple[ElementPath, str], list[Edge]] = {}
+    grouped: dict[Connector, list[Edge]] = {}
     for pin, edge in ends:
         grouped.setdefault(pin[:2], []).append(edge)
     return grouped
@@ -194,7 +196,7 @@ class _Reader:
 
     structure: Structure
     units: Mapping[str, UnitDefinition]
-    kinds: dict[tuple[ElementPath, str], str] = field(default_factory=dict)
+    kinds: dict[Connector, str] = field(default_factory=dict)
 
     def read_system(self, system: Element, parent: ElementPath, dictionaries: dict[str, ElementPath]) -> None:
         """Add a system and its nested systems to the structure."""

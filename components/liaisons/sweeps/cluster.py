@@ -15,7 +15,7 @@ from liaisons.base.arguments import shown
 from liaisons.base.folders import passing_folder
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
-from liaisons.sweeps.study import Failure, Outcome, Study, failure_of
+from liaisons.sweeps.study import Failure, Outcomes, Study, failure_of
 from liaisons.sweeps.workers import Deliver, Pool
 
 Client = Any
@@ -94,7 +94,7 @@ class _Sweep:
         """Deliver the outcomes of a finished future, or submit its cases again."""
         if future.status == "finished":
             try:
-                answer: dict[int, Outcome] | _Unable = future.result()
+                answer: Outcomes | _Unable = future.result()
             except CancelledError:
                 raise SweepError(_CANCELLED) from None
             if not isinstance(answer, _Unable):
@@ -163,14 +163,14 @@ def _worker_payload(*parts: Any) -> Any:
 
 def _simulate_on_worker(
     task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
-) -> dict[int, Outcome] | _Unable:
+) -> Outcomes | _Unable:
     """Outcomes of cases, simulated on a Dask worker in the process of this thread, which stays for the next cases."""
     (key, study, files), time_limit = task
     try:
         if (key, get_ident()) not in _pools:
             _start_pool(key, study, files, time_limit)
         pool, _ = _pools[key, get_ident()]
-        outcomes: dict[int, Outcome] = {}
+        outcomes: Outcomes = {}
         pool.run(cases, outcomes.update)
         return outcomes
     except Exception as error:  # noqa: BLE001 - whatever it is, another worker may do it

@@ -13,14 +13,13 @@ import re
 import sys
 import time
 import zlib
-from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from io import BufferedRandom
 from pathlib import Path
 from typing import Any, final
 
 from liaisons.errors import JournalError, SweepError
-from liaisons.sweeps.study import Completed, Failure, Outcome
+from liaisons.sweeps.study import Completed, Failure, Outcome, Outcomes
 
 _logger = logging.getLogger("liaisons.sweeps")
 
@@ -68,7 +67,7 @@ class Journal:
         with suppress(OSError):  # as :meth:`add` has said
             self._file.close()
 
-    def add(self, outcomes: Mapping[int, Outcome]) -> None:
+    def add(self, outcomes: Outcomes) -> None:
         """Append the outcomes of cases.
 
         :raises SweepError: if the file takes no more.
@@ -93,7 +92,7 @@ class Journal:
                 raise JournalError(f"{self._path} is in use by another sweep; let that end, or choose another file")
             time.sleep(0.05)
 
-    def _read_outcomes(self, key: str) -> dict[int, Outcome]:
+    def _read_outcomes(self, key: str) -> Outcomes:
         """Remove an incomplete last line from the file, and return the outcomes in it."""
         self._file.seek(0)
         *lines, rest = self._file.read().split(b"\n")
@@ -102,7 +101,7 @@ class Journal:
             self._check_header(lines[0], key)
         elif not header.startswith(rest):
             raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
-        outcomes: dict[int, Outcome] = {}
+        outcomes: Outcomes = {}
         damaged: list[int] = []
         for number, line in enumerate(lines[1:], start=2):
             content = _checked_content(line, self._seed)

@@ -17,16 +17,18 @@ from liaisons.errors import SweepError, suggestion
 Measure: TypeAlias = str | Callable[[Result], float]
 """A signal's value at the end, ``"theta"``, ``"theta:max"``, ``"theta:min"``; or a function of the whole result."""
 
+Measures: TypeAlias = Mapping[str, Measure]
+"""Column of the table -> measure."""
+
 _MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max": np.max, "min": np.min}
 
 
-def checked_measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
+def checked_measures(keep: str | Iterable[str] | Measures) -> Measures:
     """Measures by the names of their columns, checked.
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
-    names = keep if isinstance(keep, Mapping) else listed("keep", keep, SweepError)
-    columns: dict[str, Measure] = {name: keep[name] if isinstance(keep, Mapping) else name for name in names}
+    columns = dict(keep) if isinstance(keep, Mapping) else {name: name for name in listed("keep", keep, SweepError)}
     if not columns:
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
     for name, measure in columns.items():
@@ -47,7 +49,7 @@ def signal_and_kind(measure: str) -> tuple[str, str]:
     return signal, word or "final"
 
 
-def evaluate_measures(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
+def evaluate_measures(keep: Measures, result: Result) -> tuple[float, ...]:
     """Measures of a case from its result, in the order of the columns.
 
     :raises SweepError: if a function fails or returns no number.

@@ -14,7 +14,7 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation, with_start_values
 from liaisons.errors import LiaisonsError, RefusedError
-from liaisons.sweeps.measures import Measure, measure_identity
+from liaisons.sweeps.measures import Measures, measure_identity
 
 
 @final
@@ -30,7 +30,7 @@ class Study:
     simulation: Simulation
     varied: Mapping[str, VariableReference]
     cases: Mapping[str, Floats]
-    keep: Mapping[str, Measure]
+    keep: Measures
 
     @property
     def count(self) -> int:
@@ -118,6 +118,8 @@ class Completed:
 
 Outcome: TypeAlias = Completed | Failure
 """Measures of a case, or why it failed."""
+Outcomes: TypeAlias = dict[int, Outcome]
+"""Outcomes by the numbers of their cases."""
 
 
 def failure_of(error: Exception) -> Failure:

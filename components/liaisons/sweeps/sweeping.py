@@ -25,15 +25,15 @@ from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import checked_cases
 from liaisons.sweeps.journal import Journal
-from liaisons.sweeps.measures import Measure, checked_measures, signal_and_kind
-from liaisons.sweeps.study import Completed, Failure, Outcome, Study
+from liaisons.sweeps.measures import Measures, checked_measures, signal_and_kind
+from liaisons.sweeps.study import Completed, Failure, Outcomes, Study
 from liaisons.sweeps.workers import simulate_locally
 
 
 def sweep(
     subject: Path | str | System,
     cases: Mapping[str, ArrayLike],
-    keep: str | Iterable[str] | Mapping[str, Measure],
+    keep: str | Iterable[str] | Measures,
     *,
     stop_time: float | None = None,
     step_size: float | None = None,
@@ -108,12 +108,12 @@ def sweep(
         else Journal(as_path("journal", journal), study.journal_key(), *shape, retry=retry)
     )
     with book as opened:
-        outcomes: dict[int, Outcome] = {} if opened is None else dict(opened.done)
+        outcomes: Outcomes = {} if opened is None else dict(opened.done)
         remaining = [case for case in range(study.count) if case not in outcomes]
         title = study.simulation.title if progress and remaining else ""
         with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), study.count) as show:
 
-            def deliver(finished: Mapping[int, Outcome]) -> None:
+            def deliver(finished: Outcomes) -> None:
                 outcomes.update(finished)
                 if opened is not None:
                     opened.add(finished)
@@ -144,7 +144,7 @@ def _check_settings(
 def _checked_study(
     subject: Path | str | System,
     cases: Mapping[str, Floats],
-    keep: Mapping[str, Measure],
+    keep: Measures,
     starts: Mapping[str, float | bool | str],
     settings: SimulationSettings,
 ) -> Study:
@@ -179,7 +179,7 @@ def _checked_study(
     return study
 
 
-def _check_names(cases: Iterable[str], keep: Mapping[str, Measure], starts: Mapping[str, float | bool | str]) -> None:
+def _check_names(cases: Iterable[str], keep: Measures, starts: Mapping[str, float | bool | str]) -> None:
     """Raise a SweepError for a name that is varied and also set, or varied and also kept."""
     for name in cases:
         if name in starts:
@@ -188,7 +188,7 @@ def _check_names(cases: Iterable[str], keep: Mapping[str, Measure], starts: Mapp
             raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
 
 
-def _result_table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
+def _result_table(study: Study, outcomes: Outcomes) -> Result:
     """Result of a sweep as a table of the cases: varied values, measures, failures and warnings."""
     done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
     measured = np.full((len(study.keep), study.count), np.nan)

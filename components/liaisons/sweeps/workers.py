@@ -19,7 +19,7 @@ import sys
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
 from multiprocessing.connection import Client, Connection, Listener, wait
 from multiprocessing.process import BaseProcess
@@ -36,9 +36,9 @@ from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
 from liaisons.sweeps.session import Task, case_simulator
-from liaisons.sweeps.study import Failure, Outcome, Study
+from liaisons.sweeps.study import Failure, Outcomes, Study
 
-Deliver = Callable[[Mapping[int, Outcome]], None]
+Deliver = Callable[[Outcomes], None]
 
 _logger = logging.getLogger("liaisons.sweeps")
 
@@ -198,7 +198,7 @@ class Pool:
     def _receive(self, worker: _Worker) -> bool:
         """Receive outcomes from a process and deliver them; return False if it has died."""
         try:
-            outcomes: dict[int, Outcome] = worker.pipe.recv()
+            outcomes: Outcomes = worker.pipe.recv()
         except (EOFError, OSError):
             return False
         worker.cases = [case for case in worker.cases if case not in outcomes]
@@ -293,7 +293,7 @@ def _simulate_piped_cases(pipe: Connection, current: Floats, task: Task, parent:
     gc.freeze()  # else a collection would copy the memory of the parent
     with case_simulator(task) as outcome:
         while True:
-            outcomes: dict[int, Outcome] = {}
+            outcomes: Outcomes = {}
             reported = time.monotonic()
             cases, suspect = pipe.recv()
             if not cases:
