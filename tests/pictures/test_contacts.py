@@ -18,9 +18,8 @@ from liaisons.language import unilateral
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.pictures import Picture, animate
 from liaisons.pictures.animation import Values
-from liaisons.pictures.camera import camera_facing
 from liaisons.pictures.frames import FLASH, RATE, THICKNESS, ShapeMotion, picture_frames
-from liaisons.pictures.stage import TEETH, Stage, rgb
+from liaisons.pictures.stage import TEETH, Stage, camera_facing, rgb
 
 from .test_animation import content, numbers, omedit
 from .test_schema import SCHEMA, fits

@@ -27,9 +27,8 @@ from liaisons.language.shapes import Ball, Box, Shapes
 from liaisons.library import catalogue
 from liaisons.live import live_page
 from liaisons.pictures import Picture
-from liaisons.pictures.camera import Camera
 from liaisons.pictures.frames import picture_frames
-from liaisons.pictures.stage import COILS, SIZES, _zigzag_points
+from liaisons.pictures.stage import COILS, SIZES, Camera, _zigzag_points
 
 from . import _browser as tools
 from .conftest import Fmu, Moved

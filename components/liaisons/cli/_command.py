@@ -84,6 +84,11 @@ def accept_global_options(
     """Accept the options before a command; ``main`` has removed ``--debug`` already."""
 
 
+def terminal_width() -> int:
+    """Columns of the terminal, or of output that does not go to one."""
+    return shutil.get_terminal_size((_WIDTH, 0)).columns
+
+
 def print_table(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
     """Print a table at most as wide as the terminal, with failures in red where there are colours."""
     from rich.console import Console
@@ -91,7 +96,7 @@ def print_table(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
 
     from liaisons.check import table
 
-    text = Text(table(rows, shutil.get_terminal_size((_WIDTH, 0)).columns))
+    text = Text(table(rows, terminal_width()))
     text.highlight_words(["FAIL", "ERROR"], "bold red")
     Console().print(text, soft_wrap=True)
 
@@ -167,11 +172,9 @@ def parse_assignment(text: str) -> tuple[str, float | bool | str]:
 def add_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) -> list[str]:
     """Words of a command, robots' files with --prescribe and --limits appended; print what these files lose."""
     if (prescribe or limits) and not any(map(is_robot, words)):
-        declared = "--prescribe is", "prescribed=True"
-        if not prescribe:
-            declared = "--limits is", "limits=(low, high)"
         raise typer.BadParameter(
-            f"{declared[0]} of a robot's file, .urdf or .xml; a joint of a class has {declared[1]}"
+            "--prescribe and --limits are of a robot's file, .urdf or .xml; a joint of a class has prescribed=True, "
+            "limits=(low, high)"
         )
     ending = f":{prescribe}" * bool(prescribe) + ":limits" * limits
     targets = [f"{word}{ending}" if is_robot(word) else word for word in words]
@@ -221,10 +224,10 @@ Join = Annotated[
         "between rows of tables without rates: smooth, overshoots beside steps; acceleration jumps; rate jumps",
     ),
 ]
-Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)")]
-Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)")]
-Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)")]
-Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU's)")]
+Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]
+Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)", parser=float)]
+Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)", parser=float)]
+Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU's)", parser=float)]
 
 
 def check_figure_writable(path: Path | None) -> None:

@@ -59,9 +59,9 @@ def animate(
     inputs: Inputs,
     join: Join = "quintic",
     speed: Annotated[
-        float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)")
+        float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)", parser=float)
     ] = None,
-    turns: Annotated[float, option("N", "how often the camera goes round a spatial mechanism")] = 0.0,
+    turns: Annotated[float, option("N", "how often the camera goes round a spatial mechanism", parser=float)] = 0.0,
     recorded_fmu: Annotated[
         Path | None, option("FILE", "the FMU of a result that is read from a file", "--fmu")
     ] = None,

@@ -116,8 +116,8 @@ def sweep(
             parser=_parsed_distribution,
         ),
     ],
-    samples: Annotated[int | None, option("N", "number of random cases")] = None,
-    seed: Annotated[int | None, option("S", "of the random cases (default: 0)")] = None,
+    samples: Annotated[int | None, option("N", "number of random cases", parser=int)] = None,
+    seed: Annotated[int | None, option("S", "of the random cases (default: 0)", parser=int)] = None,
     keep: Annotated[
         list[str], option("SIGNAL,...", "what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min")
     ],
@@ -144,9 +144,10 @@ def sweep(
         option(
             "SECONDS",
             "end a case that takes longer, the loading of its FMUs included, and go on (default: none)",
+            parser=float,
         ),
     ] = None,
-    workers: Annotated[int | None, option("N", "number of processes (default: one a core)")] = None,
+    workers: Annotated[int | None, option("N", "number of processes (default: one a core)", parser=int)] = None,
     dask: Annotated[
         str | None, option("ADDRESS", "simulate on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786")
     ] = None,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import command, flag, print_table
+from liaisons.cli._command import command, flag, print_table, terminal_width
 from liaisons.cli._texts import entry_components, verification_command
 from liaisons.companion import (
     TITLES,
@@ -65,7 +64,7 @@ def _entry_lines(entry: Entry, *, latex: bool) -> Iterator[str]:
     """Yield lines with all that the table of the texts has on a number."""
     section = [s for s in sections() if s.contains(entry)][-1:]
     head = "; ".join([TITLES[entry.text], *(f"section {s.number}, {s.french}" for s in section)])
-    yield from textwrap.wrap(f"{entry.citation}   {head}", _terminal_width(), subsequent_indent=" " * _MARGIN)
+    yield from textwrap.wrap(f"{entry.citation}   {head}", terminal_width(), subsequent_indent=" " * _MARGIN)
     yield ""
     written = (lambda formula: formula) if latex else unicode_text
     for formula in entry.formulas:
@@ -98,13 +97,9 @@ def _labelled_lines(head: str, content: str) -> Iterator[str]:
     """Yield lines of a content behind a head, wrapped to the width of the terminal."""
     yield from textwrap.wrap(
         content,
-        _terminal_width(),
+        terminal_width(),
         initial_indent=head.ljust(_MARGIN),
         subsequent_indent=" " * _MARGIN,
         break_long_words=False,
         break_on_hyphens=False,
     )
-
-
-def _terminal_width() -> int:
-    return shutil.get_terminal_size((100, 24)).columns

@@ -11,9 +11,8 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from liaisons.pictures.camera import FACING
 from liaisons.pictures.frames import FLASH, THICKNESS
-from liaisons.pictures.stage import COILS, LIGHT, SIZES, TEETH
+from liaisons.pictures.stage import COILS, FACING, LIGHT, SIZES, TEETH
 
 
 def inlined_page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:

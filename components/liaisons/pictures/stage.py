@@ -1,17 +1,20 @@
-"""Polygons of a frame, sorted by depth."""
+"""Polygons of a frame, sorted by depth, in an orthographic projection; the live page has the same formulas."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
+from math import cos, pi, sin
 from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.pictures.camera import Camera, camera_facing
 from liaisons.pictures.frames import RATE, Frames, ShapeMotion
 
+FACING = {"xz": (0.0, 0.0), "xy": (0.0, pi / 2), "yz": (pi / 2, 0.0), None: (-0.6, 0.35)}
+"""Yaw and pitch [rad] of the camera that faces a plane, or looks at a spatial mechanism from above."""
 _TRAIL = 3 * RATE  # frames that a trail lasts
 COILS = 3, 9
 """Least and largest number of coils of a spring."""
@@ -27,7 +30,7 @@ COLOURS = {
 }
 LIGHT = (-0.35, -0.6, 0.72)
 """Direction to the light."""
-_ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+_ROUND = np.linspace(0, 2 * pi, 24, endpoint=False)
 _CIRCLE = np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
 
 _STAR = _CIRCLE * np.resize([1, 0.35], (24, 1))
@@ -36,6 +39,35 @@ TEETH = 24
 
 SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.0025, "flash": 0.06}
 """Default radius of each kind of shape, as a fraction of the extent of the picture."""
+
+
+@final
+@dataclass(frozen=True)
+class Camera:
+    """A direction of view, without perspective.
+
+    :param yaw: angle [rad] of the eye about the vertical, from -y towards x.
+    :param pitch: angle [rad] of the eye above the horizon.
+    """
+
+    yaw: float
+    pitch: float
+
+    def project(self, points: NDArray) -> NDArray:
+        """Coordinates of points (..., 3) to the right, up and towards the eye."""
+        return points @ self.axes.T
+
+    @property
+    def axes(self) -> NDArray:
+        """Rows: unit vectors to the right, up, and towards the eye."""
+        cy, sy, cp, sp = cos(self.yaw), sin(self.yaw), cos(self.pitch), sin(self.pitch)
+        return np.array([[cy, sy, 0.0], [-sp * sy, sp * cy, cp], [sy * cp, -cy * cp, sp]])
+
+
+def camera_facing(plane: str | None, angle: float = 0.0) -> Camera:
+    """Camera that faces a plane, or for None looks at a spatial mechanism from an angle [rad]."""
+    yaw, pitch = FACING[plane]
+    return Camera(yaw + (angle if plane is None else 0.0), pitch)
 
 
 Colour = tuple[float, ...]
@@ -142,7 +174,7 @@ def rgb(kind: str) -> Colour:
 
 def _line_face(a: NDArray, b: NDArray, radius: float, colour: Colour) -> Face:
     """Polygon of a line from a to b (3,) with round ends."""
-    angle = np.arctan2(b[1] - a[1], b[0] - a[0]) + np.linspace(np.pi / 2, 3 * np.pi / 2, 7)
+    angle = np.arctan2(b[1] - a[1], b[0] - a[0]) + np.linspace(pi / 2, 3 * pi / 2, 7)
     end = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     return Face((a[2] + b[2]) / 2, np.concatenate([a[:2] + end, b[:2] - end]), colour)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,21 +13,11 @@ from liaisons.base.arguments import named, numbers, shown, whole
 from liaisons.base.arrays import Floats
 from liaisons.errors import SweepError
 
-
-@runtime_checkable
-class Quantiles(Protocol):
-    """A distribution by its quantiles, such as ``scipy.stats.norm(1.0, 0.1)``."""
-
-    def ppf(self, q: Any, /) -> Any:
-        """Quantiles at the probabilities q ("percent point function")."""
-        ...
-
-
 _MOST = 10_000_000
 """Most cases of a sweep: their table takes some gigabytes, their simulation days."""
 
-Distribution: TypeAlias = Quantiles | tuple[float, float]
-"""``(low, high)`` is uniform between them."""
+Distribution: TypeAlias = tuple[float, float] | Any
+"""``(low, high)``, uniform between them, or a distribution such as ``scipy.stats.norm(1.0, 0.1)``."""
 
 
 def checked_cases(columns: Mapping[str, ArrayLike]) -> dict[str, Floats]:
@@ -79,7 +69,7 @@ def _refuse_too_many(maker: str, count: int) -> None:
 
 def _distribution_values(name: str, distribution: Distribution, probabilities: Floats) -> Floats:
     """Quantiles of a distribution at the probabilities, shape (count,); a SweepError unless they are finite."""
-    if isinstance(distribution, Quantiles):
+    if hasattr(distribution, "ppf"):
         values = np.array(distribution.ppf(probabilities), dtype=float)
     else:
         try:
