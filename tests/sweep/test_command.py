@@ -35,7 +35,7 @@ MISUSE = {
     "--over theta_0=1 --dask ''": "no Dask scheduler",
     "--over theta_0=1 --time-limit -1": "time_limit = -1",
     "--over theta_0=1 --time-limit nan": "time_limit = nan",
-    "--over theta_0=1 --retry": "--retry needs the journal",
+    "--over theta_0=1 --retry": "retry needs the journal",
     "--over theta_0=1 --plot table.film": "no figure ends so",
     "--over theta_0=1 --csv .": "Is a directory; choose another path",
     "--over theta_0=1 --csv both --journal both": "cannot be the table and the journal",

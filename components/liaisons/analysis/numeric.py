@@ -19,9 +19,8 @@ _TOLERANCE = 1e-12
 
 def with_values(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
     """Expression with numbers in place of all symbols of the mechanism but the moving ones."""
-    variables = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
-    numbers = symbol_values(equations, values)
-    symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in variables}
+    variables, numbers = set(map(str, ca.vertsplit(moving))), symbol_values(equations, values)
+    symbols = {name: symbol for name, symbol in equations.symbols.items() if name not in variables}
     column = ca.DM([float(numbers[name]) for name in symbols])
     return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.SX(column))
 

@@ -105,12 +105,8 @@ def _linearized_at_equilibrium(
     names, numbers = [item.name for item in m.coordinates], symbol_values(equations, values)
     q = np.array([float(numbers[name]) for name in names])
 
-    def forces_and_matrices() -> list[NDArray]:
-        """Forces, K, M and B at q."""
-        return np.split(np.asarray(function(q)), np.arange(3) * q.size + 1, axis=1)
-
     for _ in range(_ROUNDS):
-        force, K, M, B = forces_and_matrices()
+        force, K, M, B = np.split(np.asarray(function(q)), np.arange(3) * q.size + 1, axis=1)
         if not np.all(np.isfinite(K)):
             break
         step = np.linalg.lstsq(K, force[:, 0], rcond=_ZERO)[0]
@@ -118,7 +114,6 @@ def _linearized_at_equilibrium(
         size, rest = np.max(np.abs(step)), np.max(np.abs(force[:, 0] - K @ step))  # along a zero mode forces rest
         balanced = rest <= 1e-9 * (np.max(np.abs(K)) * (1 + size) + 1e-300)
         if size <= 1e-13 * (1 + np.max(np.abs(q))) and balanced:
-            _, K, M, B = forces_and_matrices()
             return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2, B
     guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
     raise ComponentError(f"{equations.name}: no equilibrium found from the guess {guess}; start nearer to one")

@@ -165,7 +165,7 @@ def sweep(
 
     passing = None if csv is None or journal is not None else _default_journal(csv)
     journal = journal or passing
-    _check_writable(csv, plot, journal, retry=retry)
+    _check_writable(csv, plot, journal)
     with _report_interrupt(journal):
         result = sweep(
             cases=_requested_cases(over, random, samples, seed),
@@ -193,15 +193,13 @@ def sweep(
     return 1 if result.failures else 0
 
 
-def _check_writable(csv: Path | None, plot: Path | None, journal: Path | None, *, retry: bool) -> None:
-    """Raise an error for files that cannot be written, or options that need another one."""
+def _check_writable(csv: Path | None, plot: Path | None, journal: Path | None) -> None:
+    """Raise an error for files that cannot be written."""
     check_figure_writable(plot)
     if csv is not None:
         check_writable(csv)
         if journal is not None and csv.resolve() == journal.resolve():
             raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
-    if retry and journal is None:
-        raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
 
 
 def _print_failures(result: Result, *, has_journal: bool) -> None:

@@ -44,7 +44,7 @@ def identify(
     each: str | Sequence[str] = (),
     bounds: Mapping[str, Range] | None = None,
     prior: Mapping[str, tuple[float, float]] | None = None,
-    loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear",
+    loss: Literal["linear", "soft_l1"] = "linear",
     operators: Mapping[str, Target] | None = None,
     measured: str | Iterable[str] | None = None,
     ignore: str | Iterable[str] = (),
@@ -76,7 +76,7 @@ def identify(
     :param each: unknowns that differ between the experiments.
     :param bounds: (low, high) of unknowns, None for no bound; domains of the variables hold anyway.
     :param prior: (mean, standard deviation) of unknowns before the measurements.
-    :param loss: ``"linear"``: least squares; the others are for outliers, see SciPy's ``least_squares``.
+    :param loss: ``"linear"``: least squares; ``"soft_l1"`` is for outliers, see SciPy's ``least_squares``.
     :param operators: active coordinate -> operator that moves it.
     :param measured: outputs that are fitted; None: all that have a column.
     :param ignore: columns that are not read.

@@ -23,12 +23,6 @@ _COST_ROUNDING = 1e-14
 LOSSES: Mapping[str, Callable[[Floats], Floats]] = {
     "linear": lambda z: np.array([z, np.ones_like(z), np.zeros_like(z)]),
     "soft_l1": lambda z: np.array([2 * ((1 + z) ** 0.5 - 1), (1 + z) ** -0.5, -((1 + z) ** -1.5) / 2]),
-    "huber": lambda z: np.where(
-        z <= 1,
-        [z, np.ones_like(z), np.zeros_like(z)],
-        [2 * z**0.5 - 1, np.maximum(z, 1) ** -0.5, -(np.maximum(z, 1) ** -1.5) / 2],
-    ),
-    "cauchy": lambda z: np.array([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2]),
 }
 """Name -> function of squared residuals that returns the loss, its first and its second derivative."""
 
@@ -106,7 +100,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             start[free],
             derivatives_or_end,  # type: ignore[arg-type]  # SciPy takes functions, too
             bounds=objective.limits[:, free],
-            loss="linear" if objective.problem.loss == "linear" else LOSSES[objective.problem.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
+            loss=objective.problem.loss,  # type: ignore[arg-type]  # one of the names that SciPy has
             x_scale=np.where(typical[free] == 0, 1.0, typical[free]),
             ftol=accuracy,
             xtol=accuracy,

@@ -91,8 +91,7 @@ def verdicts(estimate: ParameterEstimate, replays: Sequence[Result]) -> Iterator
     :param replays: results of the FMUs at the fitted values.
     """
     problem = estimate.problem
-    ended = 0.0 if not estimate.minimum.message else 1.0
-    yield verdict("least squares came to its end", error=ended, tolerance=0.0)
+    yield verdict("least squares came to its end", error=float(bool(estimate.minimum.message)), tolerance=0.0)
     count = float(estimate.null_space.directions.shape[1])
     yield verdict("measurements determine all unknowns", error=count, tolerance=0.0)
     unknown = float(not estimate.has_noise_estimate)

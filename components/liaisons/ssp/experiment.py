@@ -77,14 +77,15 @@ def read_experiment(root: Element) -> DefaultExperiment:
     :raises ValueError: for a number that is none.
     """
     element = root.find(tag("ssd:DefaultExperiment"))
-    stop = None if element is None else element.get("stopTime")
+    attributes = {} if element is None else element.attrib
+    stop = attributes.get("stopTime")
     steps = [
         step
         for name, attribute in (("osp:FixedStepAlgorithm", "baseStepSize"), ("oms:FixedStepMaster", "stepSize"))
         for algorithm in root.iter(tag(name))
         if (step := algorithm.get(attribute)) is not None
     ]
-    start = 0.0 if element is None else float(element.get("startTime", 0.0))
+    start = float(attributes.get("startTime", 0.0))
     span = usable(start, None if stop is None else float(stop), float(steps[0]) if steps else None)
     return DefaultExperiment(start if math.isfinite(start) else 0.0, *span)
 

@@ -138,7 +138,9 @@ def _check_settings(
     if time_limit is not None:
         positive("time_limit", time_limit, SweepError)
     if retry and journal is None:
-        raise SweepError("retry: there is no journal to find failures in; name that of the sweep to be done again")
+        raise SweepError(
+            "retry needs the journal of the sweep, where its failures are; give its file by journal or --journal"
+        )
 
 
 def _checked_study(
