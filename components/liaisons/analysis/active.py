@@ -323,9 +323,8 @@ def _changes_round_loop(
     )
     rate = with_values(equations, rate, values, states)
     end = final_state(rate, states, start, t=a, duration=_TURN, owner=equations.name)
-    names = list(map(str, ca.vertsplit(states)))
     quaternions = {name for item in m.orientations for name in item.quaternion}
-    changes = zip(names, end.tolist(), (end - start).tolist(), strict=True)
+    changes = zip(map(str, ca.vertsplit(states)), end.tolist(), (end - start).tolist(), strict=True)
     return {name: value if name in quaternions else change for name, value, change in changes}
 
 

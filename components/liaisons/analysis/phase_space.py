@@ -155,7 +155,7 @@ def flow(source: Source, duration: float, **values: Any) -> Flow:
     beginning = np.concatenate([start, np.eye(start.size).ravel()])
     state = ca.vertcat(X, ca.vec(J))
     end = final_state(rate, state, beginning, t=t, duration=duration, owner=owner)
-    names = [str(symbol) for symbol in ca.vertsplit(X)]
+    names = map(str, ca.vertsplit(X))
     return Flow(
         dict(zip(names, end[: start.size].tolist(), strict=True)), end[start.size :].reshape(J.shape, order="F")
     )

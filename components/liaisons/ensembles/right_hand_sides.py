@@ -26,6 +26,9 @@ from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact, Model, refuse_contacts, refuse_samples
 from liaisons.mechanics.unilateral import impulsive_operators
 
+Expressions = dict[str, ca.SX]
+"""Expressions by name."""
+
 DEGREE = 5
 """Of polynomials that drive inputs."""
 INTEGRALS = ("work", "dissipated")
@@ -46,7 +49,7 @@ class ContactColumns:
 
     contacts: tuple[Contact, ...]
     gaps: int
-    numbers: dict[str, ca.SX]
+    numbers: Expressions
     compliance: Compliance
     indicators: ca.SX
     pushed: ca.SX
@@ -82,7 +85,7 @@ class RightHandSide:
     outputs: ca.SX
     conditions: ca.SX
     condition_texts: tuple[str, ...]
-    prescribed: dict[str, ca.SX]
+    prescribed: Expressions
     landed: ca.SX | None
     before: tuple[ca.SX, ca.SX]
     events: ca.SX
@@ -180,7 +183,7 @@ def right_hand_side(
     """
     rows = checked_output_rows(model, record)
     t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
-    symbol_of: dict[str, ca.SX] = {}
+    symbol_of: Expressions = {}
 
     def symbols(title: str, names: list[str]) -> ca.SX:
         """Column of new symbols, registered by their names."""
@@ -188,7 +191,7 @@ def right_hand_side(
         symbol_of.update((name, column[i]) for i, name in enumerate(names))
         return column
 
-    def values(variables: Iterable[Variable], prefix: str = "") -> dict[str, ca.SX]:
+    def values(variables: Iterable[Variable], prefix: str = "") -> Expressions:
         """Symbols of variables by name, or their declared numbers where they have no symbols."""
         return {v.name: symbol_of.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
 
@@ -341,7 +344,7 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
     )
 
 
-def _polynomial_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
+def _polynomial_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> Expressions:
     """Inputs as polynomials of time by name, with the rate and acceleration of an active coordinate.
 
     :param numbers: origin of the time, then the coefficients of each input.
