@@ -65,7 +65,9 @@ def pulse_instants(text: str, start: float, stop: float) -> list[float]:
         rates = ca.Function("rates", [_T], [rate := _time_derivative(exponent), _time_derivative(rate)])
         slopes = rates.map(_POINTS)(grid)[0].full().ravel()
         for k in np.flatnonzero((slopes[:-1] > 0) & (slopes[1:] <= 0))[:_MOST]:
-            maximum = brentq(lambda t, rates=rates: float(rates(t)[0]), float(grid[k]), float(grid[k + 1]), xtol=1e-300)
+            maximum: Any = brentq(
+                lambda t, rates=rates: float(rates(t)[0]), float(grid[k]), float(grid[k + 1]), xtol=1e-300
+            )
             width = 1 / math.sqrt(max(-float(rates(maximum)[1]), 1e-300))
             if width < grid[1] - grid[0]:
                 instants += (maximum + width * np.arange(-5, 6)).tolist()

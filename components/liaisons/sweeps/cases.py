@@ -69,8 +69,8 @@ def _refuse_too_many(maker: str, count: int) -> None:
 
 def _distribution_values(name: str, distribution: Distribution, probabilities: Floats) -> Floats:
     """Quantiles of a distribution at the probabilities, shape (count,); a SweepError unless they are finite."""
-    if hasattr(distribution, "ppf"):
-        values = np.array(distribution.ppf(probabilities), dtype=float)
+    if ppf := getattr(distribution, "ppf", None):  # quantiles, of a distribution of SciPy
+        values = np.array(ppf(probabilities), dtype=float)
     else:
         try:
             low, high = map(float, distribution)

@@ -13,6 +13,7 @@ import re
 import sys
 import time
 import zlib
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from io import BufferedRandom
 from pathlib import Path
@@ -67,7 +68,7 @@ class Journal:
         with suppress(OSError):  # as :meth:`add` has said
             self._file.close()
 
-    def add(self, outcomes: Outcomes) -> None:
+    def add(self, outcomes: Mapping[int, Outcome]) -> None:
         """Append the outcomes of cases.
 
         :raises SweepError: if the file takes no more.
