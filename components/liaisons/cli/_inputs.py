@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from os.path import isfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,7 @@ def prescribed_inputs(
     prescribed, names = PrescribedInputs(), set[str]()
     for text in inputs:
         name, equals, right = text.partition("=")
-        if _is_file(text) or not equals:
+        if isfile(text) or not equals:  # noqa: PTH113 - no error for a formula that is longer than a path can be
             times, columns = read_table(Path(text))
             _check_table_span(text, times, start_time, stop_time)
             ports = {column: _input_port(system, column, single=single) for column in columns}
@@ -68,14 +69,6 @@ def prescribed_inputs(
             raise SimulationError(f"--input: {name} is given twice; leave one out")
         names |= new
     return prescribed
-
-
-def _is_file(text: str) -> bool:
-    """Whether a text is the path of a file."""
-    try:
-        return Path(text).is_file()
-    except OSError:  # a formula longer than a name can be
-        return False
 
 
 def _input_function(name: str, text: str, port_of: Callable[[str], Port], span: tuple[float, float]) -> Function:

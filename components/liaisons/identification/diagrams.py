@@ -75,7 +75,9 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
         above.set_ylabel(f"{name} [{units[name]}]")
         above.legend(frameon=False, fontsize="small")
         below.set(xlabel="time [s]", ylabel=f"residual [{units[name] if own else 's'}]")
-    return _save_figure(figure, path)
+    if path is not None:
+        save(figure, as_path("path", path))
+    return figure
 
 
 def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path: Path | str | None = None) -> Figure:
@@ -102,7 +104,9 @@ def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path
     labels = [f"{problem.names[i]} [{problem.units[i]}]" for i in pair]
     diagram.set(xlabel=labels[0], ylabel=labels[1])
     diagram.legend(frameon=False)
-    return _save_figure(figure, path)
+    if path is not None:
+        save(figure, as_path("path", path))
+    return figure
 
 
 def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float | None = None) -> float:
@@ -181,10 +185,3 @@ def _draw_instants(above: Axes, below: Axes, data: Measurements, name: str, time
     (line,) = above.step(times, numbers, where="post")
     above.plot(measured, numbers, ".", color=line.get_color(), label=f"{name}, {Path(data.title).name}")
     below.plot(measured, measured - times, ".", color=line.get_color())
-
-
-def _save_figure(figure: Figure, path: Path | str | None) -> Figure:
-    """Save a figure if there is a path, and return the figure."""
-    if path is not None:
-        save(figure, as_path("path", path))
-    return figure
