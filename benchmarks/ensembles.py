@@ -29,7 +29,7 @@ from liaisons.base.compiler import compile_library, host
 from liaisons.ensembles import ensemble
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat_model, operator_models, right_hand_side
-from liaisons.ensembles.steps import LANES, compiled
+from liaisons.ensembles.steps import LANES, compiled_advance
 from liaisons.language import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
 
@@ -105,7 +105,7 @@ def _start(found: RightHandSide, values: Mapping[str, float]) -> tuple[np.ndarra
 
 
 def _ensemble(found: RightHandSide, values: Mapping[str, float], steps: int) -> Timed:
-    advance = compiled(found, METHODS["rk4"], np.zeros(0))
+    advance = compiled_advance(found, METHODS["rk4"], np.zeros(0))
     constants, states = (
         np.ascontiguousarray(rows.reshape(len(rows), -1, LANES).swapaxes(0, 1)) for rows in _start(found, values)
     )

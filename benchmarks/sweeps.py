@@ -28,10 +28,11 @@ import fmpy
 import numpy as np
 from _measure import Row, command, interleaved
 
+from liaisons.base.arrays import Floats
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
-from liaisons.sweeps import Cases, sample, sweep
+from liaisons.sweeps import sample, sweep
 
 STOP = 10.0
 CORES = os.cpu_count() or 1
@@ -67,13 +68,13 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
                 LOOP: lambda step=step: _loop(str(fmu), _cases(few), step, {}),
                 PREPARED: lambda step=step: _loop(str(folder), _cases(few), step, prepared),
             }
-            topic = f"Sweep of {cases.count} pendulums, {points} communication points each"
+            topic = f"Sweep of {len(cases['theta_0'])} pendulums, {points} communication points each"
             rows += _rows(topic, interleaved(runs, rounds))
         rows += _fixed(fmu, rounds)
     return rows
 
 
-def _cases(count: int) -> Cases:
+def _cases(count: int) -> dict[str, Floats]:
     return sample(count, {"theta_0": (0.1, 3.0), "length": (0.5, 2.0)}, seed=0)
 
 
@@ -113,31 +114,31 @@ def _processor_times() -> tuple[float, float]:
     return own.ru_utime + own.ru_stime, children.ru_utime + children.ru_stime
 
 
-def _sweep(fmu: Path, cases: Cases, step: float, workers: int) -> Cost:
+def _sweep(fmu: Path, cases: dict[str, Floats], step: float, workers: int) -> Cost:
     def work() -> None:
         keep = ["theta", "energy_balance:max"]
         table = sweep(fmu, cases, keep, stop_time=STOP, step_size=step, workers=workers)
         assert not table.failures
 
-    return _measured(cases.count, work)
+    return _measured(len(cases["theta_0"]), work)
 
 
-def _loop(fmu: str, cases: Cases, step: float, prepared: dict[str, Any]) -> Cost:
+def _loop(fmu: str, cases: dict[str, Floats], step: float, prepared: dict[str, Any]) -> Cost:
     def work() -> None:
         rows = []
-        for number in range(cases.count):
+        for theta_0, length in zip(cases["theta_0"], cases["length"], strict=True):
             result = fmpy.simulate_fmu(
                 fmu,
                 stop_time=STOP,
                 step_size=step,
                 output_interval=step,
-                start_values=cases.case(number),
+                start_values={"theta_0": theta_0, "length": length},
                 output=["theta", "energy_balance"],
                 **prepared,
             )
             rows.append((result["theta"][-1], np.max(result["energy_balance"])))
 
-    return _measured(cases.count, work)
+    return _measured(len(cases["theta_0"]), work)
 
 
 if __name__ == "__main__":

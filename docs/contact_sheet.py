@@ -22,7 +22,7 @@ from liaisons import Result, operator, show, simulate
 from liaisons.language import Operator
 from liaisons.library import catalogue
 from liaisons.pictures import motion_frames
-from liaisons.pictures.drawing import add_empty_polygons, draw
+from liaisons.pictures.drawing import add_empty_polygons, draw_faces
 from liaisons.pictures.frames import RATE, Frames
 from liaisons.pictures.stage import Stage
 
@@ -126,7 +126,7 @@ def contact_sheet(results: Mapping[str, Result], path: Path, *, columns: int = 5
         axes.set_axis_off()
         if name:
             stage = Stage(frames(results[name]))
-            draw(add_empty_polygons(stage, axes), stage.faces(int(part * len(stage.frames.time))))
+            draw_faces(add_empty_polygons(stage, axes), stage.faces(int(part * len(stage.frames.time))))
             axes.set_title(name, fontsize=11)
     figure.savefig(path)
 

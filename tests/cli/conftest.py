@@ -60,7 +60,6 @@ def liaisons(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     """Run ``liaisons WORDS`` in a directory of its own, where FMUs land too."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("LIAISONS_FMUS", raising=False)
-    monkeypatch.setenv("LIAISONS_UNPACKED_LIMIT", str(2**30))  # what an option makes of it ends with the test
 
     def run(*words: str | Path) -> Reply:
         try:

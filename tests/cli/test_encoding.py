@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.cli._encoding import in_ascii
+from liaisons.cli._encoding import ascii_text
 
 from .conftest import COMMAND, Cli
 from .test_run import write
@@ -59,14 +59,14 @@ def test_what_the_user_has_asked_for_is_kept() -> None:
     ],
 )
 def test_ascii(text: str, shown: str) -> None:
-    assert in_ascii(text) == shown
+    assert ascii_text(text) == shown
 
 
 def test_every_character_has_some_ascii() -> None:
     for number in range(sys.maxunicode + 1):
         if number % 7 == 0 or number < 0x3000:
-            assert in_ascii(chr(number)).isascii()
-    assert all(in_ascii(c) != "?" for c in map(chr, range(0x391, 0x3C9)) if unicodedata.category(c)[0] == "L")
+            assert ascii_text(chr(number)).isascii()
+    assert all(ascii_text(c) != "?" for c in map(chr, range(0x391, 0x3C9)) if unicodedata.category(c)[0] == "L")
 
 
 @pytest.mark.parametrize("columns", [None, "90", "250"])

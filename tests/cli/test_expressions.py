@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from liaisons.base.knots import curve, knots
-from liaisons.cli._expressions import FormulaError, expression, pulses
+from liaisons.cli._expressions import FormulaError, parse_expression, pulse_instants
 from liaisons.cli._inputs import read_table
 from liaisons.errors import SimulationError
 
@@ -53,19 +53,19 @@ from liaisons.errors import SimulationError
     ids=lambda text: text if len(text) < 40 else "",
 )
 def test_values_and_derivatives_are_those_on_paper(text: str, rate: str, acceleration: str) -> None:
-    function, names = expression(text), {**vars(math), "abs": abs, "pow": pow}
+    function, names = parse_expression(text), {**vars(math), "abs": abs, "pow": pow}
     for instant in (0.25, 1.0, 1.75, 3.0):
         expected = [eval(written, names | {"t": instant}) for written in (text, rate, acceleration)]
         np.testing.assert_allclose(function(instant), expected, rtol=1e-13, atol=1e-13)
 
 
 def test_where_derivatives_are_missing_the_value_is_there() -> None:
-    assert expression("sqrt(t)")(0.0)[:2] == (0.0, math.inf)
-    assert expression("t**1.5")(0.0)[:2] == (0.0, 0.0)
-    assert expression("abs(t)")(0.0) == (0.0, 1.0, 0.0)  # on the side where time goes
-    assert expression("abs(-t**2)")(0.0) == (0.0, 0.0, 2.0)
-    assert expression("t**2")(0.0) == (0.0, 0.0, 2.0)
-    assert expression("t**0")(0.0) == (1.0, 0.0, 0.0)
+    assert parse_expression("sqrt(t)")(0.0)[:2] == (0.0, math.inf)
+    assert parse_expression("t**1.5")(0.0)[:2] == (0.0, 0.0)
+    assert parse_expression("abs(t)")(0.0) == (0.0, 1.0, 0.0)  # on the side where time goes
+    assert parse_expression("abs(-t**2)")(0.0) == (0.0, 0.0, 2.0)
+    assert parse_expression("t**2")(0.0) == (0.0, 0.0, 2.0)
+    assert parse_expression("t**0")(0.0) == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_where_derivatives_are_missing_the_value_is_there() -> None:
 )
 def test_what_is_refused_is_refused_in_one_line(text: str, words: str) -> None:
     with pytest.raises(FormulaError) as caught:
-        expression(text)
+        parse_expression(text)
     assert words in str(caught.value)
     assert len(str(caught.value)) < 300
     assert "\n" not in str(caught.value)
@@ -118,11 +118,11 @@ def test_what_is_refused_is_refused_in_one_line(text: str, words: str) -> None:
 )
 def test_what_has_no_value_says_so_and_takes_no_time(text: str) -> None:
     with pytest.raises(FormulaError, match="has no value there"):
-        expression(text)(0.0)
+        parse_expression(text)(0.0)
 
 
 def test_many_terms_are_no_problem() -> None:
-    function = expression("0" + "+t" * 190)
+    function = parse_expression("0" + "+t" * 190)
     assert function(2.0) == (380.0, 190.0, 0.0)
 
 
@@ -227,7 +227,7 @@ def test_tables_that_are_none(tmp_path: Path, content: str, words: str) -> None:
 def test_pulses_are_looked_at_as_finely_as_they_are_short() -> None:
     """exp(-(t/w)²) at 11 points, w/√2 apart; what 500 steps see is left alone."""
     for middle in (0.505, 5.0):  # the latter is one of the points between which it is looked for
-        instants = pulses(f"100*exp(-((t-{middle})*2000)**2) + exp(-(t - 2)**2)", 0.0, 10.0)
+        instants = pulse_instants(f"100*exp(-((t-{middle})*2000)**2) + exp(-(t - 2)**2)", 0.0, 10.0)
         np.testing.assert_allclose(instants, middle + np.arange(-5, 6) / 2000 / np.sqrt(2), rtol=0, atol=1e-12)
     for text in ("sin(100*t)", "exp(-t)", "exp(sin(t))", "exp(((t-0.505)*2000)**2)"):
-        assert pulses(text, 0.0, 1.0) == []
+        assert pulse_instants(text, 0.0, 1.0) == []

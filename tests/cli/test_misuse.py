@@ -32,7 +32,6 @@ MISUSE = {
     "run --theme contact": ["did you mean 'contacts'?"],
     "run no_such_claim": ["'no_such_claim'"],
     "check text.fmu": ["text.fmu", "no archive at all"],
-    "check Pendulum --unpacked-limit many": ["'many'", "number of bytes"],
     "compare one.csv none.csv": ["none.csv", "No such file"],
     "compare one.csv text.fmu": ["text.fmu", "not a result"],
     "compare one.csv none.parquet": ["none.parquet"],

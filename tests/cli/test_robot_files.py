@@ -67,7 +67,9 @@ def test_limits_of_a_robots_joints_become_stops(runs: Runs, tmp_path: Path) -> N
 
 def test_misuse(liaisons: Cli) -> None:
     assert is_misuse(liaisons("build", ROBOTS / "ur5.urdf", "--prescribe", "elbo"), "did you mean 'elbow'")
-    assert is_misuse(liaisons("build", "Pendulum", "--prescribe", "theta"), "--prescribe is of a robot's file")
-    assert is_misuse(liaisons("simulate", "Pendulum", "--limits"), "--limits is of a robot's file")
+    assert is_misuse(
+        liaisons("build", "Pendulum", "--prescribe", "theta"), "--prescribe and --limits are of a robot's file"
+    )
+    assert is_misuse(liaisons("simulate", "Pendulum", "--limits"), "--limits are of a robot's file")
     assert is_misuse(liaisons("equations", "no.urdf"), "no.urdf")
     assert is_misuse(liaisons("simulate", "no.xml"), "no.xml")

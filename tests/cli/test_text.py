@@ -7,7 +7,7 @@ import typer.main
 
 from liaisons.base.project import scenario_files
 from liaisons.cli._command import application
-from liaisons.cli._texts import component_of, scenarios_of
+from liaisons.cli._texts import requested_component, requested_scenarios
 from liaisons.companion import entries
 from liaisons.interface import equations
 from liaisons.library import catalogue
@@ -72,13 +72,13 @@ def test_misuse_is_one_line_with_the_nearest(liaisons: Cli) -> None:
 
 
 def test_numbers_name_scenarios_and_components() -> None:
-    assert scenarios_of("K122") == ["resonance"]
-    assert scenarios_of("K118-121") == ["resonance", "resonance_surface"]
-    assert scenarios_of("kepler") == ["kepler"]
-    assert component_of("M50") == ("Pendulum", "effective_mass")
-    assert component_of("M 8.4") == ("CircularHoop", "lagrangian")
-    assert component_of("K43") == ("PolarOscillator", "accelerations")
-    assert component_of("Swing") == ("Swing", None)
+    assert requested_scenarios("K122") == ["resonance"]
+    assert requested_scenarios("K118-121") == ["resonance", "resonance_surface"]
+    assert requested_scenarios("kepler") == ["kepler"]
+    assert requested_component("M50") == ("Pendulum", "effective_mass")
+    assert requested_component("M 8.4") == ("CircularHoop", "lagrangian")
+    assert requested_component("K43") == ("PolarOscillator", "accelerations")
+    assert requested_component("Swing") == ("Swing", None)
 
 
 def test_equations_of_a_number_are_the_part_that_has_it(runs: Runs) -> None:
@@ -87,7 +87,7 @@ def test_equations_of_a_number_are_the_part_that_has_it(runs: Runs) -> None:
 
 
 def test_what_the_table_names_is_there() -> None:
-    parts = {(component_of(e.citation)[0], e.part) for e in entries() if e.part}
+    parts = {(requested_component(e.citation)[0], e.part) for e in entries() if e.part}
     assert all(part in equations(name).parts for name, part in parts)
     assert {name for name, _ in parts} <= set(catalogue())
     assert {scenario for entry in entries() for scenario in entry.scenarios} <= set(scenario_files())

@@ -10,7 +10,7 @@ import pytest
 from liaisons.base.unit_definitions import UnitDefinition
 from liaisons.base.xml_documents import parse
 from liaisons.ssp.connectors import add_units
-from liaisons.ssp.xml import units
+from liaisons.ssp.xml import unit_definitions
 
 KELVIN, CELSIUS, FAHRENHEIT = (
     UnitDefinition.of(name, {"K": "1", **attributes})
@@ -41,7 +41,7 @@ def test_an_archive_says_what_units_are() -> None:
     double = UnitDefinition.of("double", {"K": "1", "factor": "2.0", "offset": "1.0"})
     root, known = Element("root"), {"K": KELVIN, "degC": CELSIUS, "degF": FAHRENHEIT, "double": double}
     add_units(root, "ssd:Units", known)
-    assert units(root, "ssd:Units") == known
+    assert unit_definitions(root, "ssd:Units") == known
 
 
 def test_an_element_without_an_end_is_not_waited_for() -> None:

@@ -45,7 +45,7 @@ from liaisons.cosim import Result
 from liaisons.jax import motion
 from liaisons.language.component import Component
 from liaisons.library import fmu_file
-from liaisons.pictures.frames import frames
+from liaisons.pictures.frames import picture_frames
 
 PUSHED = ("mass", "Pendulum", "second", "ball")  # parts of systems that are acted on
 IMPORTER = 2e-6  # CVODE of FMPy: the errors of its steps add up
@@ -604,7 +604,7 @@ def try_picture(workshop: Workshop, kind: str) -> None:
     result.animate(path)
     assert b"canvas" in path.read_bytes()
     assert result.scene is not None
-    drawn = frames(
+    drawn = picture_frames(
         result.scene.picture,
         T,
         result.scene.values(dict(zip(result.names, result.values, strict=True))).__getitem__,

@@ -11,7 +11,7 @@ import pytest
 from liaisons import Result, System, gradient, sensitivities
 from liaisons.base import compiler
 from liaisons.derivatives.functions import motion_functions
-from liaisons.ensembles.steps import library
+from liaisons.ensembles.steps import compiled_library
 from liaisons.errors import BuildError, ComponentError, InvalidValueError, SimulationError, UnknownSignalError
 
 
@@ -88,7 +88,7 @@ def test_an_event_inside_a_system_is_that_of_an_operator() -> None:
 def test_without_a_compiler_there_are_no_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("system_compiler", "zig_compiler"):
         monkeypatch.setattr(compiler, name, lambda: None)
-    for cached in (library, motion_functions):
+    for cached in (compiled_library, motion_functions):
         cached.cache_clear()
     with pytest.raises(BuildError, match=r"^no C compiler is found: pip install 'liaisons\[cross\]'$"):
         sensitivities("Pendulum", "theta_0", stop_time=1.0)

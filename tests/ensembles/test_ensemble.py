@@ -16,10 +16,10 @@ from liaisons import System, ensemble, max_error, simulate
 from liaisons.base import compiler
 from liaisons.check import slope
 from liaisons.ensembles import integrating, members
-from liaisons.ensembles.integrating import _errors
+from liaisons.ensembles.integrating import _step_halving_errors
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
-from liaisons.ensembles.steps import library, source
+from liaisons.ensembles.steps import compiled_library, ensemble_code
 from liaisons.errors import BuildError, ComponentError, SimulationError
 from liaisons.language import Mechanism
 from liaisons.models import (
@@ -111,13 +111,13 @@ def test_roundings_are_no_divergence() -> None:
 
 def test_threads_share_few_members_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[int] = []
-    advance = integrating.compiled
+    advance = integrating.compiled_advance
 
     def counting(*arguments: Any) -> Any:
         step = advance(*arguments)
         return lambda *at: (taken.append(len(at[-1])), step(*at))
 
-    monkeypatch.setattr(integrating, "compiled", counting)
+    monkeypatch.setattr(integrating, "compiled_advance", counting)
     angles = np.linspace(0.1, 3.0, 600)
     ensemble(Pendulum, {"theta_0": angles}, stop_time=0.1, step_size=0.01, threads=2, estimate=False)
     assert sum(taken) == 19  # blocks of 32
@@ -205,7 +205,7 @@ def test_a_condition_is_asked_on_the_way() -> None:
 def test_without_a_compiler_there_are_no_ensembles(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("system_compiler", "zig_compiler"):
         monkeypatch.setattr(compiler, name, lambda: None)
-    library.cache_clear()
+    compiled_library.cache_clear()
     with pytest.raises(BuildError, match=r"^no C compiler is found: pip install 'liaisons\[cross\]'$"):
         ensemble(Oscillator, {"x_0": [1.0, 2.0]}, stop_time=1.0, step_size=0.1)
 
@@ -281,7 +281,7 @@ def test_a_case_whose_bodies_overlap_is_named_with_its_values() -> None:
 
 
 def test_members_are_freed_also_when_memory_runs_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    called, call = list[str](), members.call
+    called, call = list[str](), members.call_c_function
 
     def counted(code: Any, name: str, *arguments: Any) -> int:
         called.append(name)
@@ -289,7 +289,7 @@ def test_members_are_freed_also_when_memory_runs_out(monkeypatch: pytest.MonkeyP
         assert not name.startswith("free") or (arguments[1]["instance"] != 0).sum() == arguments[0]
         return 0 if name == "create_members" and len(called) > 2 else result
 
-    monkeypatch.setattr(members, "call", counted)
+    monkeypatch.setattr(members, "call_c_function", counted)
     members.Members(flat_model(BouncingBall), 3)
     gc.collect()
     assert called == ["create_members", "free_members"]
@@ -360,7 +360,7 @@ def test_the_generated_code_is_clean(component, monkeypatch) -> None:
     found = right_hand_side(flat_model(component), {}, lanes=["gravity"], shared=[], record=["energy"])
     strict = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-fopenmp-simd")
     monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, *strict))
-    assert compiler.compile_library({"ensemble.c": source(found, METHODS["rk4"]).encode()}, compiler.host())
+    assert compiler.compile_library({"ensemble.c": ensemble_code(found, METHODS["rk4"]).encode()}, compiler.host())
 
 
 @pytest.mark.parametrize(
@@ -397,7 +397,7 @@ def test_the_estimate_takes_the_order_that_three_runs_show() -> None:
     error = 1e-6
     states = [[1 + error, 1.0, 1.0, 1.0], [1 + 16 * error, 1 + 1e-3, 1.2, 1 + 1e-14], [1 + 256 * error, 1.0, 2.0, 1.0]]
     fine, half, quarter = (np.array(row)[None, None] for row in states)
-    found = _errors((fine, fine), (half, half), (quarter, quarter), order=8)
+    found = _step_halving_errors((fine, fine), (half, half), (quarter, quarter), order=8)
     np.testing.assert_allclose(found[0], [error, np.inf, np.inf, 1e-14], rtol=0.3)
 
 
@@ -424,6 +424,6 @@ def test_the_estimate_covers_a_rate_that_jumps_on_or_off_the_steps(instant: floa
 def test_a_state_that_is_right_to_rounding_says_how_fast_the_others_converge() -> None:
     # Two states of one case: the first happens to be as far off with all steps, the second with the coarsest alone.
     fine, half, quarter = (np.array(values).reshape(2, 1, 1) for values in ([1, 1], [1 + 3e-11, 1], [1, 1 + 1e-8]))
-    assert np.isfinite(_errors((fine, fine), (half, half), (quarter, quarter), order=8)).all()
+    assert np.isfinite(_step_halving_errors((fine, fine), (half, half), (quarter, quarter), order=8)).all()
     chaotic = np.array([1 + 3e-3, 1]).reshape(2, 1, 1)
-    assert np.isinf(_errors((fine, fine), (chaotic, chaotic), (fine, fine), order=8)).all()
+    assert np.isinf(_step_halving_errors((fine, fine), (chaotic, chaotic), (fine, fine), order=8)).all()

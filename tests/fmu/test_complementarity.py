@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from liaisons.ensembles.steps import call, library
+from liaisons.ensembles.steps import call_c_function, compiled_library
 
 Floats = NDArray[Any]
 TOLERANCE = 1e-13
@@ -44,7 +44,7 @@ def _choice() -> Any:
     """The code of an FMU, with a function that ctypes can call."""
     runtime = resources.files("liaisons.fmu") / "runtime"
     header, code = ((runtime / f"complementarity.{end}").read_text("utf-8") for end in "hc")
-    return library(code.replace('#include "complementarity.h"', header) + CHOICE, "-ffp-contract=off")
+    return compiled_library(code.replace('#include "complementarity.h"', header) + CHOICE, "-ffp-contract=off")
 
 
 def chosen(
@@ -64,7 +64,7 @@ def chosen(
     x, rates, tolerance = np.empty(count), np.empty(count), TOLERANCE * (1 + np.abs(rate))
     normal = np.array([*(-1,) * gaps, *(normals or [])])
     problem = [gaps, count, np.ascontiguousarray(G.T), *bounds, normal, rate.copy(), tolerance]
-    why = call(_choice(), "choose_modes", *problem, len(choices), choices, modes, x, rates)
+    why = call_c_function(_choice(), "choose_modes", *problem, len(choices), choices, modes, x, rates)
     return REASONS[why], modes, x, rates
 
 

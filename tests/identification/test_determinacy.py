@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from liaisons import identify
-from liaisons.identification.determinacy import NullSpace, sentences
+from liaisons.identification.determinacy import NullSpace, indeterminacy_sentences
 from liaisons.models import Pendulum
 
 NAMES = ["a", "b", "c", "d"]
@@ -24,7 +24,7 @@ def jacobian(function: Callable, values: np.ndarray) -> np.ndarray:
 def spoken(function: Callable, values: np.ndarray = VALUES) -> tuple[str, ...]:
     near = values * np.linspace(1.01, 1.02, len(values))
     here, there = (NullSpace.from_jacobian(jacobian(function, at), at) for at in (values, near))
-    return tuple(sentences(here, there, NAMES[: len(values)], ["x"]))
+    return tuple(indeterminacy_sentences(here, there, NAMES[: len(values)], ["x"]))
 
 
 t = np.linspace(0, 3, 20)
@@ -64,7 +64,7 @@ def test_a_sum_is_no_product_where_values_are_equal() -> None:
 
 def test_the_last_dependent_unknown_is_held() -> None:
     space = NullSpace.from_jacobian(jacobian(lambda p: p[0] / p[1] * t + p[3], VALUES), VALUES)
-    assert space.dependent == [1, 2]
+    assert space.unknowns_to_hold == [1, 2]
     assert space.undetermined.tolist() == [True, True, True, False]
 
 

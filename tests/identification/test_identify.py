@@ -12,7 +12,7 @@ from liaisons import identify, operator, simulate
 from liaisons.errors import IdentificationError
 from liaisons.identification import Fit
 from liaisons.identification.minimising import LOSSES
-from liaisons.identification.verifying import glejser, grubbs_bound, grubbs_ratio, residual_tests
+from liaisons.identification.verifying import glejser_statistic, grubbs_bound, grubbs_ratio, residual_tests
 from liaisons.models import Oscillator, Pendulum
 
 TIMES = np.linspace(0.0, 6.0, 121)
@@ -153,7 +153,7 @@ def test_outliers() -> None:
     data = pendulum()
     wrong = np.random.default_rng(5).choice(TIMES.size, 8)
     data["theta"][wrong] += 2.0
-    fit = identify("Pendulum", data, unknown=["length", "theta_0"], loss="cauchy")
+    fit = identify("Pendulum", data, unknown=["length", "theta_0"], loss="soft_l1")
     within(fit, length=0.8, theta_0=1.2)
     assert fit.noise[0][0] == pytest.approx(NOISE, rel=0.3)
 
@@ -272,7 +272,7 @@ def test_residuals_fail_as_rarely_as_the_level_says(n: int) -> None:
     grows_with = np.array([t, np.abs(np.cos(3 * t))])
     sets = random.standard_normal((4000, n))
     deviation = np.sqrt(0.05 * 0.95 / len(sets))
-    grown = np.mean([glejser(r, grows_with) > chi2.isf(0.05, 2) for r in sets])
+    grown = np.mean([glejser_statistic(r, grows_with) > chi2.isf(0.05, 2) for r in sets])
     assert (0 if n < 20 else 0.04) < grown < 0.05 + 3 * deviation
     assert np.mean([grubbs_ratio(r) > grubbs_bound(n, 0.05) for r in sets]) == pytest.approx(0.05, abs=3 * deviation)
 
@@ -298,11 +298,9 @@ def test_losses_have_their_derivatives(loss: str) -> None:
     z, h = np.array([0.3, 0.9, 1.1, 4.0]), 1e-5
     value, slope, curvature = LOSSES[loss](z)
     high, low = LOSSES[loss](z + h), LOSSES[loss](z - h)
-    expected = {"linear": z, "soft_l1": 2 * (np.sqrt(1 + z) - 1), "cauchy": np.log(1 + z)}
-    assert value == pytest.approx(expected.get(loss, np.where(z <= 1, z, 2 * np.sqrt(z) - 1)))
+    assert value == pytest.approx(z if loss == "linear" else 2 * (np.sqrt(1 + z) - 1))
     assert slope == pytest.approx((high[0] - low[0]) / (2 * h), abs=1e-8)
     assert curvature == pytest.approx((high[1] - low[1]) / (2 * h), abs=1e-8)
-    assert (LOSSES[loss](np.ones(1))[2] == 0) == (loss in {"linear", "huber"})  # at its bend it is a square, as SciPy's
 
 
 def test_exact_data() -> None:

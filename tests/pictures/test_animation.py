@@ -23,10 +23,9 @@ from liaisons.cosim.messages import ERROR, WARNING
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
-from liaisons.pictures.camera import camera_facing
-from liaisons.pictures.frames import RATE, Frames, frames
-from liaisons.pictures.gltf import _MESHES, _material, _rotations_of_axes
-from liaisons.pictures.stage import LIGHT, Stage, rgb
+from liaisons.pictures.frames import RATE, Frames, picture_frames
+from liaisons.pictures.gltf import _MESHES, _material, _quaternions_of_axes
+from liaisons.pictures.stage import LIGHT, Stage, camera_facing, rgb
 
 from .conftest import MECHANISMS, Fmu, Moved
 
@@ -119,7 +118,7 @@ def test_a_viewer_of_glb_sees_all_shapes_where_they_are(name: str, moved: Moved,
 
 def test_keyframes_turn_the_short_way() -> None:
     turned = Rotation.from_rotvec(np.outer(np.linspace(0, 9, 50), [0.6, 0, 0.8])).as_matrix()
-    quaternions = _rotations_of_axes(np.swapaxes(turned, 1, 2))
+    quaternions = _quaternions_of_axes(np.swapaxes(turned, 1, 2))
     assert np.sum(quaternions[1:] * quaternions[:-1], axis=1) == pytest.approx(np.cos(9 / 49 / 2))
 
 
@@ -235,7 +234,7 @@ def test_refusals(swing: Result, tmp_path: Path) -> None:
         Result("table", swing.time, swing.names, swing.values.copy(), {}).animate(tmp_path / "a.gif")
     picture = Picture(({"shape": "ball", "at": ["a", 0.0, 0.0]},))
     with pytest.raises(SimulationError, match=r"^swing: a in its picture is not finite at t = 2 s"):
-        frames(picture, np.array([1.0, 2.0]), lambda _: np.array([0.0, np.nan]), title="swing")
+        picture_frames(picture, np.array([1.0, 2.0]), lambda _: np.array([0.0, np.nan]), title="swing")
 
 
 BOX = b'{"version": "1.0", "shapes": [{"shape": "box", "at": ["x", 0, 0], "axes": %s, "size": [0, 1, 2]}]}'
@@ -244,7 +243,9 @@ BOX = b'{"version": "1.0", "shapes": [{"shape": "box", "at": ["x", 0, 0], "axes"
 def test_what_cannot_be_drawn_is_said_in_one_line() -> None:
     def refused(axes: bytes, x: float) -> str:
         with pytest.raises(SimulationError) as caught:
-            frames(Picture.of(BOX % axes, "it"), np.array([1.0, 2.0]), lambda _: np.array([0.0, x]), title="box")
+            picture_frames(
+                Picture.from_json(BOX % axes, "it"), np.array([1.0, 2.0]), lambda _: np.array([0.0, x]), title="box"
+            )
         return str(caught.value)
 
     straight = b"[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
@@ -288,7 +289,7 @@ def test_a_speed_that_is_none(swing: Result, tmp_path: Path, speed: Any) -> None
 )
 def test_damaged_pictures(text: bytes, message: str) -> None:
     with pytest.raises(SimulationError, match=message):
-        Picture.of(text, "x.fmu")
+        Picture.from_json(text, "x.fmu")
 
 
 @pytest.mark.parametrize("plane", ["xz", "xy", "yz", None])
@@ -307,7 +308,7 @@ def test_what_is_in_front_is_painted_last_and_backs_of_boxes_are_not(turn: float
     box = {"shape": "box", "at": [0, 0, 0], "axes": np.eye(3).tolist(), "size": (2 * half).tolist()}
     eye = camera_facing(None, turn).axes[2]
     balls = [{"shape": "ball", "at": (3 * side * eye).tolist(), "radius": 0.1} for side in (1, -1)]
-    stage = Stage(frames(Picture((balls[0], box, balls[1])), np.zeros(1), lambda _: np.zeros(1), title="it"))
+    stage = Stage(picture_frames(Picture((balls[0], box, balls[1])), np.zeros(1), lambda _: np.zeros(1), title="it"))
     behind, _, *sides, front, _ = stage.faces(0, turn)  # a ball is a disk and its light
     assert (behind.depth, front.depth) == pytest.approx((-3, 3))
     centres = [side * h * e for h, e in zip(half, np.eye(3), strict=True) for side in (1, -1)]

@@ -18,9 +18,8 @@ from liaisons.language import unilateral
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.pictures import Picture, animate
 from liaisons.pictures.animation import Values
-from liaisons.pictures.camera import camera_facing
-from liaisons.pictures.frames import FLASH, RATE, THICKNESS, Moving, frames
-from liaisons.pictures.stage import TEETH, Stage, rgb
+from liaisons.pictures.frames import FLASH, RATE, THICKNESS, ShapeMotion, picture_frames
+from liaisons.pictures.stage import TEETH, Stage, camera_facing, rgb
 
 from .test_animation import content, numbers, omedit
 from .test_schema import SCHEMA, fits
@@ -67,7 +66,7 @@ def test_the_file_names_the_count_of_impacts_and_is_of_version_1_1() -> None:
         {"shape": "flash", "at": [0.0, 0.0, "table"], "count": "gap_impacts"},
     ]
     assert fits(written, SCHEMA)
-    picture = Picture.of(json.dumps(written).encode(), "it")
+    picture = Picture.from_json(json.dumps(written).encode(), "it")
     assert picture.variables == ["table", "height", "gap_impacts"]
     assert picture.renamed("a.{}".format).variables == ["a.table", "a.height", "a.gap_impacts"]
     assert picture.plane == "xz"
@@ -79,10 +78,10 @@ def test_a_flash_names_a_unilateral_liaison() -> None:
         document(wrong)
 
 
-def moving(shape: dict[str, Any], count: int = 1, **signals: NDArray) -> Moving:
+def moving(shape: dict[str, Any], count: int = 1, **signals: NDArray) -> ShapeMotion:
     """One shape at some frames."""
-    picture = Picture.of(json.dumps({"version": "1.1", "shapes": [shape]}).encode(), "it")
-    (found,) = frames(picture, np.arange(count) / RATE, signals.__getitem__, title="it").shapes
+    picture = Picture.from_json(json.dumps({"version": "1.1", "shapes": [shape]}).encode(), "it")
+    (found,) = picture_frames(picture, np.arange(count) / RATE, signals.__getitem__, title="it").shapes
     return found
 
 
@@ -114,7 +113,7 @@ def test_the_upper_face_of_a_floor_is_where_bodies_stand(normal: list[float]) ->
 
 def test_a_floor_is_hatched_behind_in_the_plane() -> None:
     floor = {"shape": "floor", "at": [0, 0, 0.5], "normal": [0.6, 0, 0.8], "width": 2}
-    stage = Stage(frames(Picture((floor,)), np.zeros(1), lambda _: np.zeros(1), title="it"))
+    stage = Stage(picture_frames(Picture((floor,)), np.zeros(1), lambda _: np.zeros(1), title="it"))
     edge, *teeth = stage.faces(0)
     assert len(teeth) == TEETH
     middle = camera_facing("xz").project(np.array([0, 0, 0.5]) - stage.middle[0])[:2]
@@ -131,7 +130,7 @@ def test_a_floor_in_space_hides_nothing_from_above_and_all_from_below() -> None:
     ball = {"shape": "ball", "at": [0.9, 0.9, "up"], "radius": 0.01}  # farther away than the middle of the floor
     for up in (1.0, -1.0):
         picture, height = Picture((ball, floor)), np.array([0.02 * up])
-        seen = frames(picture, np.zeros(1), {"up": height}.__getitem__, title="it")
+        seen = picture_frames(picture, np.zeros(1), {"up": height}.__getitem__, title="it")
         faces = Stage(seen).faces(0)
         of_floor = [
             face.colour[2] / face.colour[0] == pytest.approx(rgb("floor")[2] / rgb("floor")[0]) for face in faces
@@ -146,7 +145,7 @@ def test_a_flash_begins_at_an_impact_and_fades() -> None:
     assert strength == pytest.approx([0, 0, 0, *fading, 0, 0, *fading[:2]])
     ball = {"shape": "ball", "at": [1, 0, 0]}
     flash = {"shape": "flash", "at": [0, 0, 0], "count": "n"}
-    seen = frames(Picture((ball, flash)), count, {"n": count}.__getitem__, title="it")
+    seen = picture_frames(Picture((ball, flash)), count, {"n": count}.__getitem__, title="it")
     assert [len(Stage(seen).faces(k)) for k in (2, 3, 9)] == [2, 3, 2]
 
 
@@ -166,7 +165,7 @@ def test_damaged_shapes(shape: dict[str, Any], message: str) -> None:
 
 
 class _Scene:
-    picture = Picture.of(json.dumps(document()).encode(), "it")
+    picture = Picture.from_json(json.dumps(document()).encode(), "it")
 
     def values(self, signals: Values) -> Values:
         return signals

@@ -27,9 +27,8 @@ from liaisons.language.shapes import Ball, Box, Shapes
 from liaisons.library import catalogue
 from liaisons.live import live_page
 from liaisons.pictures import Picture
-from liaisons.pictures.camera import Camera
-from liaisons.pictures.frames import frames
-from liaisons.pictures.stage import COILS, SIZES, _zigzag_points
+from liaisons.pictures.frames import picture_frames
+from liaisons.pictures.stage import COILS, SIZES, Camera, _zigzag_points
 
 from . import _browser as tools
 from .conftest import Fmu, Moved
@@ -800,7 +799,9 @@ def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: F
         }"""
         )
         assert live.complaints == []
-    seen = frames(Picture(tuple(CONTACTS)), np.zeros(1), lambda name: np.array([dict(values)[name]]), title="it")
+    seen = picture_frames(
+        Picture(tuple(CONTACTS)), np.zeros(1), lambda name: np.array([dict(values)[name]]), title="it"
+    )
     rope, floor, *_ = seen.shapes
     assert np.array(curve) == pytest.approx(rope.points[0], abs=1e-12)
     assert floor.axes is not None
@@ -809,7 +810,7 @@ def test_ropes_floors_and_flashes_are_those_of_the_frames(opened: Opened, fmu: F
     start, end = np.array(ends)
     zigzag = _zigzag_points(start, end, SIZES["spring"] * unit, max(COILS))
     assert np.array(coils) == pytest.approx(zigzag[:, :2], abs=1e-9)
-    turns = frames(Picture(tuple(CONTACTS[2:3])), np.arange(41.0), lambda _: np.array(angles), title="it")
+    turns = picture_frames(Picture(tuple(CONTACTS[2:3])), np.arange(41.0), lambda _: np.array(angles), title="it")
     assert turns.shapes[0].size is not None
     assert lit == (turns.shapes[0].size[1:, 0] > 0).tolist()
     assert 10 < sum(lit) < 40

@@ -18,7 +18,7 @@ from liaisons.errors import ComponentError
 from liaisons.language.shapes import Ball, Box, Rod, Wire, circle, turned
 from liaisons.mechanics import assemble
 from liaisons.models import PendulumChain
-from liaisons.pictures.frames import Frames, frames
+from liaisons.pictures.frames import Frames, picture_frames
 
 from .conftest import MECHANISMS, Fmu, Moved
 
@@ -39,7 +39,7 @@ def shown(result: Result) -> Frames:
     scene = result.scene
     assert scene is not None
     signals = {name: result[name] for name in result.names}
-    return frames(scene.picture, result.time, scene.values(signals).__getitem__, title="it")
+    return picture_frames(scene.picture, result.time, scene.values(signals).__getitem__, title="it")
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

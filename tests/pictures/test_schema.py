@@ -50,7 +50,7 @@ def test_every_picture_fits_the_schema(name: str) -> None:
     assert picture["shapes"]
     document = json.loads(json.dumps(picture))
     assert fits(document, SCHEMA)
-    Picture.of(json.dumps(picture).encode(), name)
+    Picture.from_json(json.dumps(picture).encode(), name)
 
 
 @pytest.mark.parametrize(

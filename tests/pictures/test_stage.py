@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from liaisons.pictures import Picture
-from liaisons.pictures.frames import RATE, frames
+from liaisons.pictures.frames import RATE, picture_frames
 from liaisons.pictures.stage import SIZES, Stage
 
 TURNS = np.linspace(0, 2 * np.pi, 7)
@@ -19,7 +19,7 @@ def test_everything_lies_within_what_is_seen(third: float | str) -> None:
     shapes = ({"shape": "rod", "from": bob, "to": [0, 0, 0]}, {"shape": "ball", "at": bob})
     time = np.linspace(0, 2 * np.pi, 25)
     signals = {"x": 3 * np.cos(time), "y": 3 * np.cos(time), "z": np.sin(time)}
-    stage = Stage(frames(Picture(shapes), time, signals.__getitem__, title="it"))
+    stage = Stage(picture_frames(Picture(shapes), time, signals.__getitem__, title="it"))
     for turn in TURNS if third else TURNS[:1]:
         corners = np.concatenate([face.corners for k in range(len(time)) for face in stage.faces(k, turn)])
         assert np.all(np.abs(corners) <= stage.half)
@@ -36,5 +36,5 @@ def test_everything_lies_within_what_is_seen(third: float | str) -> None:
 def test_a_trail_lasts_three_seconds(count: int) -> None:
     time = np.arange(count) / RATE
     trail = {"shape": "trail", "at": ["x", 0, 0]}
-    stage = Stage(frames(Picture((trail,)), time, {"x": time}.__getitem__, title="it"))
+    stage = Stage(picture_frames(Picture((trail,)), time, {"x": time}.__getitem__, title="it"))
     assert len(stage.faces(count - 1)) == min(count, 3 * RATE) - 1

@@ -25,7 +25,7 @@ BAD_DISTRIBUTIONS = ["3:0", "1:1", "nan:1", "0:inf", "normal:1:0", "normal:1:-1"
 MISUSE = {
     "": "nothing is varied",
     "--over theta0=1": "did you mean 'theta_0'",
-    "--over theta_0=1 --samples 3": "--samples, --seed and --latin-hypercube need --random",
+    "--over theta_0=1 --samples 3": "--samples and --seed need --random",
     "--over theta_0=1 --seed 3": "need --random",
     "--over theta_0=1 --over theta_0=2": "theta_0 is varied twice",
     "--over theta_0=1 --set theta_0=2": "'theta_0' is varied, and set",
@@ -35,7 +35,7 @@ MISUSE = {
     "--over theta_0=1 --dask ''": "no Dask scheduler",
     "--over theta_0=1 --time-limit -1": "time_limit = -1",
     "--over theta_0=1 --time-limit nan": "time_limit = nan",
-    "--over theta_0=1 --retry": "--retry needs the journal",
+    "--over theta_0=1 --retry": "retry needs the journal",
     "--over theta_0=1 --plot table.film": "no figure ends so",
     "--over theta_0=1 --csv .": "Is a directory; choose another path",
     "--over theta_0=1 --csv both --journal both": "cannot be the table and the journal",
@@ -119,7 +119,7 @@ def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, caps
 def test_random_cases(pendulum, tmp_path) -> None:
     figure = tmp_path / "table.png"
     csv = tmp_path / "table.csv"
-    random = ["--random", "theta_0=0:1", "--random", "mass=normal:1:0.1", "--samples", "5", "--latin-hypercube"]
+    random = ["--random", "theta_0=0:1", "--random", "mass=normal:1:0.1", "--samples", "5"]
     arguments = [str(pendulum), *random, "--keep", "theta:max", "--stop", "0.1", "--csv", str(csv)]
     assert main(["sweep", *arguments, "--plot", str(figure)]) == 0
     assert figure.read_bytes().startswith(b"\x89PNG")

@@ -24,7 +24,7 @@ CASES = grid({"theta_0": np.linspace(0.1, 3.0, 12), "length": [0.5, 1.0]})
 
 
 def test_two_workers_give_the_same_table_bit_by_bit(client, pendulum) -> None:
-    cases = dict(CASES) | {"mass": np.where(np.arange(CASES.count) == 5, -1.0, 1.0)}
+    cases = CASES | {"mass": np.where(np.arange(24) == 5, -1.0, 1.0)}
     keep = ["theta", "energy:max"]
 
     def lose() -> None:
@@ -88,7 +88,7 @@ def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> Non
     assert sweep(pendulum, CASES, ["theta"], client=client, **SPAN).values.tobytes() == here.values.tobytes()
     client.run(spoil, "all")
     none = sweep(pendulum, CASES, ["theta"], client=client, **SPAN)
-    assert none.unfinished == tuple(range(CASES.count))
+    assert none.unfinished == tuple(range(24))
     assert "cannot begin: OSError: [Errno 28] No space left on device" in none.failures[0]
     client.run(spoil, "none")
 

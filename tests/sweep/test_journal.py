@@ -199,7 +199,7 @@ def test_retry_does_what_has_failed_again_for_whatever_reason(swept, monkeypatch
     again = swept(retry=True)
     assert (done, again.failures, again["theta"][2]) == ([2], {}, 7.0)
     assert swept()["theta"][2] == 7.0
-    with pytest.raises(SweepError, match="no journal to find failures in"):
+    with pytest.raises(SweepError, match="retry needs the journal"):
         swept(retry=True, journal=None)
 
 

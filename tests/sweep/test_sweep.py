@@ -29,8 +29,10 @@ CASES = grid({"theta_0": np.linspace(0.1, 3.0, 6), "length": [0.5, 1.0]})
 
 
 def one_by_one(fmu: Path) -> list[Result]:
-    cases: list[dict[str, Any]] = [SPAN | CASES.case(number) for number in range(CASES.count)]
-    return [simulate(fmu, **case) for case in cases]
+    cases: list[dict[str, Any]] = [
+        dict(zip(CASES, values, strict=True)) for values in zip(*CASES.values(), strict=True)
+    ]
+    return [simulate(fmu, **SPAN, **case) for case in cases]
 
 
 @pytest.mark.parametrize("workers", [1, 2])

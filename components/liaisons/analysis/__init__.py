@@ -28,6 +28,7 @@ from liaisons.analysis.active import (
     curvature,
     curvature_integral,
     dynamic_field,
+    dynamic_holonomy,
     effective_mass,
     holonomy,
     kinetic_connection,
@@ -35,8 +36,6 @@ from liaisons.analysis.active import (
     multiplier_equations,
     reduced_multiplier_equations,
 )
-from liaisons.analysis.dynamic_transport import dynamic_holonomy
-from liaisons.analysis.momentum_maps import MomentumMap, momentum_map
 from liaisons.analysis.phase_space import (
     Flow,
     divergence,
@@ -55,7 +54,16 @@ from liaisons.analysis.principles import (
     vakonomic_equations,
 )
 from liaisons.analysis.quantity import Quantity, observable
-from liaisons.analysis.symmetry import Similarity, Virial, cyclic_coordinates, noether, similarity, virial
+from liaisons.analysis.symmetry import (
+    MomentumMap,
+    Similarity,
+    Virial,
+    cyclic_coordinates,
+    momentum_map,
+    noether,
+    similarity,
+    virial,
+)
 from liaisons.analysis.vibrations import NormalModes, equilibrium, normal_modes
 
 __all__ = [

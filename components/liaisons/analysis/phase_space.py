@@ -9,18 +9,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.analysis.numeric import at_zero, final_state, with_values
+from liaisons.analysis.numeric import final_state, value_at_zero, with_values
 from liaisons.analysis.quantity import (
     Formula,
     Quantity,
     Source,
     equations_of,
     generator_matrix,
+    orientation_cross_products,
     require_constants_at_rest,
     require_free_coordinates,
-    require_independent,
-    require_smooth,
-    rotational_products,
+    require_no_constraints,
+    require_no_contacts,
 )
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient
@@ -36,7 +36,7 @@ def hamiltonian(source: Source) -> Quantity:
     :raises ComponentError: for constraints.
     """
     equations = equations_of(source)
-    require_independent(equations, "a Hamiltonian")
+    require_no_constraints(equations, "a Hamiltonian")
     q_dot = equations.mechanism.free.q_dot
     H = ca.dot(q_dot, equations.momenta) - equations.lagrangian
     return Quantity(equations, ca.substitute(H, q_dot, equations.velocities))
@@ -51,16 +51,16 @@ def hamilton_equations(source: Source) -> Quantity:
     :raises ComponentError: for constraints and contacts; when evaluated, for friction, drives and loads.
     """
     H = hamiltonian(source)
-    require_smooth(H.equations, "Hamilton's motion")
+    require_no_contacts(H.equations, "Hamilton's motion")
     require_free_coordinates(H.equations, "Hamilton's motion")
     return Quantity(H.equations, ca.vertcat(*hamiltonian_field(H.equations, H.expression)), conservative=True)
 
 
 def hamiltonian_field(equations: Equations, h: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Rates q̇ and ṗ of the motion that a function h(q, p) generates; (n,) and (f,)."""
+    """Rates q̇ (n,) and ṗ (f,) of the motion that a function h(q, p) generates."""
     p, G = equations.mechanism.free.p, generator_matrix(equations)
     rates = gradient(h, p)
-    return G @ rates, -G.T @ gradient(h, equations.mechanism.free.q) - rotational_products(equations, p, rates)
+    return G @ rates, -G.T @ gradient(h, equations.mechanism.free.q) - orientation_cross_products(equations, p, rates)
 
 
 def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
@@ -78,12 +78,12 @@ def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
             f"poisson_bracket: quantities of {equations.name} and {v.equations.name} share no phase space; "
             "make both from one class"
         )
-    require_independent(equations, "a Poisson bracket")
+    require_no_constraints(equations, "a Poisson bracket")
     q, p, G = equations.mechanism.free.q, equations.mechanism.free.p, generator_matrix(equations)
     first, second = equations.in_phase_space(u.expression), equations.in_phase_space(v.expression)
     (u_p, u_q), (v_p, v_q) = ((gradient(w, p), G.T @ gradient(w, q)) for w in (first, second))
     return Quantity(
-        equations, ca.dot(u_p, v_q) - ca.dot(v_p, u_q) - ca.dot(p, rotational_products(equations, u_p, v_p))
+        equations, ca.dot(u_p, v_q) - ca.dot(v_p, u_q) - ca.dot(p, orientation_cross_products(equations, u_p, v_p))
     )
 
 
@@ -93,8 +93,8 @@ def phase_velocity(source: Source) -> Quantity:
     :raises ComponentError: for constraints and contacts.
     """
     equations = equations_of(source)
-    require_independent(equations, "phase space")
-    require_smooth(equations, "a phase velocity")
+    require_no_constraints(equations, "phase space")
+    require_no_contacts(equations, "a phase velocity")
     require_free_coordinates(equations, "phase space")
     q_dot = equations.mechanism.free.kinematics @ equations.velocities
     column = ca.vertcat(q_dot, equations.momentum_rates, equations.internal_rates)
@@ -125,11 +125,12 @@ class Flow:
         return float(np.linalg.det(self.jacobian))
 
 
-def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values: Any) -> Flow:
-    """Integrate a state, and J with it by the variational equations J̇ = (∂V/∂X) J, J(0) = 1 (K 3.4, eq. 94, 98).
+def flow(source: Source, duration: float, **values: Any) -> Flow:
+    """State after a duration, and its derivative J by the initial state (K 3.4, eq. 94, 98).
+
+    J is integrated with the state, by the variational equations J̇ = (∂V/∂X) J, J(0) = 1.
 
     :param duration: time [s], > 0.
-    :param tolerance: of the integration, relative and absolute.
     :param values: start by ``q``, ``q_dot``, internal states; parameters; active coordinates, each a number or a
         function of time, from CasADi expression to expression, e.g. ``length=lambda t: 1 + 0.1 * ca.sin(t)``.
     :raises ComponentError: for constraints and contacts, an unknown symbol, a duration that is not > 0, or a motion
@@ -147,14 +148,14 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
             sigma, sigma_dot = _prescribed_motion(equations, name, drive, t)
             symbols = ca.vertcat(equations.symbols[name], equations.symbols[f"{name}_dot"])
             velocity = ca.substitute(velocity, symbols, ca.vertcat(sigma, sigma_dot))
-            begin |= {f"{name}{end}": at_zero(e, t) for end, e in (("", sigma), ("_dot", sigma_dot))}
+            begin |= {f"{name}{end}": value_at_zero(e, t) for end, e in (("", sigma), ("_dot", sigma_dot))}
     start, J = Quantity(equations, X).evaluate(**begin), ca.SX.sym("J", X.shape[0], X.shape[0])
     velocity = with_values(equations, velocity, begin, X)
     rate = ca.vertcat(velocity, ca.vec(ca.jacobian(velocity, X) @ J))
     beginning = np.concatenate([start, np.eye(start.size).ravel()])
     state = ca.vertcat(X, ca.vec(J))
-    end = final_state(rate, state, beginning, t=t, duration=duration, tolerance=tolerance, owner=owner)
-    names = [str(symbol) for symbol in ca.vertsplit(X)]
+    end = final_state(rate, state, beginning, t=t, duration=duration, owner=owner)
+    names = map(str, ca.vertsplit(X))
     return Flow(
         dict(zip(names, end[: start.size].tolist(), strict=True)), end[start.size :].reshape(J.shape, order="F")
     )

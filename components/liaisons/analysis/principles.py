@@ -10,17 +10,19 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.analysis.numeric import checked_times, eigenproblem, with_values
+from liaisons.analysis.numeric import checked_times, with_values
 from liaisons.analysis.phase_space import hamiltonian_field
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
+    Values,
     equations_of,
     require_conservative,
     require_constants_at_rest,
-    require_coordinates,
     require_free_coordinates,
-    require_smooth,
+    require_independent_coordinates,
+    require_no_contacts,
+    require_no_orientations,
 )
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
@@ -44,8 +46,8 @@ class Action:
 def action(
     source: Source,
     time: ArrayLike,
-    path: Mapping[str, ArrayLike],
-    variation: Mapping[str, ArrayLike] | None = None,
+    path: Values,
+    variation: Values | None = None,
     **values: float,
 ) -> Action:
     """Action S = ∫ L dt of a sampled path (K eq. 76, M eq. 1), and its variations with the path (K eq. 77, M eq. 9).
@@ -64,22 +66,24 @@ def action(
         variation that moves the ends.
     """
     equations = equations_of(source)
-    require_smooth(equations, "the action")
-    require_coordinates(equations, "the action", independent=False)
+    require_no_contacts(equations, "the action")
+    require_no_orientations(equations, "the action")
     require_constants_at_rest(equations, values)
-    names = _moving_coordinates(equations, path)
+    names = _sampled_coordinates(equations, path)
     if not names:
         raise ComponentError(f"{equations.name}: the path moves no coordinate; give one and its rate")
     t, z = _sampled_path(equations, time, path, names)
     eta = np.zeros_like(z)
     if variation is not None:
-        varied = _moving_coordinates(equations, variation, among=names)
+        varied = _sampled_coordinates(equations, variation, names)
         _, samples = _sampled_path(equations, time, variation, varied)
         eta[[names.index(name) for name in varied]] = samples
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
             raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
     total, column = np.zeros(3), eta.ravel(order="F")
-    for piece, S, slope, curvature, _ in _action_by_interval(_interval_action(equations, names, values), z, np.diff(t)):
+    for piece, S, slope, curvature, _ in _interval_actions(
+        _interval_action_function(equations, names, values), z, np.diff(t)
+    ):
         total += np.array([S, slope @ column[piece], column[piece] @ curvature @ column[piece]])
     return Action(*total.tolist())
 
@@ -93,7 +97,7 @@ class StationaryPath:
     index: int  # directions in which S is a maximum, the conjugate points on the way: 0 means a minimum
 
 
-def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLike], **values: float) -> StationaryPath:
+def stationary_path(source: Source, time: ArrayLike, guess: Values, **values: float) -> StationaryPath:
     """Path with δS = 0 between the ends of a guess, by Newton's method on S; no equation of motion is used.
 
     The path is a cubic Hermite spline in the given instants: its error is of fourth order in their distance.
@@ -105,8 +109,10 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
         nothing; if the ends are conjugate points, as for an oscillator with ω T = k π, which no path or
         infinitely many join; or if Newton's method finds none near the guess.
     """
+    from scipy.linalg import eigh
+
     equations = equations_of(source)
-    require_coordinates(equations, "the action")
+    require_independent_coordinates(equations, "the action")
     require_free_coordinates(equations, "a path of stationary action")
     require_constants_at_rest(equations, values)
     require_conservative(equations, "a path of stationary action", values)
@@ -116,10 +122,10 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
     free = np.ones(z.shape, dtype=bool)
     free[:, 0, [0, -1]] = False
     free = np.flatnonzero(free.ravel(order="F"))
-    function = _interval_action(equations, names, values)
+    function = _interval_action_function(equations, names, values)
     for _ in range(50):
         S, gradient, hessian, norm = _total_action(function, z, h)
-        curvatures = eigenproblem(hessian[np.ix_(free, free)], norm[np.ix_(free, free)])[0]
+        curvatures = eigh(hessian[np.ix_(free, free)], norm[np.ix_(free, free)], eigvals_only=True)
         smallest = np.min(np.abs(curvatures)) * (t[-1] - t[0]) ** 2
         if smallest < 1e-6:  # the path answers a shift of its ends by 1/smallest
             raise ComponentError(
@@ -147,7 +153,7 @@ def vakonomic_equations(source: Source) -> Quantity:
     :raises ComponentError: for a constraint that is not linear in the rates.
     """
     equations = equations_of(source)
-    require_smooth(equations, "vakonomic motion")
+    require_no_contacts(equations, "vakonomic motion")
     require_free_coordinates(equations, "vakonomic motion")
     m, constraints = equations.mechanism, equations.constraints
     if ca.depends_on(constraints.matrix, m.free.q_dot):
@@ -162,7 +168,7 @@ def vakonomic_equations(source: Source) -> Quantity:
 
 
 def gauss_function(source: Source) -> Quantity:
-    """Gauss's function ½ (q̈ - A⁻¹f)ᵀ A (q̈ - A⁻¹f) of the accelerations (K eq. 108, the Q of 112) [N2/kg].
+    """Gauss's function of the accelerations, ½ (q̈ - A⁻¹f)ᵀ A (q̈ - A⁻¹f) (K eq. 108, the Q of 112) [N2/kg].
 
     It is least, among the accelerations that the constraints allow, on the motion, where it is ½ Zᵀ A⁻¹ Z with the
     forces Z of the constraints (K eq. 109).  Written in the accelerations: give ``q_ddot`` to ``evaluate``.  In
@@ -171,29 +177,29 @@ def gauss_function(source: Source) -> Quantity:
     :raises ComponentError: for contacts.
     """
     equations = equations_of(source)
-    require_smooth(equations, "Gauss's function")
+    require_no_contacts(equations, "Gauss's function")
     excess = equations.mechanism.free.q_ddot - solve_symmetric(equations.mass_matrix, equations.forces)
     return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
 
 
-def _moving_coordinates(
-    equations: Equations, path: Mapping[str, ArrayLike], among: list[str] | None = None
-) -> list[str]:
-    """Names of the coordinates in a path, checked: free coordinates, and active ones with samples."""
+def _sampled_coordinates(equations: Equations, path: Values, allowed: list[str] | None = None) -> list[str]:
+    """Names of the coordinates of a path: all free ones, and the active ones with samples.
+
+    :param allowed: coordinates that may have samples, none of which must; None: as above.
+    :raises ComponentError: for samples of anything else.
+    """
     m = equations.mechanism
     free, active = [item.name for item in m.coordinates], [item.name for item in m.actives]
-    movable = among or [*free, *active]
+    movable = allowed or [*free, *active]
     rates = {name: suffixed(name, "_dot") for name in movable}
     for name in path:
         if name not in (*rates, *rates.values()):
             raise ComponentError(f"{equations.name}: no coordinate of a path is {name!r}{suggestion(name, movable)}")
-    return [name for name in movable if name in path or rates[name] in path or (among is None and name in free)]
+    return [name for name in movable if name in path or rates[name] in path or (allowed is None and name in free)]
 
 
-def _sampled_path(
-    equations: Equations, time: ArrayLike, path: Mapping[str, ArrayLike], names: list[str]
-) -> tuple[NDArray, NDArray]:
-    """Times of a path, and values and rates of its coordinates, (coordinate, 2, n)."""
+def _sampled_path(equations: Equations, time: ArrayLike, path: Values, names: list[str]) -> tuple[NDArray, NDArray]:
+    """Times of a path, (n,), and values and rates of its coordinates, (coordinates, 2, n)."""
     t = np.asarray(time, dtype=float)
     needed = [suffixed(name, end) for name in names for end in ("", "_dot")]
     for name in needed:
@@ -205,16 +211,19 @@ def _sampled_path(
     return t, np.array([path[name] for name in needed], dtype=float).reshape(len(names), 2, -1)
 
 
-def _hermite(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
-    """Value and derivative at u of the cubic through value, rate, value, rate at its ends."""
+def _cubic_hermite(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
+    """Value and rate of a cubic at the part u of its interval, from value and rate at both ends.
+
+    :param h: duration of the interval.
+    """
     q_0, v_0, q_1, v_1 = ends
     q = (1 - u) ** 2 * ((1 + 2 * u) * q_0 + u * h * v_0) + u**2 * ((3 - 2 * u) * q_1 - (1 - u) * h * v_1)
     v = 6 * u * (1 - u) * (q_1 - q_0) / h + (1 - u) * (1 - 3 * u) * v_0 - u * (2 - 3 * u) * v_1
     return q, v
 
 
-def _interval_action(equations: Equations, names: list[str], values: Mapping[str, float]) -> ca.Function:
-    """The action of an interval, its gradient and Hessian, and the norm ∫ δqᵀ A δq dt, as a function of both ends."""
+def _interval_action_function(equations: Equations, names: list[str], values: Mapping[str, float]) -> ca.Function:
+    """Function of both ends of an interval: its action, with gradient and Hessian, and the norm ∫ δqᵀ A δq dt."""
     count, h = len(names), ca.SX.sym("h")
     ends = ca.SX.sym("ends", 4 * count)
     symbols = ca.vertcat(*(equations.symbols[suffixed(name, end)] for end in ("", "_dot") for name in names))
@@ -222,7 +231,7 @@ def _interval_action(equations: Equations, names: list[str], values: Mapping[str
     A = with_values(equations, equations.mass_matrix, values, symbols)
     S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-        q, v = _hermite(ca.vertsplit(ends, count), h, node)
+        q, v = _cubic_hermite(ca.vertsplit(ends, count), h, node)
         point = ca.vertcat(q, v)
         basis = ca.jacobian(q, ends)[: A.shape[0], :]  # of the free coordinates, which come first
         S += weight * h * ca.substitute(L, symbols, point)
@@ -231,10 +240,13 @@ def _interval_action(equations: Equations, names: list[str], values: Mapping[str
     return ca.Function("piece", [ends, h], [ca.densify(e) for e in (S, gradient, hessian, norm)])
 
 
-def _action_by_interval(
+def _interval_actions(
     function: ca.Function, z: NDArray, h: NDArray
 ) -> Iterator[tuple[slice, float, NDArray, NDArray, NDArray]]:
-    """Yield for each interval its indices in the order (node, rate, coordinate), S, gradient, Hessian and norm."""
+    """Yield the indices of each interval, and its action, gradient, Hessian and norm.
+
+    :param z: values and rates, (coordinates, 2, n); indices are those of its ravel in the order "F".
+    """
     node, column = 2 * z.shape[0], z.ravel(order="F")
     for i, width in enumerate(h):
         piece = slice(i * node, (i + 2) * node)
@@ -243,10 +255,10 @@ def _action_by_interval(
 
 
 def _total_action(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-    """Action of the whole path, its gradient and Hessian, and the norm of a variation."""
+    """Action of the whole path, its gradient and Hessian, and the matrix of the norm of a variation."""
     gradient, hessian, norm = np.zeros(z.size), np.zeros((z.size, z.size)), np.zeros((z.size, z.size))
     total = 0.0
-    for piece, S, slope, curvature, weight in _action_by_interval(function, z, h):
+    for piece, S, slope, curvature, weight in _interval_actions(function, z, h):
         total += S
         gradient[piece] += slope
         hessian[piece, piece] += curvature

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.arguments import shown
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import is_quadratic
 from liaisons.language.chain import Chain
 from liaisons.language.checks import scalar
 from liaisons.language.component import Component
@@ -26,6 +25,9 @@ Source = type[Mechanism] | Equations
 
 Formula = Callable[[Any], Any]
 """Takes the mechanism and returns a CasADi expression, as a component's own methods do: ``lambda m: m.mass * m.x``."""
+
+Values = Mapping[str, ArrayLike]
+"""Numbers or arrays by the names of symbols."""
 
 _STATES = 16  # an analytic identity that holds at this many random states holds everywhere
 _ROUNDING = 1e-11  # relative: some thousand operations in doubles
@@ -81,7 +83,7 @@ class Quantity:
         :raises ComponentError: for contacts.
         """
         equations, m = self.equations, self.equations.mechanism
-        require_smooth(equations, "a rate")
+        require_no_contacts(equations, "a rate")
         a = equations.in_phase_space(self.expression)
         column = ca.vertcat(m.free.q, m.free.p, m.internal, m.active.s, m.active.s_dot)
         q_dot = m.free.kinematics @ m.free.q_dot
@@ -101,12 +103,12 @@ def observable(source: Source, formula: Formula) -> Quantity:
     expression = scalar(owner, "observable", formula(equations.mechanism), equations.symbols)
     expression = equations.in_phase_space(expression)
     if ca.depends_on(expression, equations.mechanism.contact_forces):
-        require_smooth(equations, "an observable that contains forces")
+        require_no_contacts(equations, "an observable that contains forces")
     return Quantity(equations, expression)
 
 
 def equations_of(source: Source) -> Equations:
-    """Equations of a mechanism; at each call the same ones, so that their symbols agree."""
+    """Equations of a mechanism, with the same symbols at each call."""
     if isinstance(source, Equations):
         return source
     abstract = getattr(source, "is_abstract", False)
@@ -123,7 +125,7 @@ def equations_of(source: Source) -> Equations:
 _derived = cache(derive)
 
 
-def symbol_values(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
+def symbol_values(equations: Equations, values: Values) -> dict[str, NDArray]:
     """Number or array for each symbol, in the order of ``equations.symbols``; see :meth:`Quantity.evaluate`."""
     m, numbers = equations.mechanism, equations.numbers(values)
     for name, value in values.items():
@@ -138,11 +140,20 @@ def symbol_values(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
     return {name: np.asarray(number, dtype=float) for name, number in numbers.items()}
 
 
-def require_coordinates(equations: Equations, purpose: str, *, independent: bool = True) -> None:
-    """Raise a ComponentError for orientations, and if ``independent`` for constraints and contacts."""
-    if independent:
-        require_independent(equations, purpose)
-        require_smooth(equations, purpose)
+def all_rates(equations: Equations) -> ca.SX:
+    """Rates of the free coordinates, then of the active ones; a column."""
+    return ca.vertcat(equations.mechanism.free.q_dot, equations.mechanism.active.s_dot)
+
+
+def require_independent_coordinates(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError for constraints, contacts and orientations."""
+    require_no_constraints(equations, purpose)
+    require_no_contacts(equations, purpose)
+    require_no_orientations(equations, purpose)
+
+
+def require_no_orientations(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError for orientations."""
     if orientations := [item.name for item in equations.mechanism.orientations]:
         raise ComponentError(
             f"{equations.name}: {purpose} needs coordinates; describe the mechanism by angles instead of the "
@@ -150,8 +161,8 @@ def require_coordinates(equations: Equations, purpose: str, *, independent: bool
         )
 
 
-def require_independent(equations: Equations, purpose: str) -> None:
-    """Raise a ComponentError for constraints; orientations are allowed."""
+def require_no_constraints(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError for constraints."""
     m = equations.mechanism
     if constraints := [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)]:
         raise ComponentError(
@@ -160,26 +171,18 @@ def require_independent(equations: Equations, purpose: str) -> None:
         )
 
 
-def require_quadratic(equations: Equations, purpose: str) -> None:
-    """Raise a ComponentError where L is not quadratic in all rates, free and active."""
-    m = equations.mechanism
-    if not is_quadratic(equations.lagrangian, ca.vertcat(m.free.q_dot, m.active.s_dot)):
-        raise ComponentError(f"{equations.name}: {purpose} needs a Lagrangian that is quadratic in the rates")
-
-
-def require_smooth(equations: Equations, purpose: str) -> None:
+def require_no_contacts(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError for unilateral liaisons and dry friction."""
     refuse_contacts(type(equations.mechanism), purpose, "describe the mechanism without them")
 
 
 def _applied_forces(equations: Equations) -> ca.SX:
     """Friction on free and active coordinates, drives and loads; a column."""
-    m = equations.mechanism
-    friction = equations.friction.against(ca.vertcat(m.free.q_dot, m.active.s_dot))
+    friction = equations.friction.against(all_rates(equations))
     return ca.vertcat(friction, equations.drives, equations.loads, equations.point_loads)
 
 
-def require_conservative(equations: Equations, purpose: str, values: Mapping[str, ArrayLike]) -> None:
+def require_conservative(equations: Equations, purpose: str, values: Values) -> None:
     """Raise a ComponentError for friction, drives and loads that are not 0 at these values."""
     if largest_relative_value(equations, ca.norm_1(_applied_forces(equations)), ca.SX(1), values):
         raise ComponentError(f"{equations.name}: {purpose} has no friction, drives and loads; set them to 0")
@@ -191,8 +194,8 @@ def require_free_coordinates(equations: Equations, purpose: str) -> None:
         raise ComponentError(f"{equations.name}: {purpose} needs a free coordinate; all are prescribed")
 
 
-def require_constants_at_rest(equations: Equations, values: Mapping[str, ArrayLike]) -> None:
-    """Raise a ComponentError for a rate other than 0 of an active coordinate that is declared constant."""
+def require_constants_at_rest(equations: Equations, values: Values) -> None:
+    """Raise a ComponentError for values of rates of active coordinates that are not 0, as they are held constant."""
     for name in map(str, ca.vertsplit(equations.mechanism.active.s_dot)):
         if np.any(values.get(name, 0)):
             raise ComponentError(
@@ -202,23 +205,23 @@ def require_constants_at_rest(equations: Equations, values: Mapping[str, ArrayLi
 
 
 def generator_matrix(equations: Equations) -> ca.SX:
-    """Matrix G, (n, f), of dq = G ε for shifts ε of coordinates and rotations ε about the inertial axes.
+    """Matrix G (n, f) from the directions of the momenta p to changes of q: dq = G ε.
 
-    These are the directions to which the momenta p are conjugate.
+    ε are shifts of coordinates, and of orientations rotations about the inertial axes.
     """
     free = equations.mechanism.free
     return free.kinematics @ free.frame.T
 
 
-def rotational_products(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
-    """Cross products u × v of the components along each orientation's axes, 0 along coordinates; (f,)."""
+def orientation_cross_products(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
+    """Cross products u × v of the three components of each orientation, 0 for other coordinates; (f,)."""
     count = len(equations.mechanism.coordinates)
     axes = (slice(count + 3 * i, count + 3 * i + 3) for i in range(len(equations.mechanism.orientations)))
     crossed = [ca.cross(u[part], v[part]) for part in axes]
     return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
 
 
-def random_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+def random_states(equations: Equations, values: Values) -> dict[str, ArrayLike]:
     """Random states about the start, the same ones at each call; ``values`` are taken as they are."""
     m, rng = equations.mechanism, np.random.default_rng(0)
     centres = m.start_values()
@@ -256,7 +259,7 @@ def _random_constrained_states(equations: Equations, values: tuple[tuple[str, fl
 
 
 def largest_relative_value(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, Any]) -> float:
-    """Largest absolute value of an expression at random states, relative to ``scale``; 0.0 where it is rounding."""
+    """Largest absolute value of an expression at random states, relative to ``scale``; 0.0 if it is rounding only."""
     if arrays := [name for name, value in values.items() if np.ndim(value)]:
         raise ComponentError(f"{equations.name}: {arrays[0]} must be one number here, not an array")
     states = _random_constrained_states(equations, tuple(values.items()))

@@ -10,21 +10,21 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.analysis.quantity import Source, equations_of, require_quadratic, require_smooth
+from liaisons.analysis.quantity import Source, all_rates, equations_of, require_no_contacts
 from liaisons.errors import ComponentError
-from liaisons.expressions.algebra import solve_symmetric
+from liaisons.expressions.algebra import is_quadratic, solve_symmetric
 from liaisons.mechanics.equations import Equations
 
 PURPOSE = "the geometry of active constraints"
 
 
-def submersion_of(source: Source) -> Equations:
-    """The equations of a mechanism with active coordinates, without non-holonomic constraints and contacts.
+def equations_with_active_coordinates(source: Source) -> Equations:
+    """Equations of a mechanism that has active coordinates.
 
-    :raises ComponentError: for any other.
+    :raises ComponentError: if it has none; for non-holonomic constraints and contacts.
     """
     equations = equations_of(source)
-    require_smooth(equations, PURPOSE)
+    require_no_contacts(equations, PURPOSE)
     m = equations.mechanism
     for item in m.non_holonomic:
         raise ComponentError(f"{equations.name}: {PURPOSE} needs a submersion, and {item.name} constrains rates alone")
@@ -35,67 +35,57 @@ def submersion_of(source: Source) -> Equations:
 
 def horizontal_lift(equations: Equations) -> ca.SX:
     """Horizontal lift Γ, (f, a): ẋ = Γ u has the least kinetic energy for the rates u of the active coordinates."""
-    require_quadratic(equations, "a connection")
-    m, C = equations.mechanism, _constraint_jacobians(equations)[0]
-    mixed = ca.jacobian(equations.momenta, m.active.s_dot)
-    free = -_solve_mass_matrix(equations, mixed)
-    if not C.shape[0]:
-        return free
-    away = -_constraint_jacobians(equations)[1] - C @ free
-    return free + _least_energy_velocity(equations, away)
+    if not is_quadratic(equations.lagrangian, all_rates(equations)):
+        raise ComponentError(f"{equations.name}: a connection needs a Lagrangian that is quadratic in the rates")
+    C, D = _constraint_jacobians(equations)
+    mixed = ca.jacobian(equations.momenta, equations.mechanism.active.s_dot)
+    free = -solve_symmetric(equations.mass_matrix, mixed)
+    return free if not C.shape[0] else free - _least_energy_velocity(equations, D + C @ free)
 
 
 def vertical_velocity(equations: Equations) -> ca.SX:
-    """Velocity ẋ for momentum p at u = 0 (f,): A⁻¹ (p − b) projected onto the constraints."""
+    """Velocity ẋ at momentum p while active coordinates rest: A⁻¹ (p - b), projected onto the constraints; (f,)."""
     free, C = equations.mechanism.free, _constraint_jacobians(equations)[0]
-    loose = _solve_mass_matrix(equations, free.frame.T @ free.p - momenta_at_rest(equations))
-    return loose if not C.shape[0] else loose - _least_energy_velocity(equations, C @ loose)
+    unconstrained = solve_symmetric(equations.mass_matrix, free.frame.T @ free.p - momenta_at_rest(equations))
+    return unconstrained if not C.shape[0] else unconstrained - _least_energy_velocity(equations, C @ unconstrained)
 
 
 def momenta_at_rest(equations: Equations) -> ca.SX:
-    """Momentum b of p = A ẋ + B u + b at rest, which a magnetic field makes (f,)."""
-    m = equations.mechanism
-    rates = ca.vertcat(m.free.q_dot, m.active.s_dot)
+    """Momenta b at rest, of p = A ẋ + B u + b: those of a magnetic field; (f,)."""
+    rates = all_rates(equations)
     return ca.substitute(equations.momenta, rates, ca.SX.zeros(rates.shape))
 
 
-def lifted_mass(equations: Equations) -> ca.SX:
-    """Effective mass Θ, (a, a): Θ(u, u) is twice the kinetic energy of the horizontal velocity (M eq. 50, 51)."""
-    m, lift = equations.mechanism, horizontal_lift(equations)
-    metric = ca.hessian(equations.lagrangian, ca.vertcat(m.free.q_dot, m.active.s_dot))[0]
-    whole = ca.vertcat(lift, ca.SX.eye(len(m.actives)))
+def effective_mass_matrix(equations: Equations) -> ca.SX:
+    """Effective mass Θ, (a, a): ½ Θ(u, u) is the kinetic energy of the horizontal velocity (M eq. 50, 51)."""
+    metric = ca.hessian(equations.lagrangian, all_rates(equations))[0]
+    whole = ca.vertcat(horizontal_lift(equations), ca.SX.eye(len(equations.mechanism.actives)))
     return whole.T @ metric @ whole
 
 
 def fibre_hamiltonian(equations: Equations) -> ca.SX:
-    """H̃_0(x, p) on V*M: energy of the motion while the active coordinates rest (M 7) [J]."""
+    """Hamiltonian H̃_0(x, p) on V*M of the motion while the active coordinates rest (M 7) [J]."""
     m = equations.mechanism
-    rates, velocity = ca.vertcat(m.free.q_dot, m.active.s_dot), vertical_velocity(equations)
-    at = ca.vertcat(velocity, ca.SX.zeros(m.active.s_dot.shape))
-    L = ca.substitute(equations.lagrangian, rates, at)
+    rates, velocity = all_rates(equations), vertical_velocity(equations)
+    L = ca.substitute(equations.lagrangian, rates, ca.vertcat(velocity, ca.SX.zeros(m.active.s_dot.shape)))
     return ca.dot(velocity, m.free.frame.T @ m.free.p) - L
 
 
-def dynamic_lift(equations: Equations, u: ca.SX) -> ca.SX:
-    """Function p·Γ u that generates the lift of rates u by the dynamic connection on V*M (M eq. 53) [J]."""
+def dynamic_lift_generator(equations: Equations, u: ca.SX) -> ca.SX:
+    """Function p·Γ u whose Hamiltonian field is the lift of rates u by the dynamic connection (M eq. 53) [J]."""
     free = equations.mechanism.free
     return ca.dot(free.frame.T @ free.p - momenta_at_rest(equations), horizontal_lift(equations) @ u)
 
 
 def _constraint_jacobians(equations: Equations) -> tuple[ca.SX, ca.SX]:
-    """Jacobians C (c, f) and D (c, a) of the holonomic constraints' rates C ẋ + D u."""
+    """Jacobians C (c, f) and D (c, a) of the rates C ẋ + D u of the holonomic constraints."""
     m, constraints = equations.mechanism, equations.constraints
     rates = constraints.rate_residuals
     return ca.jacobian(rates, m.free.q_dot), ca.jacobian(rates, m.active.s_dot)
 
 
-def _solve_mass_matrix(equations: Equations, right: ca.SX) -> ca.SX:
-    """Solution A⁻¹ right of the linear system with the mass matrix."""
-    return solve_symmetric(equations.mass_matrix, right)
-
-
 def _least_energy_velocity(equations: Equations, rates: ca.SX) -> ca.SX:
-    """Velocity A⁻¹ Cᵀ (C A⁻¹ Cᵀ)⁻¹ rates, of least kinetic energy among all with C ẋ = rates."""
+    """Velocity ẋ of least kinetic energy among those with C ẋ = ``rates``: A⁻¹ Cᵀ (C A⁻¹ Cᵀ)⁻¹ rates."""
     C = _constraint_jacobians(equations)[0]
-    towards = _solve_mass_matrix(equations, C.T)
+    towards = solve_symmetric(equations.mass_matrix, C.T)
     return towards @ solve_symmetric(C @ towards, rates)

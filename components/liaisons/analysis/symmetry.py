@@ -8,19 +8,23 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.analysis.numeric import checked_times
+from liaisons.analysis.phase_space import poisson_bracket
 from liaisons.analysis.quantity import (
     Quantity,
     Source,
+    Values,
+    all_rates,
     equations_of,
     generator_matrix,
     largest_relative_value,
     random_states,
     require_conservative,
-    require_coordinates,
-    require_smooth,
+    require_independent_coordinates,
+    require_no_constraints,
+    require_no_contacts,
 )
 from liaisons.base.array_names import suffixed
 from liaisons.errors import ComponentError, suggestion
@@ -28,6 +32,9 @@ from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.checks import scalar
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations
+
+_ROUNDING = 1e-10
+"""Part of the size of brackets that is no combination of the momenta by rounding."""
 
 
 def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
@@ -96,8 +103,53 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
     return Quantity(equations, ca.dot(xi, p))
 
 
-def _working_forces_text(equations: Equations, xi: ca.SX, values: Mapping[str, ArrayLike]) -> str:
-    """Text that names the forces beside those of L that do work along ξ; empty if none does."""
+@dataclass(frozen=True, eq=False)
+class MomentumMap:
+    """Momentum map J of a group that leaves L as it is: a component for each of its generators ξ_a."""
+
+    components: Mapping[str, Quantity]  # J_a = Σ ξ_a^k p_k by the name of the generator
+    structure: NDArray  # c with {J_a, J_b} = Σ_c c[a, b, c] J_c, in the sign of poisson_bracket; (k, k, k)
+
+    def evaluate(self, **values: ArrayLike) -> dict[str, Any]:
+        """Values of the components by name; see :meth:`Quantity.evaluate`."""
+        return {name: component.evaluate(**values) for name, component in self.components.items()}
+
+
+def momentum_map(
+    source: Source, group: Mapping[str, Callable[[Any], Mapping[str, Any]]], **values: float
+) -> MomentumMap:
+    """Momentum map of a group of symmetries; the brackets of its components are combinations of these.
+
+    :param group: generators by name, each a field of :func:`noether`, whose quantity is the component: of rotations in
+        the plane and translations ``{"turn": lambda m: {"x": -m.y, "y": m.x}, "x": lambda m: {"x": 1.0}, "y": lambda
+        m: {"y": 1.0}}``.  Together they must span all their brackets.
+    :param values: parameters and forces where they differ from their defaults.
+    :raises ComponentError: if a generator is no symmetry, as :func:`noether`; if a bracket is no combination of the
+        components with constant coefficients, so that the generators span no group, or the action has no equivariant
+        map, as translations in a magnetic field; for constraints.
+    """
+    equations = equations_of(source)
+    require_no_constraints(equations, "a momentum map")
+    components = {name: noether(equations, field, **values) for name, field in group.items()}
+    names, states = list(components), random_states(equations, values)
+    samples = np.array([component.evaluate(**states) for component in components.values()])
+    structure = np.zeros((len(names),) * 3)
+    for a, first in enumerate(components.values()):
+        for b, second in enumerate([*components.values()][:a]):
+            bracket = poisson_bracket(first, second).evaluate(**states)
+            structure[a, b] = np.linalg.lstsq(samples.T, bracket, rcond=None)[0]
+            structure[b, a] = -structure[a, b]
+            left = np.max(np.abs(bracket - structure[a, b] @ samples))
+            if left > _ROUNDING * (1 + np.max(np.abs(bracket))):
+                raise ComponentError(
+                    f"{equations.name}: the bracket of {names[b]} and {names[a]} is no combination of "
+                    f"{', '.join(names)}; give the generators that are missing"
+                )
+    return MomentumMap(components, structure)
+
+
+def _working_forces_text(equations: Equations, xi: ca.SX, values: Values) -> str:
+    """Text on the forces beside those of L that do work along ξ, as the end of a sentence; empty if none does."""
     m = equations.mechanism
     rows = ca.vertcat(equations.constraints.matrix, ca.jacobian(m.contact_rates(), m.free.q_dot))
     names = [*_liaison_names(m), *(item.name for item in m.dry_frictions)]
@@ -118,12 +170,12 @@ def _working_forces_text(equations: Equations, xi: ca.SX, values: Mapping[str, A
 
 
 def _liaison_names(m: Mechanism) -> list[str]:
-    """Names of constraints and unilateral liaisons, in the order of their rows."""
+    """Names of constraints and unilateral liaisons, in the order of their rows in the equations."""
     return [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints, *m.unilaterals)]
 
 
 def _checked_components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
-    """Components of a vector field along a coordinate or an orientation, checked by their number."""
+    """Components of a vector field along a coordinate or an orientation; a ComponentError unless ``size`` of them."""
     parts = tuple(value) if isinstance(value, (tuple, list)) else (value,)
     if len(parts) != size:
         raise ComponentError(f"{owner}: the field gives {len(parts)} components for {name}; it must give {size}")
@@ -173,13 +225,13 @@ def similarity(source: Source, **values: float) -> Similarity:
     equations = equations_of(source)
     m, owner = equations.mechanism, equations.name
     if m.dry_frictions:
-        require_smooth(equations, "similarity")
+        require_no_contacts(equations, "similarity")
     require_conservative(equations, "similarity", values)
     names = [item.name for item in (*m.coordinates, *m.actives) if item.unit == "m" and item.name not in values]
     _require_homogeneous_energy(equations, names, values)
-    rates = ca.vertcat(m.free.q_dot, m.active.s_dot)
+    rates = all_rates(equations)
     V, lengths = equations.potential_energy, stack(m.symbols[name] for name in names)
-    degree = _homogeneity_degree(equations, V, ca.jtimes(V, lengths, lengths), values)
+    degree = _homogeneity_degree(equations, V, lengths, values)
     if degree is None:
         raise ComponentError(
             f"{owner}: the potential is not homogeneous in {', '.join(names)}: it has a length of its own; "
@@ -189,10 +241,7 @@ def similarity(source: Source, **values: float) -> Similarity:
         raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
     residuals = ca.vertcat(equations.constraints.residuals, *(getattr(m, item.name) for item in m.unilaterals))
     for name, own in zip(_liaison_names(m), ca.vertsplit(residuals), strict=True):
-        if (
-            ca.depends_on(own, rates)
-            or _homogeneity_degree(equations, own, ca.jtimes(own, lengths, lengths), values) is None
-        ):
+        if ca.depends_on(own, rates) or _homogeneity_degree(equations, own, lengths, values) is None:
             raise ComponentError(
                 f"{owner}: {name} does not scale with {', '.join(names)} alone; set a length of its own to 0, or "
                 "describe the mechanism without it"
@@ -201,15 +250,17 @@ def similarity(source: Source, **values: float) -> Similarity:
     return Similarity(degree, tuple(dict.fromkeys([*moved, *_liaison_names(m)])))
 
 
-def _homogeneity_degree(
-    equations: Equations, own: ca.SX, change: ca.SX, values: Mapping[str, ArrayLike]
-) -> float | None:
-    """Degree k with change = k own (Euler) at random states; NaN where both vanish, None where no k fits."""
-    changes, owns = Quantity(equations, ca.vertcat(change, own)).evaluate(**random_states(equations, values))
-    square = float(owns @ owns)
-    degree = float(changes @ owns) / square if square else np.nan
-    rest = np.max(np.abs(changes - degree * owns)) if square else 0.0
-    return degree if rest <= 1e-10 * np.max(np.abs(owns)) else None
+def _homogeneity_degree(equations: Equations, expression: ca.SX, lengths: ca.SX, values: Values) -> float | None:
+    """Degree of homogeneity of an expression in the lengths; NaN if it is zero, None if it is not homogeneous.
+
+    By Euler's Σ r·∂f/∂r = k f at random states.
+    """
+    pair = ca.vertcat(ca.jtimes(expression, lengths, lengths), expression)
+    changes, numbers = Quantity(equations, pair).evaluate(**random_states(equations, values))
+    square = float(numbers @ numbers)
+    degree = float(changes @ numbers) / square if square else np.nan
+    rest = np.max(np.abs(changes - degree * numbers)) if square else 0.0
+    return degree if rest <= 1e-10 * np.max(np.abs(numbers)) else None
 
 
 @dataclass(frozen=True)
@@ -227,7 +278,7 @@ class Virial:
         return 2 * self.kinetic - self.virial - self.boundary
 
 
-def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **values: float) -> Virial:
+def virial(source: Source, time: ArrayLike, motion: Values, **values: float) -> Virial:
     """Virial theorem over a finite time, 2 T̄ - mean(Σ r·∂V/∂r) = [Σ p·r]/τ (K eq. 71, 72 before the limit).
 
     r are the free coordinates in metres; angles beside them do not enter.  The means are integrals of a cubic spline:
@@ -242,7 +293,7 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
     from scipy.interpolate import make_interp_spline
 
     equations = equations_of(source)
-    require_coordinates(equations, "the virial")
+    require_independent_coordinates(equations, "the virial")
     m = equations.mechanism
     names = [item.name for item in m.coordinates if item.unit == "m"]
     _require_homogeneous_energy(equations, names, values)
@@ -261,7 +312,7 @@ def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **v
     return Virial(float(kinetic), float(potential), float(mean), float((samples[3, -1] - samples[3, 0]) / tau))
 
 
-def _require_homogeneous_energy(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
+def _require_homogeneous_energy(equations: Equations, names: list[str], values: Values) -> None:
     """Raise a ComponentError unless T is of degree 2 in the lengths and their rates, and L = T - V."""
     m, T = equations.mechanism, equations.kinetic_energy
     lengths_and_rates = stack(m.symbols[suffixed(name, end)] for name in names for end in ("", "_dot"))

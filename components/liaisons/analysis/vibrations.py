@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.analysis.numeric import eigenproblem, with_values
+from liaisons.analysis.numeric import with_values
 from liaisons.analysis.quantity import (
     Source,
     equations_of,
-    require_coordinates,
     require_free_coordinates,
+    require_independent_coordinates,
     symbol_values,
 )
 from liaisons.errors import ComponentError
@@ -60,7 +60,7 @@ def equilibrium(source: Source, **values: float) -> dict[str, float]:
     :raises ComponentError: for constraints, contacts, an orientation, internal states, rates that are not 0, unknown
         symbols, or if none is found near the guess.
     """
-    return _linearized(source, values)[0]
+    return _linearized_at_equilibrium(source, values)[0]
 
 
 def normal_modes(source: Source, **values: float) -> NormalModes:
@@ -68,21 +68,25 @@ def normal_modes(source: Source, **values: float) -> NormalModes:
 
     See :func:`equilibrium` for the arguments and errors; friction and magnetic forces are refused.
     """
-    rest, M, K, B = _linearized(source, values)
+    from scipy.linalg import eigh
+
+    rest, M, K, B = _linearized_at_equilibrium(source, values)
     if np.max(np.abs(B)) > _ZERO * np.sqrt(np.max(np.abs(K)) * np.max(np.abs(M))):
         raise ComponentError(
             f"{equations_of(source).name}: its forces depend on the rates (friction, a magnetic field), and M ü = -K u "
             "leaves them out; set them to 0, or take linearize()"
         )
-    squares, modes = eigenproblem(K, M)
+    squares, modes = eigh(K, M)
     squares[np.abs(squares) <= _ZERO * np.max(np.abs(squares))] = 0.0
     return NormalModes(rest, M, K, squares, modes)
 
 
-def _linearized(source: Source, values: dict[str, float]) -> tuple[dict[str, float], NDArray, NDArray, NDArray]:
-    """Equilibrium near a guess; mass M, stiffness K = -∂f/∂q, damping B = -∂f/∂q̇ of the forces f (K eq. 15)."""
+def _linearized_at_equilibrium(
+    source: Source, values: dict[str, float]
+) -> tuple[dict[str, float], NDArray, NDArray, NDArray]:
+    """Equilibrium near a guess, and mass, stiffness -∂f/∂q and damping -∂f/∂q̇ of the forces f there (K eq. 15)."""
     equations = equations_of(source)
-    require_coordinates(equations, "an equilibrium")
+    require_independent_coordinates(equations, "an equilibrium")
     m, f = equations.mechanism, equations.forces
     still = ca.vertcat(m.free.q_dot, m.active.s_dot, m.active.s_ddot)
     moving = [name for name in map(str, ca.vertsplit(still)) if values.get(name)]
@@ -101,24 +105,15 @@ def _linearized(source: Source, values: dict[str, float]) -> tuple[dict[str, flo
     names, numbers = [item.name for item in m.coordinates], symbol_values(equations, values)
     q = np.array([float(numbers[name]) for name in names])
 
-    def evaluate() -> list[NDArray]:
-        """Forces, K, M and B at q."""
-        return np.split(np.asarray(function(q)), np.arange(3) * q.size + 1, axis=1)
-
     for _ in range(_ROUNDS):
-        force, K, M, B = evaluate()
+        force, K, M, B = np.split(np.asarray(function(q)), np.arange(3) * q.size + 1, axis=1)
         if not np.all(np.isfinite(K)):
             break
         step = np.linalg.lstsq(K, force[:, 0], rcond=_ZERO)[0]
         q = q + step
-        if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(q))) and _is_balanced(K, force[:, 0], step):
-            _, K, M, B = evaluate()
+        size, rest = np.max(np.abs(step)), np.max(np.abs(force[:, 0] - K @ step))  # along a zero mode forces rest
+        balanced = rest <= 1e-9 * (np.max(np.abs(K)) * (1 + size) + 1e-300)
+        if size <= 1e-13 * (1 + np.max(np.abs(q))) and balanced:
             return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2, B
     guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
     raise ComponentError(f"{equations.name}: no equilibrium found from the guess {guess}; start nearer to one")
-
-
-def _is_balanced(K: NDArray, force: NDArray, step: NDArray) -> bool:
-    """Whether a step of Newton balances the forces: along a zero mode a constant force is never balanced."""
-    left = np.max(np.abs(force - K @ step))
-    return bool(left <= 1e-9 * (np.max(np.abs(K)) * (1 + np.max(np.abs(step))) + 1e-300))

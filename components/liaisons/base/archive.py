@@ -51,7 +51,7 @@ def size_error(what: str, size: int) -> SimulationError:
     """Error for an archive above the limit of size."""
     return SimulationError(
         f"{what} takes {size} bytes unpacked, more than the limit of {unpacked_limit()}; if you trust it, raise the "
-        f"limit by --unpacked-limit or {LIMIT_VARIABLE}"
+        f"limit by {LIMIT_VARIABLE}"
     )
 
 

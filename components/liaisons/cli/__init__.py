@@ -6,15 +6,22 @@ import logging
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 
 from liaisons.base.logs import collected_warnings, logger
 from liaisons.base.processes import orderly_end
 from liaisons.cli._encoding import tolerate_encodings
 from liaisons.errors import LiaisonsError
 
+_MODULES = (
+    *("components", "text", "equations", "simulate", "pictures", "plan"),
+    *("identify", "sweep", "compare", "run", "check", "new"),
+)
+"""Modules with commands, in the order of the help."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run a command of the command line.
 
     :param argv: the words after ``liaisons``; those of the process unless given.
     :returns: exit status: 0 done, 1 a claim or check failed, 2 it could not be done, 130 interrupted, 143 terminated.
@@ -47,28 +54,13 @@ def _print_warnings_at_the_end() -> Iterator[None]:
 
 
 def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
-    """Run a command, and return its exit status and its line of error, empty if it succeeded."""
+    """Run a command; return its exit status and the line of its error, empty if it succeeded."""
     # Imported here, where an interrupt is caught.
     from typer import TyperException
 
-    from liaisons.cli import (
-        check,
-        compare,
-        components,
-        equations,
-        identify,
-        new,
-        pictures,
-        plan,
-        run,
-        simulate,
-        sweep,
-        text,
-    )
     from liaisons.cli._command import application
 
-    in_order = (components, text, equations, simulate, pictures, plan, identify, sweep, compare, run, check, new)
-    order = [module.__name__ for module in in_order]
+    order = [import_module(f"liaisons.cli.{name}").__name__ for name in _MODULES]
     application.registered_commands.sort(key=lambda command: order.index(getattr(command.callback, "__module__", "")))
 
     try:
@@ -87,7 +79,7 @@ def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
 
 
 def _message(error: Exception) -> str:
-    """Message of an error, on one line."""
+    """Message of an error on one line, with the file of an OSError."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return str(error)

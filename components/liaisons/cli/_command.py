@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,7 +25,7 @@ _WIDTH = 100
 
 
 def _examples(lines: str) -> str:
-    """Examples as Typer shows them below the help."""
+    """Epilog of a help text that shows examples."""
     return "\b\nexamples:\n" + "".join(f"  {line}\n" for line in cleandoc(lines).splitlines())
 
 
@@ -59,7 +58,7 @@ application = typer.Typer(
 
 
 def command(examples: str, **options: Any) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Make a command of a function: its docstring and parameters are the help, its result is the exit status.
+    """Decorator that makes a command of a function: its docstring is the help, its result the exit status.
 
     :param examples: lines of a shell.
     :param options: further ones of ``typer.Typer.command``.
@@ -75,90 +74,88 @@ def _print_version(requested: bool) -> None:
 
 
 @application.callback()
-def frame(
+def accept_global_options(
     *,
     _version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="show it")
     ] = False,
     _debug: Annotated[bool, typer.Option("--debug", help="show where an error comes from")] = False,
 ) -> None:
-    """Accept the options before a command; ``--debug`` has been removed from all words already."""
+    """Accept the options before a command; ``main`` has removed ``--debug`` already."""
 
 
-def show(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
-    """Print a table, at most as wide as the terminal; failures are red where there are colours."""
+def terminal_width() -> int:
+    """Columns of the terminal, or of output that does not go to one."""
+    return shutil.get_terminal_size((_WIDTH, 0)).columns
+
+
+def print_table(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
+    """Print a table at most as wide as the terminal, with failures in red where there are colours."""
     from rich.console import Console
     from rich.text import Text
 
     from liaisons.check import table
 
-    text = Text(table(rows, shutil.get_terminal_size((_WIDTH, 0)).columns))
+    text = Text(table(rows, terminal_width()))
     text.highlight_words(["FAIL", "ERROR"], "bold red")
     Console().print(text, soft_wrap=True)
 
 
-def judge(verdicts: Sequence[Verdict]) -> int:
-    """Print a table of verdicts, and return the exit status: 1 if one fails."""
-    show(verdicts)
+def print_verdicts(verdicts: Sequence[Verdict]) -> int:
+    """Print a table of verdicts; return the exit status, 1 if one fails."""
+    print_table(verdicts)
     return 0 if all(verdict.passed for verdict in verdicts) else 1
 
 
 def flag(names: str, words: str) -> Any:
-    """Declare an option without a value."""
+    """Typer option without a value."""
     return typer.Option(names, help=words)
 
 
-def show_scenarios() -> None:
+def print_scenarios() -> None:
     """Print the claims of the scenarios, a table for each theme."""
     files = scenario_files()
     for name, (title, scenarios) in scenario_themes().items():
         print(f"\n{title}: liaisons run --theme {name}\n")
-        show({"scenario": scenario, "claim": scenario_claim(files[scenario])} for scenario in scenarios)
+        print_table({"scenario": scenario, "claim": scenario_claim(files[scenario])} for scenario in scenarios)
 
 
-def subject(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:
-    """Declare the argument that names what a command is about; names of components complete."""
+def subject_argument(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:
+    """Typer argument that names the FMU, component or system of a command, completed by names of components."""
     return typer.Argument(metavar=metavar, help=words, autocompletion=component_names)
 
 
-def signals(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Completions of ``NAME,...``: variables of the component that the command is about."""
+def signal_completions(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Completions of ``NAME,...`` by the variables of the command's component."""
     before, comma, _ = incomplete.rpartition(",")
-    return [f"{before}{comma}{name}" for name, *_ in _variables(ctx)]
+    return [f"{before}{comma}{name}" for name, *_ in _subject_variables(ctx)]
 
 
-def _assignments(ctx: typer.Context) -> list[str]:
-    """Completions of ``NAME=VALUE``: parameters and inputs with their default values."""
-    return [f"{name}={start}" for name, causality, start in _variables(ctx) if causality in ("parameter", "input")]
+def _assignment_completions(ctx: typer.Context) -> list[str]:
+    """Completions of ``NAME=VALUE`` by the component's parameters and inputs with their default values."""
+    return [
+        f"{name}={start}" for name, causality, start in _subject_variables(ctx) if causality in ("parameter", "input")
+    ]
 
 
-def _variables(ctx: typer.Context) -> list[tuple[str, str, str]]:
-    """Name, causality and start value of the variables of the component that the command is about."""
+def _subject_variables(ctx: typer.Context) -> list[tuple[str, str, str]]:
+    """Name, causality and start value of the variables of the command's component."""
     words = [ctx.params.get("fmu"), *ctx.args]  # the latter while an option lacks its value
     return variables(next(filter(None, words), ""))
 
 
 def option(metavar: str, words: str, *names: str, **more: Any) -> Any:
-    """Declare an option with a value."""
+    """Typer option with a value."""
     return typer.Option(*names, metavar=metavar, help=words, **more)
 
 
-def several(metavar: str, words: str, *names: str, **more: Any) -> Any:
-    """Declare an option that may be given several times; its value is a list."""
+def repeated_option(metavar: str, words: str, *names: str, **more: Any) -> Any:
+    """Typer option that may be given several times, whose value is a list."""
     return option(metavar, words, *names, default_factory=list, show_default=False, **more)
 
 
-def _set_unpacked_limit(limit: str | None) -> None:
-    """Set the unpacked limit for this process and for those that it starts."""
-    if limit is not None:
-        from liaisons.base.archive import LIMIT_VARIABLE, unpacked_limit
-
-        os.environ[LIMIT_VARIABLE] = limit
-        unpacked_limit()
-
-
-def assignment(text: str) -> tuple[str, float | bool | str]:
-    """Parse ``name=value``: a number, a truth value, or a string."""
+def parse_assignment(text: str) -> tuple[str, float | bool | str]:
+    """Name and value, a number, a truth value or a string, of ``NAME=VALUE``."""
     name, _, value = text.partition("=")
     if not (name and value):
         raise typer.BadParameter(f"{text!r}: write NAME=VALUE, for example theta_0=0.5")
@@ -172,14 +169,12 @@ def assignment(text: str) -> tuple[str, float | bool | str]:
     return name, value  # a string variable's; the FMU's description decides
 
 
-def with_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) -> list[str]:
-    """Append --prescribe and --limits to the words that are robots' files; print what is left out of the files."""
+def add_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) -> list[str]:
+    """Words of a command, robots' files with --prescribe and --limits appended; print what these files lose."""
     if (prescribe or limits) and not any(map(is_robot, words)):
-        declared = "--prescribe is", "prescribed=True"
-        if not prescribe:
-            declared = "--limits is", "limits=(low, high)"
         raise typer.BadParameter(
-            f"{declared[0]} of a robot's file, .urdf or .xml; a joint of a class has {declared[1]}"
+            "--prescribe and --limits are of a robot's file, .urdf or .xml; a joint of a class has prescribed=True, "
+            "limits=(low, high)"
         )
     ending = f":{prescribe}" * bool(prescribe) + ":limits" * limits
     targets = [f"{word}{ending}" if is_robot(word) else word for word in words]
@@ -190,19 +185,8 @@ def with_robot_options(words: Sequence[str], prescribe: str, *, limits: bool) ->
 
 
 Number = float | None
-UnpackedLimit = Annotated[
-    str | None,
-    option(
-        "BYTES",
-        "so much an FMU or SSP archive may take unpacked (default: 1 GiB)",
-        "--unpacked-limit",
-        envvar="LIAISONS_UNPACKED_LIMIT",
-        callback=_set_unpacked_limit,
-    ),
-]
-
 Size = Annotated[
-    Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", "--size", parser=assignment)
+    Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", "--size", parser=parse_assignment)
 ]
 
 Prescribe = Annotated[
@@ -216,17 +200,17 @@ Output = Annotated[Path | None, option("DIR", "where everything goes (default: h
 # The options of every simulation.
 Starts = Annotated[
     list[Any],
-    several(
+    repeated_option(
         "NAME=VALUE",
         "start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
         "--set",
-        parser=assignment,
-        autocompletion=_assignments,
+        parser=parse_assignment,
+        autocompletion=_assignment_completions,
     ),
 ]
 Inputs = Annotated[
     list[str],
-    several(
+    repeated_option(
         "NAME=EXPRESSION|FILE.csv",
         "move an input: an expression of the time t (its rates follow), or a table with a column time and one an "
         "input, rates beside it where they are known; may be given several times",
@@ -246,8 +230,8 @@ Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's
 Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU's)", parser=float)]
 
 
-def check_figure(path: Path | None) -> None:
-    """Raise a SimulationError, before a run, for a figure that could not be written after it."""
+def check_figure_writable(path: Path | None) -> None:
+    """Raise a SimulationError for a figure that cannot be written."""
     if path is not None:
         from matplotlib.figure import Figure
 

@@ -24,32 +24,32 @@ _SIGNS = {
 
 
 def tolerate_encodings() -> None:
-    """Let the standard streams write ``sigma`` where they cannot write σ, instead of failing."""
+    """Set the standard streams to write ``sigma`` where they cannot encode σ."""
     codecs.register_error(_HANDLER, _replace_unencodable)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors in _USUAL:
             stream.reconfigure(errors=_HANDLER)
 
 
-def in_ascii(text: str) -> str:
+def ascii_text(text: str) -> str:
     """Text in ASCII: ``φ² ≤ 2π`` is ``phi2 <= 2pi``; a character without such a name is a question mark."""
-    return "".join(character if character.isascii() else _ascii(character) for character in text)
+    return "".join(character if character.isascii() else _ascii_character(character) for character in text)
 
 
 def _replace_unencodable(error: UnicodeError) -> tuple[str, int]:
-    """Return the replacement of characters that a stream cannot encode, and the position behind them."""
+    """ASCII text for characters that a stream cannot encode, and the position behind them."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    return in_ascii(error.object[error.start : error.end]), error.end
+    return ascii_text(error.object[error.start : error.end]), error.end
 
 
-def _ascii(character: str) -> str:
-    """ASCII for a character."""
+def _ascii_character(character: str) -> str:
+    """ASCII text for a character, ``"?"`` if there is none."""
     if character in _SIGNS:
         return _SIGNS[character]
     plain = unicodedata.normalize("NFKD", character)
     if plain != character:
-        return "".join(part for part in in_ascii(plain) if part.isascii())
+        return "".join(part for part in ascii_text(plain) if part.isascii())
     if unicodedata.combining(character):
         return ""
     kind, _, letter = unicodedata.name(character, "").partition(" LETTER ")

@@ -18,15 +18,15 @@ Expression = Callable[[float], tuple[float, float, float]]
 """A function of time [s]: value, rate, acceleration."""
 
 
-def expression(text: str) -> Expression:
-    """Parse a function of time.
+def parse_expression(text: str) -> Expression:
+    """Function of time that a formula describes, with its first and second derivative.
 
     :param text: a formula of ``t`` [s].
     :raises FormulaError: if it is none; names the place, and the nearest name.
     """
-    value = formula(text, {"t": _T}, {**FUNCTIONS, "abs": _magnitude})
-    rate = _rate(value)
-    function = ca.Function("input", [_T], [ca.densify(ca.vertcat(value, rate, _rate(rate)))])
+    value = formula(text, {"t": _T}, {**FUNCTIONS, "abs": _absolute_value})
+    rate = _time_derivative(value)
+    function = ca.Function("input", [_T], [ca.densify(ca.vertcat(value, rate, _time_derivative(rate)))])
     buffer, run = cast("Any", function.buffer())  # called in place, at a twentieth of the cost
     time: Any = np.zeros(1)
     values: Any = np.zeros(3)
@@ -45,42 +45,44 @@ def expression(text: str) -> Expression:
     return evaluate
 
 
-def pulses(text: str, start: float, stop: float) -> list[float]:
-    """Instants [s] around pulses that are shorter than the steps of a run: maxima of the argument of ``exp``.
+def pulse_instants(text: str, start: float, stop: float) -> list[float]:
+    """Instants [s] around short pulses of a formula, which are maxima of the argument of an ``exp``.
 
-    :raises FormulaError: as :func:`expression` does.
+    :raises FormulaError: as :func:`parse_expression` does.
     """
     exponents: list[ca.SX] = []
 
     def exp(exponent: ca.SX) -> ca.SX:
-        """Exponential function that records its argument."""
+        """Exponential of an expression, which is recorded."""
         exponents.append(exponent)
         return ca.exp(exponent)
 
-    formula(text, {"t": _T}, {**FUNCTIONS, "abs": _magnitude, "exp": exp})
+    from scipy.optimize import brentq
+
+    formula(text, {"t": _T}, {**FUNCTIONS, "abs": _absolute_value, "exp": exp})
     grid, instants = np.linspace(start, stop, _POINTS), list[float]()
     for exponent in exponents:
-        rates = ca.Function("rates", [_T], [rate := _rate(exponent), _rate(rate)])
+        rates = ca.Function("rates", [_T], [rate := _time_derivative(exponent), _time_derivative(rate)])
         slopes = rates.map(_POINTS)(grid)[0].full().ravel()
         for k in np.flatnonzero((slopes[:-1] > 0) & (slopes[1:] <= 0))[:_MOST]:
-            left, right = grid[k], grid[k + 1]
-            while left < (middle := (left + right) / 2) < right:
-                left, right = (middle, right) if float(rates(middle)[0]) > 0 else (left, middle)
-            width = 1 / math.sqrt(max(-float(rates(right)[1]), 1e-300))
+            maximum: Any = brentq(
+                lambda t, rates=rates: float(rates(t)[0]), float(grid[k]), float(grid[k + 1]), xtol=1e-300
+            )
+            width = 1 / math.sqrt(max(-float(rates(maximum)[1]), 1e-300))
             if width < grid[1] - grid[0]:
-                instants += (right + width * np.arange(-5, 6)).tolist()
+                instants += (maximum + width * np.arange(-5, 6)).tolist()
     return instants
 
 
-def _rate(value: ca.SX) -> ca.SX:
-    """Derivative of a value by time."""
+def _time_derivative(value: ca.SX) -> ca.SX:
+    """Derivative of an expression by time."""
     return ca.jacobian(value, _T)
 
 
-def _magnitude(value: ca.SX) -> ca.SX:
-    """Return the absolute value; its rate at a zero is the one to the right."""
-    rate = _rate(value)
-    sign = ca.sign(rate) + (rate == 0) * ca.sign(_rate(rate))
+def _absolute_value(value: ca.SX) -> ca.SX:
+    """Absolute value of an expression, whose rate where it is zero is the one to the right."""
+    rate = _time_derivative(value)
+    sign = ca.sign(rate) + (rate == 0) * ca.sign(_time_derivative(rate))
     return (ca.sign(value) + (value == 0) * sign) * value
 
 

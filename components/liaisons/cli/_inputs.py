@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from os.path import isfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,9 +52,9 @@ def prescribed_inputs(
     prescribed, names = PrescribedInputs(), set[str]()
     for text in inputs:
         name, equals, right = text.partition("=")
-        if _is_file(text) or not equals:
+        if isfile(text) or not equals:  # noqa: PTH113 - no error for a formula that is longer than a path can be
             times, columns = read_table(Path(text))
-            _require_reach(text, times, start_time, stop_time)
+            _check_table_span(text, times, start_time, stop_time)
             ports = {column: _input_port(system, column, single=single) for column in columns}
             try:
                 new = _prescribe_table(prescribed, times, columns, ports, join)
@@ -61,7 +62,7 @@ def prescribed_inputs(
                 raise SimulationError(f"{text}: {error}") from None
         else:
             new = {name.strip()}
-            prescribed.functions[name.strip()] = _parsed_input(
+            prescribed.functions[name.strip()] = _input_function(
                 name.strip(), right, lambda name: _input_port(system, name, single=single), (start_time, stop_time)
             )
         for name in new & names:
@@ -70,31 +71,23 @@ def prescribed_inputs(
     return prescribed
 
 
-def _is_file(text: str) -> bool:
-    """Whether a text is the path of a file."""
-    try:
-        return Path(text).is_file()
-    except OSError:  # a formula longer than a name can be
-        return False
-
-
-def _parsed_input(name: str, text: str, driven: Callable[[str], Port], span: tuple[float, float]) -> Function:
-    """Function of time for an input, with the instants of its pulses."""
+def _input_function(name: str, text: str, port_of: Callable[[str], Port], span: tuple[float, float]) -> Function:
+    """Function of time that a formula prescribes for an input, with the instants of its pulses."""
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
-    from liaisons.cli._expressions import FormulaError, expression, pulses  # loads CasADi
+    from liaisons.cli._expressions import FormulaError, parse_expression, pulse_instants  # loads CasADi
 
     try:
-        function, breaks = expression(text), pulses(text, *span)
+        function, breaks = parse_expression(text), pulse_instants(text, *span)
     except FormulaError as error:
         raise FormulaError(f"--input {name}: {error}") from None
-    return Signal(function if driven(name).triple() else lambda t: function(t)[0], breaks)
+    return Signal(function if port_of(name).triple() else lambda t: function(t)[0], breaks)
 
 
 def _input_port(system: System, name: str, *, single: bool) -> Port:
-    """Port of an input by its name, checked.
+    """Port of an input.
 
-    :raises SimulationError: with the nearest name, if there is none.
+    :raises SimulationError: with the nearest name, if there is no such input.
     """
     owner, _, variable = (next(iter(system.parts)), "", name) if single else name.partition(".")
     if owner not in system.parts:
@@ -112,8 +105,8 @@ def _input_port(system: System, name: str, *, single: bool) -> Port:
     return part[variable]
 
 
-def _require_reach(file: str, times: Floats, start_time: float, stop_time: float) -> None:
-    """Raise a SimulationError unless a table reaches from start to stop."""
+def _check_table_span(file: str, times: Floats, start_time: float, stop_time: float) -> None:
+    """Raise a SimulationError unless the times of a table reach from start to stop."""
     allowed = _ROUNDING * (times[-1] - times[0])
     if times[0] > start_time + allowed or times[-1] < stop_time - allowed:
         raise SimulationError(
@@ -129,9 +122,9 @@ def _prescribe_table(
     ports: Mapping[str, Port],
     join: Join,
 ) -> set[str]:
-    """Add an operator for each coordinate, with its rates if they have columns, and a function for each other input.
+    """Add an operator for each coordinate in a table, and a function for each other input; return their names.
 
-    :returns: the names of these inputs.
+    Columns of rates belong to the operator of their coordinate.
     """
     from liaisons.interface import tabulated
 
@@ -149,7 +142,7 @@ def _prescribe_table(
 
 
 def read_table(path: Path) -> tuple[Floats, dict[str, Floats]]:
-    """Read a CSV file: times and columns; its first line names them, one of them ``time`` or ``t``.
+    """Times and columns of a CSV file, whose first line names them, one of them ``time`` or ``t``.
 
     Lines that begin with ``#`` are left out.
 

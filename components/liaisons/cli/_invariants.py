@@ -16,14 +16,14 @@ from liaisons.base.folders import passing_folder
 from liaisons.base.related_files import related_files
 from liaisons.base.xml_documents import tree
 from liaisons.check import Verdict, compare, verdict
-from liaisons.cli._subject import mismatches, simulation
+from liaisons.cli._subject import mismatch_names, subject_simulation
 from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.running.run import performed
 from liaisons.errors import LiaisonsError, SimulationError
-from liaisons.ssp.assignment import fitted, parameters
+from liaisons.ssp.assignment import parameter_quantities, value_for_variable
 
 if TYPE_CHECKING:
     from liaisons.cosim.compiled.calls import Call
@@ -37,7 +37,7 @@ _MOST_VALIDATED = 2**23
 
 
 def invariants(path: Path) -> Iterator[Verdict | str]:
-    """Yield verdicts on an FMU, and problems as text.
+    """Yield verdicts on an FMU, and what its validator finds as text.
 
     :raises SimulationError: if it cannot be read, or refuses its default experiment.
     """
@@ -55,7 +55,7 @@ def invariants(path: Path) -> Iterator[Verdict | str]:
 
 
 def _experiment_problems(path: Path) -> Iterator[str]:
-    """Yield problems of the default experiment that the schema of FMI allows."""
+    """Yield what is wrong with the default experiment, beyond FMI's schema."""
     experiment = read_description(path).experiment
     names = "startTime", "stopTime", "stepSize", "tolerance"
     values = {name: float(experiment[name]) for name in names if name in experiment}
@@ -72,7 +72,7 @@ def _run_verdicts(fmu: Fmu) -> Iterator[Verdict]:
     steps = max(2, round(stop_time / (fmu.experiment.step_size or stop_time / 100)))
     step_size = stop_time / steps
     tolerance = fmu.experiment.tolerance or 1e-6  # what FMI tools take where nothing is said
-    hidden = mismatches(fmu)
+    hidden = mismatch_names(fmu)
     record = [*fmu.recorded(), *hidden]
     coarse, fine = (
         simulate(fmu.path, stop_time=stop_time, step_size=h, tolerance=tolerance, record=record)
@@ -107,7 +107,7 @@ def _run_verdicts(fmu: Fmu) -> Iterator[Verdict]:
 
 
 def _reference_verdicts(fmu: Fmu) -> Iterator[Verdict | str]:
-    """Yield a verdict on each table of reference results in the FMU, which a run has to reproduce."""
+    """Yield a verdict on each table of reference results in the FMU, by a run that has to reproduce it."""
     with Archive(fmu.path) as archive, passing_folder() as folder:
         try:
             files = related_files(archive)
@@ -121,22 +121,25 @@ def _reference_verdicts(fmu: Fmu) -> Iterator[Verdict | str]:
             yield f"reference results are left out: {error}"
 
 
-def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> Verdict:
-    """Return the verdict on a table of results.
+def _reference_verdict(fmu: Fmu, results: Path, files_by_role: Mapping[str, Path]) -> Verdict:
+    """Verdict on a table of reference results.
 
-    :param beside: files of the same labels, with parameters and inputs of the run, by their roles.
+    :param files_by_role: files of the same labels, with parameters and inputs of the run.
     """
     head, _, rows = csv_cells(results, SimulationError)
     times, *columns = np.transpose([[float(x) for cell in row for x in cell.split()] for row in rows.values()])
     names = [name for column in head[1:] for name in fmu.elements(column)]
     starts = []
-    if "parameter" in beside:
-        with beside["parameter"].open("rb") as file:
-            starts = [(name, fitted(name, fmu, name, quantity)) for name, quantity in parameters(tree(file))]
-    inputs = [str(beside["testcase"])] if "testcase" in beside else []
+    if "parameter" in files_by_role:
+        with files_by_role["parameter"].open("rb") as file:
+            starts = [
+                (name, value_for_variable(name, fmu, name, quantity))
+                for name, quantity in parameter_quantities(tree(file))
+            ]
+    inputs = [str(files_by_role["testcase"])] if "testcase" in files_by_role else []
     tolerance = fmu.experiment.tolerance or 1e-6
     span = times[0], times[-1], times[1] - times[0], tolerance
-    run = performed(simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
+    run = performed(subject_simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
     expected = zip(names, columns, strict=True)
     error = max(np.max(np.abs(run[name] - column)) / (np.max(np.abs(column)) or 1) for name, column in expected)
     claim = f"results as in {results.name} beside the largest of each column"
@@ -144,7 +147,7 @@ def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> V
 
 
 def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
-    """Return the largest difference relative to the largest signal of the same unit, and signal and time in words.
+    """Largest difference relative to the largest signal of the same unit, and in words its signal and time.
 
     A balance is small, not imprecise.  Where all signals of a unit are small beside the motion's size in other units,
     rounding of these is what differs.  Strings differ by 1 or not at all.
@@ -165,7 +168,7 @@ def _relative_difference(coarse: Result, fine: Result) -> tuple[float, str]:
 
 
 def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
-    """Return the largest difference between two steps and their repetition; None if no state can be restored."""
+    """Largest difference between two steps and their repetition after a roll-back; None if it has no roll-back."""
     outputs = [fmu.variables[name] for name in fmu.reals("output")]
     if not (fmu.can_get_and_set_state and outputs):
         return None
@@ -178,19 +181,19 @@ def _roll_back_difference(fmu: Fmu, step_size: float, tolerance: float) -> float
         save, restore = instance.save_and_restore_calls()
         step, get = instance.stepper(time, size), instance.getter(outputs, seen)
 
-        def perform(*calls: Call) -> None:
+        def call_or_raise(*calls: Call) -> None:
             """Call functions of the FMU, and raise an error if one fails."""
             for call in calls:
                 status = call()
                 if status and status > WARNING:
                     raise instance.failure(call.action, status, " in the roll-back")
 
-        perform(step, save)  # the history of solver and inputs has to come back, too
+        call_or_raise(step, save)  # the history of solver and inputs has to come back, too
         for _ in range(2):
-            perform(restore)
+            call_or_raise(restore)
             for number in (1, 2):
                 time.value = number * step_size
-                perform(step)
-            perform(get)
+                call_or_raise(step)
+            call_or_raise(get)
             results.append(np.array(seen))
     return float(np.max(np.abs(results[0] - results[1])))

@@ -21,7 +21,7 @@ MISMATCH = "_mismatch"
 _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs
 
 
-def resolved(word: str, starts: Iterable[Any], size: Any = None) -> tuple[Path | System, dict[str, Any]]:
+def resolved_subject(word: str, starts: Iterable[Any], size: Any = None) -> tuple[Path | System, dict[str, Any]]:
     """FMU or system of a command-line argument, and the start values that remain to be set.
 
     :param size: --size, of a component.
@@ -36,13 +36,13 @@ def resolved(word: str, starts: Iterable[Any], size: Any = None) -> tuple[Path |
 
 
 def declared_system(word: str) -> System | None:
-    """System that ``FILE.py:NAME`` names; None if it names none."""
+    """System called NAME in a file, for a word ``FILE.py:NAME``; None for any other word."""
     file, separator, name = word.rpartition(".py:")
     system = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
     return system if isinstance(system, System) else None
 
 
-def simulation(
+def subject_simulation(
     word: str,
     starts: Sequence[Any],
     *span: float | None,
@@ -52,15 +52,17 @@ def simulation(
     isolated: float = 0.0,
     size: Any = None,
 ) -> tuple[System, Simulation]:
-    """System and simulation of a command-line argument; the files of an archive are deleted with its system.
+    """System of a command-line argument, and its simulation as the options describe it.
+
+    The files of an archive are deleted with its system.
 
     :param span: --start, --stop, --step and --tolerance, None where they are not given.
     :param inputs: --input, and ``join`` --join.
-    :param record: signals besides :func:`mismatches`; outputs and inputs if None.
+    :param record: signals besides :func:`mismatch_names`; outputs and inputs if None.
     :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
     :param size: --size, of a component.
     """
-    subject, rest = resolved(word, starts, size)
+    subject, rest = resolved_subject(word, starts, size)
     if single := not isinstance(subject, System):
         system = System(subject.stem)
         system.experiment = system.add(subject.stem.replace(".", "_"), subject, start_values=rest).fmu.experiment
@@ -88,7 +90,9 @@ def simulation(
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)
     parts = {name: part.apart(isolated) if isolated else part for name, part in system.parts.items()}
-    watched = [name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatches(part.fmu)]
+    watched = [
+        name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatch_names(part.fmu)
+    ]
     settings = SimulationSettings(
         start_time=begin,
         stop_time=end,
@@ -102,10 +106,7 @@ def simulation(
 
 
 def _refuse_ignored_starts(system: System, starts: Iterable[str], driven: PrescribedInputs, *, single: bool) -> None:
-    """Raise a ProjectError for a start value of a variable that --input moves: it would be ignored.
-
-    :raises ProjectError: if there is one.
-    """
+    """Raise a ProjectError for a start value of a variable that --input moves."""
     variables = [owned(system.name, system.parts, "input", name, single=single) for name in driven.functions]
     variables += [(owner, port) for owner, operators in driven.operators.items() for port in operators]
     for owner, variable in variables:
@@ -116,8 +117,8 @@ def _refuse_ignored_starts(system: System, starts: Iterable[str], driven: Prescr
                 raise ProjectError(f"--set {name}: --input {variable} says where it begins, too; leave one out")
 
 
-def mismatches(fmu: Fmu) -> list[str]:
-    """Local variables that measure contradictions of σ, σ̇ and σ̈ of inputs; none in FMUs of other tools."""
+def mismatch_names(fmu: Fmu) -> list[str]:
+    """Names of the local variables that measure how far σ, σ̇ and σ̈ of inputs contradict each other."""
     inputs = {name for port in fmu.reals("input") for name in (port, split(port)[0])}
     names: list[str] = []
     for name in fmu.reals("local"):

@@ -8,8 +8,8 @@ from liaisons.companion import Entry, entries_of, is_text_number
 from liaisons.library import catalogue_names
 
 
-def scenarios_of(name: str) -> list[str]:
-    """Return the scenarios that verify a number of the texts; of any other name the name itself.
+def requested_scenarios(name: str) -> list[str]:
+    """Names of scenarios: those that verify a number of the texts, or any other name as it is.
 
     :raises BadParameter: if no scenario verifies it.
     """
@@ -23,26 +23,26 @@ def scenarios_of(name: str) -> list[str]:
     return list(scenarios)
 
 
-def component_of(name: str) -> tuple[str, str | None]:
-    """Return the component and the part of its equations that have a number; of any other name itself and None.
+def requested_component(name: str) -> tuple[str, str | None]:
+    """Component and part of its equations that have a number of the texts; any other name, and None.
 
     :raises BadParameter: if no component has it.
     """
     if not is_text_number(name):
         return name, None
     for entry in entries_of(name):
-        if component := next(iter(components(entry)), "Pendulum" if entry.part else ""):
+        if component := next(iter(entry_components(entry)), "Pendulum" if entry.part else ""):
             return component, entry.part or None
     raise typer.BadParameter(f"{name}: no component has it; `liaisons text {name}` says where it lives")
 
 
-def components(entry: Entry) -> list[str]:
-    """Return the components of the catalogue that have a number of the texts."""
+def entry_components(entry: Entry) -> list[str]:
+    """Components of the catalogue that have a number of the texts."""
     names = set(catalogue_names())
     return [name for name in dict.fromkeys(item.partition(".")[0] for item in entry.lives) if name in names]
 
 
 def verification_command(check: str) -> str:
-    """Return the shell command that repeats a check: of a scenario, or of a test in a clone."""
+    """Shell command that repeats a check: a scenario, or a test in a clone of the repository."""
     file, separator, name = check.partition("::")
     return f"pytest tests/{file}.py::{name}" if separator else f"liaisons run {check}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from liaisons.cli._command import UnpackedLimit, command, judge, subject
+from liaisons.cli._command import command, print_verdicts, subject_argument
 from liaisons.library import fmu_file
 
 
@@ -13,7 +13,7 @@ from liaisons.library import fmu_file
     liaisons check fmus/fmi3/Pendulum.fmu
     liaisons check Pendulum
 """)
-def check(fmu: Annotated[str, subject("FMU|NAME|FILE.py")], _limit: UnpackedLimit = None) -> int:
+def check(fmu: Annotated[str, subject_argument("FMU|NAME|FILE.py")]) -> int:
     """Check an FMU: validators, and what must hold of its default experiment.
 
     Exit status 1 when it fails.
@@ -27,4 +27,4 @@ def check(fmu: Annotated[str, subject("FMU|NAME|FILE.py")], _limit: UnpackedLimi
             verdicts.append(report)
         else:
             print(report)
-    return judge(verdicts)
+    return print_verdicts(verdicts)

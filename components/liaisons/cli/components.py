@@ -23,13 +23,13 @@ from liaisons.cli._command import (
     Limits,
     Prescribe,
     Size,
+    add_robot_options,
     command,
     flag,
     option,
-    show,
-    show_scenarios,
-    subject,
-    with_robot_options,
+    print_scenarios,
+    print_table,
+    subject_argument,
 )
 from liaisons.errors import BackEndError, LiaisonsError
 from liaisons.library import catalogue, model, reserve_fmu, sized_folder
@@ -49,14 +49,14 @@ T = TypeVar("T")
     """,
     name="list",
 )
-def listing(
-    targets: Annotated[list[str] | None, subject("FILE.py", "show those of these files instead")] = None,
+def list_components(
+    targets: Annotated[list[str] | None, subject_argument("FILE.py", "show those of these files instead")] = None,
 ) -> int:
     """Show the components, with their free and active coordinates, and the scenarios by theme."""
-    show([_component_row(component) for target in targets or ["all"] for component in find(target)])
+    print_table([_component_row(component) for target in targets or ["all"] for component in find(target)])
     if not targets:
         _show_published()
-        show_scenarios()
+        print_scenarios()
     return 0
 
 
@@ -74,7 +74,7 @@ def _show_published() -> None:
             except LiaisonsError as error:
                 logger.warning("left out: %s", error)
         print(f"\nOf the package {package}:\n")
-        show(rows)
+        print_table(rows)
 
 
 @command("""
@@ -91,7 +91,7 @@ def _show_published() -> None:
 def build(
     targets: Annotated[
         list[str] | None,
-        subject(
+        subject_argument(
             "NAME|FILE.py|FILE.urdf|FILE.xml",
             "what to build (default: what fmus/fmus.toml declares; without one, the whole catalogue)",
         ),
@@ -135,7 +135,7 @@ def build(
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.
-    targets = with_robot_options(targets or [], prescribe, limits=limits)
+    targets = add_robot_options(targets or [], prescribe, limits=limits)
     chosen = targets or declared_components()
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     sizes = dict([size] if size else [])
@@ -154,7 +154,7 @@ def build(
     how = {"backend": backend, "platforms": platforms, "arrays": arrays}
     versions = ["2", "3"] if fmi == "both" else [fmi]
     left_out: list[BackEndError] = []
-    for built in _on_all_cores(partial(_build_one, folder, sizes, versions, how), names):
+    for built in _map_on_all_cores(partial(_build_one, folder, sizes, versions, how), names):
         for path in built:
             if isinstance(path, BackEndError):
                 left_out.append(path)
@@ -184,7 +184,7 @@ def _write_modelica(components: list[type[Component]], folder: Path, *, whole: b
 def _build_one(
     folder: Path, sizes: dict[str, object], versions: list[Any], how: dict[str, Any], name: tuple[str, str]
 ) -> list[Path | BackEndError]:
-    """Build the FMUs of a component: their paths, or the reason why a back end cannot."""
+    """Build the FMUs of a component; return their paths, or the reason why a back end cannot."""
     from liaisons.fmu import build
 
     target, class_name = name
@@ -196,8 +196,8 @@ def _build_one(
         return [error]
 
 
-def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
-    """Compute a function of each task on all cores; yield results, and raise errors, in the order of the tasks."""
+def _map_on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
+    """Yield a function of each task, computed on all cores; results and errors come in the order of the tasks."""
     count = min(os.cpu_count() or 1, len(tasks) // 2)  # a process takes as long to begin as an FMU to be built
     if count < 2:
         yield from map(function, tasks)
@@ -214,13 +214,13 @@ def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
 
 
 def _prepare_worker(parent: int) -> None:
-    """Let a worker end with its parent, and leave interrupts to it."""
+    """Make this process end with its parent, and ignore interrupts."""
     die_with_parent(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends them
 
 
 def _component_row(component: type[Component]) -> dict[str, str]:
-    """Row of a component in the list."""
+    """Row of a component in the table of ``liaisons list``."""
     from liaisons.language import Chain, Coordinate, Mechanism
     from liaisons.language.checks import declared
 

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import Limits, Prescribe, command, flag, option, subject, with_robot_options
-from liaisons.cli._texts import component_of
+from liaisons.cli._command import Limits, Prescribe, add_robot_options, command, flag, option, subject_argument
+from liaisons.cli._texts import requested_component
 
 
 @command("""
@@ -22,7 +22,7 @@ from liaisons.cli._texts import component_of
 def equations(
     target: Annotated[
         str,
-        subject(
+        subject_argument(
             "NAME|NUMBER|FILE.py|FILE.urdf|FILE.xml|FILE.ssp",
             "a component, a system of components, a number of the two texts",
         ),
@@ -38,11 +38,11 @@ def equations(
     modelica: Annotated[bool, flag("--modelica", "as Modelica text, of the whole")] = False,
 ) -> int:
     """Show the equations of a component: Lagrangian, momenta, motion, forces of the operators, Hamiltonian."""
-    target, own = component_of(target)
+    target, own = requested_component(target)
     part = part or own
     if text + latex + html + modelica > 1 or (modelica and (part or fix)):
         raise typer.BadParameter("choose one of --text, --latex, --html, --modelica, the last without --part and --fix")
-    (target,) = with_robot_options([target], prescribe, limits=limits)
+    (target,) = add_robot_options([target], prescribe, limits=limits)
     from liaisons import interface, ssp
     from liaisons.cli._subject import declared_system
     from liaisons.library import modelica_files

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import Output, command, judge
+from liaisons.cli._command import Output, command, print_verdicts
 
 
 @command("""
@@ -39,4 +39,4 @@ def identify(
         print(f"{name}: {path}")
     verdicts = result.verify()
     print()
-    return judge(verdicts)
+    return print_verdicts(verdicts)

@@ -36,15 +36,15 @@ def new(name: Annotated[str, typer.Argument(metavar="NAME", help="of the module,
         raise ProjectError(f"{name!r}: this name is taken in Python or in packages; choose another one")
     with TemporaryDirectory(dir=".", prefix=f".{name}-") as whole:
         for source in sorted(_TEMPLATE.rglob("*.in")):
-            path = Path(whole, name, _renamed(str(source.relative_to(_TEMPLATE)), name).removesuffix(".in"))
+            path = Path(whole, name, _text_for_package(str(source.relative_to(_TEMPLATE)), name).removesuffix(".in"))
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(_renamed(source.read_text(encoding="utf-8"), name), encoding="utf-8")
+            path.write_text(_text_for_package(source.read_text(encoding="utf-8"), name), encoding="utf-8")
         Path(whole, name).rename(folder)
     for path in sorted(folder.rglob("*.*")):
         print(path)
     return 0
 
 
-def _renamed(text: str, name: str) -> str:
-    """Return a text of the template for a package of another name."""
+def _text_for_package(text: str, name: str) -> str:
+    """Text of the template with the name of the package."""
     return text.replace("my_mechanics", name).replace("my-mechanics", name.replace("_", "-"))

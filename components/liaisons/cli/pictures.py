@@ -18,12 +18,11 @@ from liaisons.cli._command import (
     Step,
     Stop,
     Tolerance,
-    UnpackedLimit,
+    add_robot_options,
     command,
     flag,
     option,
-    subject,
-    with_robot_options,
+    subject_argument,
 )
 
 _WHAT = "FMU|SSP|NAME|FILE.py|FILE.urdf|FILE.xml"
@@ -38,7 +37,7 @@ _ZIG = "100 MB, 400 MB unpacked"
     liaisons animate motion.csv --fmu fmus/Pendulum.fmu --output motion.glb
 """)
 def animate(
-    fmu: Annotated[str, subject(f"{_WHAT}|RESULT.csv", "a file, a component, or a result with --fmu")],
+    fmu: Annotated[str, subject_argument(f"{_WHAT}|RESULT.csv", "a file, a component, or a result with --fmu")],
     *,
     output: Annotated[
         Path,
@@ -57,7 +56,6 @@ def animate(
     stop: Stop = None,
     step: Step = None,
     tolerance: Tolerance = None,
-    _limit: UnpackedLimit = None,
     inputs: Inputs,
     join: Join = "quintic",
     speed: Annotated[
@@ -69,14 +67,16 @@ def animate(
     ] = None,
 ) -> int:
     """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
-    from liaisons.cli._subject import simulation
+    from liaisons.cli._subject import subject_simulation
     from liaisons.cosim.running.run import performed
     from liaisons.cosim.structure.scenes import of_file
 
-    (fmu,) = with_robot_options([fmu], prescribe, limits=limits)
+    (fmu,) = add_robot_options([fmu], prescribe, limits=limits)
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
-        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size)
+        _system, asked = subject_simulation(
+            fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, size=size
+        )
         result = performed(asked)
     elif recorded_fmu is None:
         raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
@@ -97,7 +97,7 @@ def animate(
     liaisons show Pendulum --input "length=1 + 0.1*sin(6*t)"
 """)
 def show(
-    fmus: Annotated[list[str], subject(_WHAT, "files or components; several side by side")],
+    fmus: Annotated[list[str], subject_argument(_WHAT, "files or components; several side by side")],
     *,
     output: Annotated[
         Path | None, option("FILE", "where the page goes (default: NAME.html here)", "--output", "-o")
@@ -108,7 +108,6 @@ def show(
     starts: Starts,
     inputs: Inputs,
     join: Join = "quintic",
-    _limit: UnpackedLimit = None,
 ) -> int:
     """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account.
 
@@ -116,20 +115,20 @@ def show(
     """
     from liaisons import interface
     from liaisons.base.compiler import INSTALLATION, zig_compiler
-    from liaisons.cli._subject import resolved, simulation
+    from liaisons.cli._subject import resolved_subject, subject_simulation
     from liaisons.cosim.running.run import performed
     from liaisons.live import default_page_path
 
-    fmu, *others = with_robot_options(fmus, prescribe, limits=limits)
+    fmu, *others = add_robot_options(fmus, prescribe, limits=limits)
     live, remark = zig_compiler(), ""
     if others and inputs:
         raise ProjectError("--input moves one FMU or system; show it alone, or several without --input")
-    shown, rest = resolved(fmu, starts)
+    shown, rest = resolved_subject(fmu, starts)
     if others or (live and not inputs):
         page = interface.show(shown, *others, path=output, start_values=rest).path
     else:
         page = output or default_page_path(shown)
-        _system, asked = simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
+        _system, asked = subject_simulation(fmu, starts, None, None, None, None, inputs=inputs, join=join)
         performed(asked).animate(page)
         cure = "" if live else f"; a live page needs a compiler: {INSTALLATION} ({_ZIG})"
         remark = f", a recorded motion{cure}"

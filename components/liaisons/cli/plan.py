@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import Output, command, judge
+from liaisons.cli._command import Output, command, print_verdicts
 
 
 @command("""
@@ -40,4 +40,4 @@ def plan(
         print(f"{name}: {path.with_suffix(kind)}")
     verdicts = motion.verify()
     print()
-    return judge(verdicts)
+    return print_verdicts(verdicts)

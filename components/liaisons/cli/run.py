@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from liaisons.base.project import ProjectError, from_here, scenario_files, scenario_themes
-from liaisons.cli._command import command, flag, option, show, show_scenarios
-from liaisons.cli._texts import scenarios_of
+from liaisons.cli._command import command, flag, option, print_scenarios, print_table
+from liaisons.cli._texts import requested_scenarios
 from liaisons.errors import suggestion
 
 
@@ -54,10 +54,10 @@ def run(
     themes = scenario_themes()
     if theme not in (None, *themes):
         raise ProjectError(f"no theme is called {theme!r}{suggestion(theme, themes)}")
-    named = [name for target in targets or () for name in scenarios_of(target)]
+    named = [name for target in targets or () for name in requested_scenarios(target)]
     chosen = [*named, *(scenario_files() if every else themes[theme][1] if theme else ())]
     if not chosen:
-        show_scenarios()
+        print_scenarios()
         return 0
     outcomes = []
     for scenario in [load(target) for target in chosen]:
@@ -66,5 +66,5 @@ def run(
         print(f"error: {outcome.error}" if outcome.error else f"figure: {from_here(outcome.figure)}", flush=True)
         outcomes.append(outcome)
     print()
-    show(row for outcome in outcomes for row in outcome.rows())
+    print_table(row for outcome in outcomes for row in outcome.rows())
     return 0 if all(outcome.passed for outcome in outcomes) else 1

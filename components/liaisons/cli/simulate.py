@@ -25,15 +25,14 @@ from liaisons.cli._command import (
     Step,
     Stop,
     Tolerance,
-    UnpackedLimit,
-    check_figure,
+    add_robot_options,
+    check_figure_writable,
     command,
     flag,
     option,
-    show,
-    signals,
-    subject,
-    with_robot_options,
+    print_table,
+    signal_completions,
+    subject_argument,
 )
 from liaisons.errors import SimulationError
 
@@ -45,7 +44,7 @@ class _Command(TyperCommand):
     """Command whose options ``--plot`` and ``--isolated`` may lack their value, which Typer does not support."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of a command, after giving options that stand alone their default values."""
+        """Parse the words of a command, with default values for options that lack theirs."""
         bare = {index for index, word in enumerate([*args[1:], "-"]) if word.startswith("-")}
         alone = {"--plot": "--plot=", "--isolated": f"--isolated={TIME_LIMIT}"}
         return super().parse_args(
@@ -68,7 +67,7 @@ class _Command(TyperCommand):
     cls=_Command,
 )
 def simulate(
-    fmu: Annotated[str, subject("FMU|SSP|NAME|FILE.py|FILE.urdf|FILE.xml")],
+    fmu: Annotated[str, subject_argument("FMU|SSP|NAME|FILE.py|FILE.urdf|FILE.xml")],
     *,
     starts: Starts,
     size: Size = None,
@@ -78,11 +77,11 @@ def simulate(
     stop: Stop = None,
     step: Step = None,
     tolerance: Tolerance = None,
-    _limit: UnpackedLimit = None,
     inputs: Inputs,
     join: Join = "quintic",
     record: Annotated[
-        str, option("NAME,...", "show only these signals (default: outputs and inputs)", autocompletion=signals)
+        str,
+        option("NAME,...", "show only these signals (default: outputs and inputs)", autocompletion=signal_completions),
     ] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
@@ -94,27 +93,27 @@ def simulate(
     ] = 0.0,
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
-    from liaisons.cli._subject import simulation
+    from liaisons.cli._subject import subject_simulation
     from liaisons.cosim.running.run import performed
     from liaisons.cosim.structure.components import time_limit
     from liaisons.results import IncompleteError, Interrupted
 
-    (fmu,) = with_robot_options([fmu], prescribe, limits=limits)
+    (fmu,) = add_robot_options([fmu], prescribe, limits=limits)
     names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
-    system, asked = simulation(
+    system, asked = subject_simulation(
         fmu, starts, start, stop, step, tolerance, inputs=inputs, join=join, record=names, isolated=limit, size=size
     )
     if diagram:
         system.diagram(diagram)
         print(f"diagram: {diagram}")
     figure = None if plot is None else Path(plot or f"{asked.title}.png")
-    _require_writable(csv, parquet, figure)
+    _check_writable(csv, parquet, figure)
 
-    def write(result: Result, extent: str = "") -> None:
+    def print_and_write(result: Result, extent: str = "") -> None:
         """Print the table of a result and write its files."""
         shown, contradictions = _without_mismatches(result, names or ())
-        show(shown.summary())
+        print_table(shown.summary())
         for line in contradictions:
             print(line)
         for title, file, save in (
@@ -129,14 +128,14 @@ def simulate(
     try:
         result = performed(asked, progress=len(asked.times) > 1e4, verify=verify)
     except (IncompleteError, Interrupted) as error:
-        write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
+        print_and_write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
         raise
-    write(result)
+    print_and_write(result)
     return 0
 
 
 def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Result, list[str]]:
-    """Return the result without mismatches that were not requested, and a line for each of these that is not 0."""
+    """Result without mismatches that were not requested, and a line of text for each of these that is not 0."""
     from liaisons.cli._subject import MISMATCH
 
     rows, lines = [], []
@@ -157,10 +156,10 @@ def _without_mismatches(result: Result, requested: Collection[str]) -> tuple[Res
     return replace(result, names=names, values=result.values[rows], units=units, errors=errors), lines
 
 
-def _require_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:
-    """Raise a SimulationError, before the run, for files that could not be written after it."""
+def _check_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:
+    """Raise a SimulationError for files that cannot be written."""
     for path in filter(None, (csv, parquet)):
         check_writable(path)
     if parquet and find_spec("pyarrow") is None:
         raise SimulationError(f"{parquet}: Parquet needs PyArrow; pip install 'liaisons[parquet]'")
-    check_figure(figure)
+    check_figure_writable(figure)

@@ -20,26 +20,25 @@ from liaisons.cli._command import (
     Step,
     Stop,
     Tolerance,
-    UnpackedLimit,
-    check_figure,
+    check_figure_writable,
     command,
     flag,
     option,
-    several,
-    show,
-    subject,
+    print_table,
+    repeated_option,
+    subject_argument,
 )
 
 if TYPE_CHECKING:
+    from liaisons.base.arrays import Floats
     from liaisons.results import Result
-    from liaisons.sweeps import Cases
 
 _MOST = 10_000_000  # values of one name
 _SHOWN = 20  # rows on the screen; the file has all
 
 
 def _parsed_values(text: str) -> tuple[str, list[float]]:
-    """Parse ``NAME=a,b,c`` or ``NAME=first:last:count``."""
+    """Name and values of ``NAME=a,b,c`` or ``NAME=first:last:count``."""
     name, _, values = text.partition("=")
     try:
         if not name:
@@ -60,7 +59,7 @@ def _parsed_values(text: str) -> tuple[str, list[float]]:
 
 
 def _parsed_distribution(text: str) -> tuple[str, object]:
-    """Parse ``NAME=low:high`` or ``NAME=normal:mean:deviation``."""
+    """Name and distribution of ``NAME=low:high`` or ``NAME=normal:mean:deviation``."""
     name, _, values = text.partition("=")
     kind, _, rest = values.partition(":")
     try:
@@ -71,7 +70,7 @@ def _parsed_distribution(text: str) -> tuple[str, object]:
             if not (name and deviation > 0):
                 raise ValueError
             return name, norm(mean, deviation)
-        low, high = _parsed_finite(values.removeprefix("uniform:"))
+        low, high = _parsed_finite(values)
         if not (name and low < high):
             raise ValueError
         return name, (low, high)
@@ -83,7 +82,7 @@ def _parsed_distribution(text: str) -> tuple[str, object]:
 
 
 def _parsed_finite(text: str) -> list[float]:
-    """Parse finite numbers between colons."""
+    """Numbers between colons; a ValueError unless they are finite."""
     numbers = [float(number) for number in text.split(":")]
     if not all(map(math.isfinite, numbers)):
         raise ValueError
@@ -98,12 +97,12 @@ def _parsed_finite(text: str) -> list[float]:
 """)
 def sweep(
     word: Annotated[
-        str, subject("FMU|SSP|NAME|FILE.py[:SYSTEM]", "a file, a component, or a System that a file defines")
+        str, subject_argument("FMU|SSP|NAME|FILE.py[:SYSTEM]", "a file, a component, or a System that a file defines")
     ],
     *,
     over: Annotated[
         list[Any],
-        several(
+        repeated_option(
             "NAME=VALUES",
             "values a,b,c or evenly spaced first:last:count; several times for a grid",
             parser=_parsed_values,
@@ -111,7 +110,7 @@ def sweep(
     ],
     random: Annotated[
         list[Any],
-        several(
+        repeated_option(
             "NAME=LOW:HIGH",
             "uniform between two values, or normal:MEAN:DEVIATION; several times; needs --samples",
             parser=_parsed_distribution,
@@ -119,9 +118,6 @@ def sweep(
     ],
     samples: Annotated[int | None, option("N", "number of random cases", parser=int)] = None,
     seed: Annotated[int | None, option("S", "of the random cases (default: 0)", parser=int)] = None,
-    latin_hypercube: Annotated[
-        bool, flag("--latin-hypercube", "spread random cases evenly over the quantiles of each name")
-    ] = False,
     keep: Annotated[
         list[str], option("SIGNAL,...", "what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min")
     ],
@@ -130,7 +126,6 @@ def sweep(
     stop: Stop = None,
     step: Step = None,
     tolerance: Tolerance = None,
-    _limit: UnpackedLimit = None,
     csv: Annotated[Path | None, option("FILE", "write the table to a file")] = None,
     plot: Annotated[Path | None, option("FILE", "draw the table: curves over one name, maps over two")] = None,
     journal: Annotated[
@@ -170,10 +165,10 @@ def sweep(
 
     passing = None if csv is None or journal is not None else _default_journal(csv)
     journal = journal or passing
-    _require_writable(csv, plot, journal, retry=retry)
+    _check_writable(csv, plot, journal)
     with _report_interrupt(journal):
         result = sweep(
-            cases=_cases(over, random, samples, seed, latin_hypercube=latin_hypercube),
+            cases=_requested_cases(over, random, samples, seed),
             keep=",".join(keep).split(","),
             tolerance=tolerance,
             journal=journal,
@@ -182,9 +177,9 @@ def sweep(
             workers=workers,
             client=dask,
             progress=True,
-            **_subject(word, dict(starts), start, stop, step),
+            **_subject_arguments(word, dict(starts), start, stop, step),
         )
-    show(result.summary(_SHOWN))
+    print_table(result.summary(_SHOWN))
     count = len(result.index["case"])
     if count > _SHOWN:
         print(f"... {count - _SHOWN} more; --csv FILE writes all")
@@ -198,15 +193,13 @@ def sweep(
     return 1 if result.failures else 0
 
 
-def _require_writable(csv: Path | None, plot: Path | None, journal: Path | None, *, retry: bool) -> None:
-    """Raise an error, before the sweep, for files that could not be written after it."""
-    check_figure(plot)
+def _check_writable(csv: Path | None, plot: Path | None, journal: Path | None) -> None:
+    """Raise an error for files that cannot be written."""
+    check_figure_writable(plot)
     if csv is not None:
         check_writable(csv)
         if journal is not None and csv.resolve() == journal.resolve():
             raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
-    if retry and journal is None:
-        raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
 
 
 def _print_failures(result: Result, *, has_journal: bool) -> None:
@@ -228,7 +221,7 @@ def _default_journal(csv: Path) -> Path | None:
 
 @contextmanager
 def _report_interrupt(journal: Path | None) -> Iterator[None]:
-    """Print, if the sweep is interrupted in the context, where it goes on from."""
+    """Print how to go on with a sweep that is interrupted in the context."""
     try:
         yield
     except (KeyboardInterrupt, SystemExit):
@@ -239,32 +232,28 @@ def _report_interrupt(journal: Path | None) -> Iterator[None]:
         raise
 
 
-def _subject(
+def _subject_arguments(
     word: str, starts: dict[str, Any], start: float | None, stop: float | None, step: float | None
 ) -> dict[str, Any]:
-    """Arguments of ``sweep()`` for the subject and its times."""
-    from liaisons.cli._subject import resolved
+    """Arguments of ``sweep()`` for the subject, its times and its start values."""
+    from liaisons.cli._subject import resolved_subject
     from liaisons.cosim import System
 
-    system, rest = resolved(word, starts.items())
+    system, rest = resolved_subject(word, starts.items())
     span = {"start_time": start, "stop_time": stop, "step_size": step}
     if isinstance(system, System):  # an archive says from when to when
         span |= {name: getattr(system.experiment, name) for name, value in span.items() if value is None}
     return {"subject": system, **span, "start_values": rest}
 
 
-def _cases(
-    over: list[Any], random: list[Any], samples: int | None, seed: int | None, *, latin_hypercube: bool
-) -> Cases:
-    """Cases of a grid, or random ones."""
+def _requested_cases(over: list[Any], random: list[Any], samples: int | None, seed: int | None) -> dict[str, Floats]:
+    """Cases of the grid or of the random samples that the options describe."""
     from liaisons.sweeps import grid, sample
 
     if over and random:
         raise ProjectError("--over makes a grid and --random random cases; use one of them")
-    if not random and (samples, seed, latin_hypercube) != (None, None, False):
-        raise ProjectError(
-            "--samples, --seed and --latin-hypercube need --random NAME=LOW:HIGH, what is drawn at random"
-        )
+    if not random and (samples, seed) != (None, None):
+        raise ProjectError("--samples and --seed need --random NAME=LOW:HIGH, what is drawn at random")
     names = [name for name, _ in (*over, *random)]
     for name in names:
         if names.count(name) > 1:
@@ -272,5 +261,5 @@ def _cases(
     if random:
         if samples is None:
             raise ProjectError("--random needs --samples N, the number of cases")
-        return sample(samples, dict(random), seed=seed or 0, latin_hypercube=latin_hypercube)
+        return sample(samples, dict(random), seed=seed or 0)
     return grid(dict(over))

@@ -16,16 +16,16 @@ import numpy as np
 from liaisons.derivatives.contacts import Contacts, c_text
 from liaisons.derivatives.steps import METHOD, Floats, Integers, Segment, Steps
 from liaisons.ensembles.kernel import (
-    Column,
-    argument_columns,
+    CArray,
+    c_arguments,
     c_function,
-    combine_code,
-    head_code,
-    move_code,
+    declarations_code,
+    stage_state_code,
     step_code,
+    weighted_sum_code,
 )
 from liaisons.ensembles.right_hand_sides import RightHandSide
-from liaisons.ensembles.steps import call, library, packs, unpacked
+from liaisons.ensembles.steps import call_c_function, compiled_library, lane_blocks, rows_of_blocks
 from liaisons.errors import SimulationError
 from liaisons.expressions.algebra import stack
 
@@ -216,8 +216,10 @@ class CompiledSteps:
     def call(self, purpose: Purpose, name: str, *arguments: Any) -> int:
         """Call a C function, whose library is compiled before the first call."""
         if purpose not in self._libraries:
-            self._libraries[purpose] = library(source(self._equations, purpose, self._contacts), *_OPTIONS[purpose])
-        return call(self._libraries[purpose], name, *arguments)
+            self._libraries[purpose] = compiled_library(
+                source(self._equations, purpose, self._contacts), *_OPTIONS[purpose]
+            )
+        return call_c_function(self._libraries[purpose], name, *arguments)
 
     def choose(
         self, segment: Segment, k: Floats, y: Floats, size: Floats, *, tolerance: float, sizes: Floats
@@ -253,15 +255,17 @@ class CompiledSteps:
         :param of_k: derivatives of the values, (values, directions); of_y: of the first state.
         """
         states, count = of_y.shape
-        dk, dy = packs(of_k, DIRECTIONS), packs(of_y, DIRECTIONS)
-        dt, dh = (np.ascontiguousarray(packs(rows, DIRECTIONS).swapaxes(0, 1)) for rows in (steps.of_t, steps.of_h))
+        dk, dy = lane_blocks(of_k, DIRECTIONS), lane_blocks(of_y, DIRECTIONS)
+        dt, dh = (
+            np.ascontiguousarray(lane_blocks(rows, DIRECTIONS).swapaxes(0, 1)) for rows in (steps.of_t, steps.of_h)
+        )
         blocks, is_recorded = len(dy), steps.records >= 0
         record = np.where(is_recorded, np.cumsum(is_recorded) - 1, -1)
         records = np.empty((int(is_recorded.sum()), blocks, states, DIRECTIONS))
         work = np.empty((blocks, METHOD.stages, states, DIRECTIONS))
         seeds = [blocks, dk, dt, dh, blocks if len(dt) == len(steps.t) else 0, dy]
         self.call("tangents", "tangents", *steps.arguments(k), stages, *seeds, record, records, work)
-        return unpacked(records, count), unpacked(dy, count)
+        return rows_of_blocks(records, count), rows_of_blocks(dy, count)
 
     def adjoint(
         self, steps: Steps, k: Floats, stages: Floats, weights: Floats, of_y: Floats
@@ -291,8 +295,8 @@ def refuse_many(steps: int, t: float) -> None:
 def source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | None) -> str:
     """C99 code of steps, or of their derivatives."""
     if purpose == "run":
-        return step_code(equations, METHOD, 1, keeps=True) + _RUN + (contacts.run_code() if contacts else "")
-    point, lines = argument_columns(equations, star=""), list[str]()
+        return step_code(equations, METHOD, 1, stores_stages=True) + _RUN + (contacts.run_code() if contacts else "")
+    point, lines = c_arguments(equations, packed=False), list[str]()
     forwards = {"rates": (equations.rates, point), "project": (equations.projected, point)}
     backwards = {}
     if contacts:
@@ -309,15 +313,20 @@ def source(equations: RightHandSide, purpose: Purpose, contacts: Contacts | None
     for name, (value, arguments) in backwards.items():
         lines += _backward_code(name, value, arguments, variables)
     if purpose == "tangents":
-        lines += [*move_code(METHOD), *combine_code(METHOD.rows), f"enum {{ W = {parametric} }};", _TANGENTS]
+        lines += [
+            *stage_state_code(METHOD),
+            *weighted_sum_code(METHOD.rows),
+            f"enum {{ W = {parametric} }};",
+            _TANGENTS,
+        ]
     else:
-        lines += [*combine_code(METHOD.adjoint_rows), _ADJOINT]
+        lines += [*weighted_sum_code(METHOD.adjoint_rows), _ADJOINT]
     sweep = [c_text(f"contact_{purpose}")] if contacts else []
-    return "\n".join([head_code(equations, METHOD, DIRECTIONS if purpose == "tangents" else 1), *lines, *sweep])
+    return "\n".join([declarations_code(equations, METHOD, DIRECTIONS if purpose == "tangents" else 1), *lines, *sweep])
 
 
 def _forward_code(
-    name: str, value: ca.SX, arguments: Sequence[Column], variables: Sequence[Column]
+    name: str, value: ca.SX, arguments: Sequence[CArray], variables: Sequence[CArray]
 ) -> tuple[int, list[str]]:
     """Number of intermediates that all directions share, and C code: of the value with them, and of its derivatives.
 
@@ -331,7 +340,7 @@ def _forward_code(
     return len(early), lines
 
 
-def _backward_code(name: str, value: ca.SX, arguments: Sequence[Column], variables: Sequence[Column]) -> Iterator[str]:
+def _backward_code(name: str, value: ca.SX, arguments: Sequence[CArray], variables: Sequence[CArray]) -> Iterator[str]:
     """Function of the value, and of derivatives of a weighted sum of it by t, k and y."""
     weights, columns = ca.SX.sym("a", value.numel()), [column for column, _ in variables]
     ends = np.cumsum([0, *(column.numel() for column in columns)]).tolist()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from liaisons.derivatives.compiled_steps import DIRECTIONS, CompiledSteps, refuse_many, stage_room
 from liaisons.derivatives.contacts import Contacts, Kind, choose_address
 from liaisons.derivatives.steps import METHOD, Floats, Segment
-from liaisons.ensembles.steps import packs, unpacked
+from liaisons.ensembles.steps import lane_blocks, rows_of_blocks
 
 
 @final
@@ -107,8 +107,8 @@ class ContactSteps:
         :param slopes: derivatives of the last instant of an event, and of the end of the segment.
         """
         states, count = of_y.shape
-        dk, dy = (np.pad(packs(x, DIRECTIONS), ((0, 1), (0, 0), (0, 0))) for x in (np.eye(count), of_y))
-        slope, last = (packs(x[None], DIRECTIONS) for x in slopes)
+        dk, dy = (np.pad(lane_blocks(x, DIRECTIONS), ((0, 1), (0, 0), (0, 0))) for x in (np.eye(count), of_y))
+        slope, last = (lane_blocks(x[None], DIRECTIONS) for x in slopes)
         blocks, number = len(slope), np.where(saved, np.cumsum(saved) - 1, -1)
         dt, dh = np.zeros((blocks + 1, DIRECTIONS)), np.zeros((blocks + 1, DIRECTIONS))
         dh[-1] = 1
@@ -116,8 +116,8 @@ class ContactSteps:
         work = np.empty((blocks + 1, METHOD.stages, states, DIRECTIONS))
         seeds = [stages, blocks, dk, last, slope, dt, dh, dy, work]
         self._steps.call("tangents", "sweep_tangents", *entries.arguments(k), *seeds, number, records, instants)
-        behind = unpacked(dy[:-1], count), unpacked(slope, count)[0]
-        return (unpacked(records, count), unpacked(instants, count)[:, 0]), behind
+        behind = rows_of_blocks(dy[:-1], count), rows_of_blocks(slope, count)[0]
+        return (rows_of_blocks(records, count), rows_of_blocks(instants, count)[:, 0]), behind
 
     def adjoint(
         self, entries: Entries, k: Floats, stages: Floats, weights: Floats, *, of_y: Floats, of_slope: Floats

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.derivatives.steps import Floats
-from liaisons.ensembles.kernel import argument_columns, c_function
+from liaisons.ensembles.kernel import c_arguments, c_function
 from liaisons.ensembles.right_hand_sides import RightHandSide
-from liaisons.ensembles.steps import library
+from liaisons.ensembles.steps import compiled_library
 from liaisons.errors import SimulationError
 from liaisons.expressions.algebra import stack
 
@@ -92,7 +92,7 @@ class Contacts:
 
     def run_code(self) -> str:
         """Steps through events."""
-        point, columns = argument_columns(self._equations, star=""), self._contacts.numbers
+        point, columns = c_arguments(self._equations, packed=False), self._contacts.numbers
         functions = {"watch": (point, self.indicators), "contact_numbers": (point, stack(columns.values()))}
         functions |= {name: ([*point, (self.flags, "flags")], value) for name, value in self.maps.items()}
         lines = [c_function(name, inputs, [(value, "result")]) for name, (inputs, value) in functions.items()]
@@ -175,7 +175,7 @@ class Contacts:
 def choose_address() -> NDArray[np.uintp]:
     """Address of the function of an FMU that chooses modes, (1,)."""
     code = _runtime("complementarity.h") + _runtime("complementarity.c")
-    function = library(code, "-ffp-contract=off").complementarity_choose
+    function = compiled_library(code, "-ffp-contract=off").complementarity_choose
     return np.array([ctypes.cast(function, ctypes.c_void_p).value], dtype=np.uintp)
 
 

@@ -17,7 +17,7 @@ from liaisons.derivatives.fmus import FmuMotion, fmu_motion
 from liaisons.derivatives.functions import motion_functions
 from liaisons.derivatives.motion import ROUNDING_OF_INPUTS, DifferentiableMotion, recorded_times
 from liaisons.derivatives.steps import Floats
-from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, operator_models, settable, smooth_model
+from liaisons.ensembles.right_hand_sides import DEGREE, INTEGRALS, continuous_model, operator_models, settable_variables
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.language import Variable
 from liaisons.library import Target, component, flattening, fmu_file
@@ -73,7 +73,7 @@ def motion_of(
     driven = named("inputs", inputs or {})
     finite("start_time", start_time)
     positive("tolerance", tolerance)
-    variables = settable(model, moving)
+    variables = settable_variables(model, moving)
     _refuse_inputs(model, driven, moving)
     hidden = {x for a in model.active if a.value in driven for x in (a.value, a.rate, a.acceleration)} | driven.keys()
     variables = {name: variable for name, variable in variables.items() if name not in hidden}
@@ -155,8 +155,8 @@ def _model(subject: Subject) -> tuple[Model, Mapping[str, float]]:
     if _is_file(subject):
         subject, starts = flattening.model_of(subject)
     remedy = "give its class or .fmu file, whose runs are differentiated"
-    model = smooth_model(subject, "a motion with exact derivatives", remedy, contacts=True)
-    settings = settable(model, {}).values() if starts else ()
+    model = continuous_model(subject, "a motion with exact derivatives", remedy, allow_contacts=True)
+    settings = settable_variables(model, {}).values() if starts else ()
     return model, {v.name: starts[v.name] for v in settings if starts[v.name] != v.start}
 
 

@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Literal
 
@@ -15,18 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import chosen, listed, named, numbers, time_span, whole
-from liaisons.ensembles.members import Members, moved_model
+from liaisons.ensembles.members import Members, model_with_operators
 from liaisons.ensembles.methods import METHODS, Tableau
 from liaisons.ensembles.right_hand_sides import (
     INTEGRALS,
-    check_record,
+    checked_output_rows,
+    continuous_model,
     domain_gaps,
     operator_models,
     right_hand_side,
-    settable,
-    smooth_model,
+    settable_variables,
 )
-from liaisons.ensembles.steps import Advance, Floats, compiled, packs, unpacked
+from liaisons.ensembles.steps import Advance, Floats, compiled_advance, lane_blocks, rows_of_blocks
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
 from liaisons.language import Variable
@@ -67,15 +66,15 @@ def ensemble(
     estimate: bool = True,
     threads: int | None = None,
 ) -> Result:
-    """Integrate many cases of a component: with steps of one size, or with contacts each from event to event.
+    """Results of many cases of a component, integrated together in compiled code.
+
+    Steps have one size.  Cases of a component with unilateral liaisons or dry friction take the steps of its FMU, with
+    its numbers: each case its own sizes, up to its own events.
 
     A million steps of a pendulum take some milliseconds.  Inputs keep their values; a coordinate that moves takes an
     operator, whose parameters are values of the cases, too::
 
         ensemble(Pendulum, {"theta_0": angles, "length.amplitude": 0.1}, operators={"length": Sinusoid}, ...)
-
-    Cases of a component with unilateral liaisons or dry friction take the steps of its FMU, with its numbers: each of
-    its own size, and to its own events.
 
     :param component: its name, file or class.
     :param start_values: parameters and inputs by name: a number for all cases, or an array with one for each; the
@@ -101,9 +100,11 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    model = smooth_model(found_component(component), "an ensemble", "take sweep(), which runs its FMU", contacts=True)
+    model = continuous_model(
+        found_component(component), "an ensemble", "take sweep(), which runs its FMU", allow_contacts=True
+    )
     moving = operator_models(model, operators)
-    variables = settable(model, moving)
+    variables = settable_variables(model, moving)
     for name in named("start_values", start_values):
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
@@ -128,8 +129,11 @@ def ensemble(
             raise MemoryError
         time = np.linspace(start_time, stop_time, samples + 1)
         cases = _Cases(model, moving, arrays, count, names, time, step_size, threads)
-        by_steps = partial(_by_steps, method=METHODS[method or "rk8"])
-        fine, failures, errors = (_by_events if model.contacts else by_steps)(cases, estimate=estimate)
+        if model.contacts:
+            fine, failures, errors = _integrate_with_contacts(cases, estimate=estimate)
+        else:
+            tableau = METHODS[method or "rk8"]
+            fine, failures, errors = _integrate_with_fixed_steps(cases, tableau, estimate=estimate)
     except MemoryError:
         reason = f"samples = {samples} of {count} cases are more numbers than memory holds; record less"
         raise SimulationError(reason) from None
@@ -151,7 +155,7 @@ def ensemble(
 
 @dataclass(frozen=True, eq=False)
 class _Cases:
-    """What is integrated.
+    """Cases of an ensemble, and what is recorded of them.
 
     :param moving: active coordinate -> model of its operator.
     :param arrays: values by name: a number, or one a case.
@@ -167,15 +171,15 @@ class _Cases:
     step_size: float
     threads: int
 
-    def steps(self, parts: int = 1) -> int:
-        """Number of steps from one recorded time to the next, a multiple of ``parts``."""
+    def steps_per_record(self, divisor: int = 1) -> int:
+        """Number of steps from one recorded time to the next, a multiple of ``divisor``."""
         interval = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
-        return parts * math.ceil(interval / self.step_size / parts - 1e-9)
+        return divisor * math.ceil(interval / self.step_size / divisor - 1e-9)
 
-    def in_threads(self, function: Callable[[slice], None], count: int, most: int) -> None:
-        """Call a function for slices of ``count`` rows, of at most ``most`` each, in several threads."""
-        size = min(most, -(-count // (_TASKS * self.threads)))
-        chunks = [slice(begin, begin + size) for begin in range(0, count, size)]
+    def call_in_threads(self, function: Callable[[slice], None], rows: int, max_rows: int) -> None:
+        """Call a function in several threads, each time for a slice of at most ``max_rows`` of the rows."""
+        size = min(max_rows, -(-rows // (_TASKS * self.threads)))
+        chunks = [slice(begin, begin + size) for begin in range(0, rows, size)]
         with ThreadPoolExecutor(min(self.threads, len(chunks))) as pool:
             list(pool.map(function, chunks))
 
@@ -184,8 +188,10 @@ Failures = dict[int, tuple[int, str]]
 """Case -> index of the first recorded time at which it is invalid, and the reason."""
 
 
-def _by_steps(cases: _Cases, method: Tableau, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
-    """Integrate cases without contacts with steps of one size: outputs (rows, times, cases), failures, errors."""
+def _integrate_with_fixed_steps(
+    cases: _Cases, tableau: Tableau, *, estimate: bool
+) -> tuple[Floats, Failures, Floats | None]:
+    """Outputs (signals, times, cases), failures, and errors of cases without contacts, by steps of one size."""
     model, moving, time = cases.model, cases.moving, cases.time
     lanes = {name: array for name, array in cases.arrays.items() if array.ndim}
     shared = {name: array for name, array in cases.arrays.items() if not array.ndim}
@@ -193,43 +199,43 @@ def _by_steps(cases: _Cases, method: Tableau, *, estimate: bool) -> tuple[Floats
         model, moving, lanes=lanes, shared=shared, record=cases.names, start_time=float(time[0])
     )
     each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
-    advance = compiled(equations, method, once)
+    advance = compiled_advance(equations, tableau, once)
 
     t, *constants, y = equations.symbols
     (start,) = program(constants, [equations.start]).evaluate([each, once[:, None]])
     seen = program([t, *constants, y], [equations.outputs, equations.conditions])
 
-    def run(steps: int) -> list[Floats]:
-        """Outputs, conditions and states, (rows, times, cases) each, with so many steps from one time to the next."""
-        states = _integrate(cases, advance, each, start, steps)
+    def recorded(steps: int) -> list[Floats]:
+        """Outputs, conditions and states, (rows, times, cases) each, by a number of steps between recorded times."""
+        states = _integrated_states(cases, advance, each, start, steps)
         return [*seen.evaluate([time[None, :, None], each[:, None], once[:, None, None], states]), states]
 
-    steps = cases.steps(4 if estimate else 1)  # with estimate, steps four times as long have to fit
-    fine, conditions, states = run(steps)
+    steps = cases.steps_per_record(4 if estimate else 1)  # with estimate, steps four times as long have to fit
+    fine, conditions, states = recorded(steps)
     errors = None
     if estimate:
-        runs = (run(part)[::2] for part in (steps // 2, steps // 4))
+        runs = (recorded(part)[::2] for part in (steps // 2, steps // 4))
         smooth = not any(part.events.numel_out(0) for part in (model, *moving.values()))
-        errors = _errors((fine, states), *runs, order=method.order if smooth else 1)
+        errors = _step_halving_errors((fine, states), *runs, order=tableau.order if smooth else 1)
     return fine, _run_failures(fine, conditions, equations.condition_texts, time), errors
 
 
-def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
-    """Step cases with contacts as their FMU does: outputs (rows, times, cases), failures, errors."""
-    check_record(cases.model, cases.names)
+def _integrate_with_contacts(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floats | None]:
+    """Outputs (signals, times, cases), failures, and errors of cases with contacts, by the steps of their FMU."""
+    checked_output_rows(cases.model, cases.names)
     if not cases.names:
         raise ComponentError(f"record = []: name an output of {cases.model.name}")
-    model, count = moved_model(cases.model, cases.moving), cases.count
+    model, count = model_with_operators(cases.model, cases.moving), cases.count
     names = [*cases.arrays]
     values = np.stack([np.broadcast_to(array, count) for array in cases.arrays.values()], axis=-1)
-    rows, steps = [*cases.names, *(state.name for state in cases.model.states)], cases.steps()
+    rows, steps = [*cases.names, *(state.name for state in cases.model.states)], cases.steps_per_record()
     points = np.linspace(cases.time[0], cases.time[-1], (len(cases.time) - 1) * steps + 1)
 
     tolerances = [model.experiment.tolerance / _TIGHTER] * estimate + [0.0]
     records, reasons = np.empty((len(tolerances), len(cases.time), count, len(rows))), dict[int, str]()
 
     def run_chunk(chunk: slice) -> None:
-        """Step some members with each tolerance, last with that of the model; reasons of failures are of that."""
+        """Record a slice of the cases with each tolerance, and why members fail with the last, that of the model."""
         members = Members(model, len(values[chunk]))
         for record, tolerance in zip(records, tolerances, strict=True):
             members.start(names, values[chunk], time=points[0], tolerance=tolerance)
@@ -239,7 +245,7 @@ def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floa
                 record[k, chunk] = members.read(rows)
         reasons.update((chunk.start + i, reason) for i, reason in members.failures().items())
 
-    cases.in_threads(run_chunk, count, _MEMBERS)
+    cases.call_in_threads(run_chunk, count, _MEMBERS)
     (*tighter, fine), recorded = records.transpose(0, 3, 1, 2), len(cases.names)
     varied = [i for i, array in enumerate(cases.arrays.values()) if array.ndim]
     failures: Failures = {}
@@ -254,33 +260,38 @@ def _by_events(cases: _Cases, *, estimate: bool) -> tuple[Floats, Failures, Floa
     return fine[:recorded].copy(), failures, errors
 
 
-def _integrate(cases: _Cases, advance: Advance, each: Floats, start: Floats, steps: int) -> Floats:
-    """Integrate all cases, in blocks of lanes and several blocks at once: states, (states, times, cases)."""
-    lanes, first = packs(each, fill="edge"), packs(start, fill="edge")
+def _integrated_states(cases: _Cases, advance: Advance, lanes: Floats, start: Floats, steps: int) -> Floats:
+    """States at all recorded times, (states, times, cases), integrated in blocks of lanes.
+
+    :param lanes: values that differ between the cases, (values, cases).
+    :param steps: number between recorded times.
+    """
+    values, first = lane_blocks(lanes), lane_blocks(start)
     records = np.empty((len(cases.time), *first.shape))
     records[0] = first
 
     def advance_chunk(chunk: slice) -> None:
-        """Integrate some blocks from one recorded time to the next, through all of them."""
+        """Integrate a slice of the blocks from the first recorded time to the last."""
         for k, (begin_time, end_time) in enumerate(pairwise(cases.time)):
             states = records[k, chunk].copy()
-            advance(begin_time, (end_time - begin_time) / steps, steps, lanes[chunk], states)
+            advance(begin_time, (end_time - begin_time) / steps, steps, values[chunk], states)
             records[k + 1, chunk] = states
 
-    cases.in_threads(advance_chunk, len(lanes), _CHUNK)
-    return unpacked(records, start.shape[1]).swapaxes(0, 1)
+    cases.call_in_threads(advance_chunk, len(values), _CHUNK)
+    return rows_of_blocks(records, start.shape[1]).swapaxes(0, 1)
 
 
 Run = Sequence[Floats]
 """Outputs and states, (rows, times, cases)."""
 
 
-def _errors(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
-    """Errors of the finest of three runs, largest over the times, (signals, cases); infinite without convergence.
+def _step_halving_errors(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
+    """Largest errors of the finest of three runs, (signals, cases); infinite for cases that do not converge.
 
-    Whether a case converges its states say: a single signal may agree by chance.
+    Convergence is that of the states: a single signal may agree by chance.
 
     :param half: with steps twice as long; ``quarter``: four times.
+    :param order: of the method, the largest that errors may show.
     """
     (near, far), changes = (
         [np.max(np.abs(a[row] - b[row]), axis=1) for a, b in ((fine, half), (half, quarter))] for row in (0, 1)
@@ -297,16 +308,16 @@ def _errors(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
 
 
 def _checked_values(label: str, value: ArrayLike) -> Floats:
-    """The value as a number, or as an array of one number a case."""
+    """Array of a value, either a number or one number a case."""
     array = numbers(label, value)
     if array.ndim > 1:
         raise SimulationError(f"{label} has shape {array.shape}; give one number a case")
     return array
 
 
-def _case_count(owner: str, lanes: Mapping[str, Floats]) -> int:
-    """Number of the cases."""
-    counts = {name: len(array) for name, array in lanes.items()}
+def _case_count(owner: str, arrays: Mapping[str, Floats]) -> int:
+    """Common length of the arrays, each with one number a case."""
+    counts = {name: len(array) for name, array in arrays.items()}
     if len(set(counts.values())) > 1:
         lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise SimulationError(f"{owner}: arrays of different lengths: {lengths}; give one number a case")
@@ -317,7 +328,7 @@ def _case_count(owner: str, lanes: Mapping[str, Floats]) -> int:
 
 
 def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
-    """Cases with a value outside its domain, and the reason."""
+    """Reasons of the cases that have a value outside its domain."""
     texts: dict[int, str] = {}
     for name, array in arrays.items():
         variable, values = variables[name], np.broadcast_to(array, count)
@@ -328,7 +339,10 @@ def _domain_failures(variables: Mapping[str, Variable], arrays: Mapping[str, Flo
 
 
 def _run_failures(outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats) -> Failures:
-    """Cases that leave a domain, or whose outputs are not finite."""
+    """Failures of cases that leave a domain or have outputs that are not finite.
+
+    :param conditions: one row for each of the texts, > 0 while it holds.
+    """
     checks = {f"{text} (t = {{:g}} s)": row > 0 for text, row in zip(texts, conditions, strict=True)}
     checks["no longer finite at t = {:g} s; take smaller steps"] = np.isfinite(outputs).all(axis=0)
     failures: Failures = {}

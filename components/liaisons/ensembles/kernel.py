@@ -1,8 +1,7 @@
 """C of explicit Runge-Kutta steps, from a right-hand side and a tableau.
 
 One text makes the steps of an ensemble, of a single motion and of its derivatives: vectors have ``D`` numbers an entry,
-entry by entry, one for each motion of an ensemble or each direction of a derivative.  The sums of the tableau are
-written out by :func:`weighted_sums`.
+entry by entry, one for each motion of an ensemble or each direction of a derivative.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from liaisons.ensembles.methods import Tableau
 from liaisons.ensembles.right_hand_sides import RightHandSide
 from liaisons.expressions import c_parts, literal
 
-Column = tuple[ca.SX, str]
+CArray = tuple[ca.SX, str]
 """Symbols or expressions, and the name of the array in C that has them; ``"*y"``: with D numbers an entry."""
 
 OPERATIONS = 1000
@@ -52,8 +51,8 @@ _SIMD = "#pragma omp simd\n"
 _LOOP = "    for (int i = 0; i < {}; ++i)\n        {};"
 
 
-def head_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
-    """Declarations at the head of all C code: sizes, nodes and ``clipped``.
+def declarations_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
+    """C declarations that all other code needs: sizes, nodes and ``clipped``.
 
     :param width: D.
     """
@@ -70,77 +69,91 @@ def head_code(equations: RightHandSide, tableau: Tableau, width: int) -> str:
     )
 
 
-def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, keeps: bool = False) -> str:
-    """The head, and the function ``step``, which advances D motions by one step.
+def step_code(equations: RightHandSide, tableau: Tableau, width: int, *, stores_stages: bool = False) -> str:
+    """C declarations, and the C function ``step`` that advances D motions by one step.
 
-    :param keeps: whether ``step`` has an argument for the states at the stages and before the projection.
+    :param width: D.
+    :param stores_stages: whether ``step`` stores the states at the stages and before the projection.
     """
-    point, projects = argument_columns(equations), keeps or not ca.is_equal(equations.projected, equations.symbols[3])
+    point, projects = (
+        c_arguments(equations),
+        stores_stages or not ca.is_equal(equations.projected, equations.symbols[3]),
+    )
     most = OPERATIONS if width == 1 else sys.maxsize  # numbers that parts hand on are many where each is a pack
     lines = [*c_function("rates", point, [(equations.rates, "*f")], most)]
     lines += c_function("project", point, [(equations.projected, "*f")], most) if projects else ()
-    lines.append(f"static void step({_STEP}{', double *restrict kept' if keeps else ''})\n{{")
-    lines.append(f"    double time, f[S * N * D]{'' if keeps else ', at[N * D]'};")
+    lines.append(f"static void step({_STEP}{', double *restrict kept' if stores_stages else ''})\n{{")
+    lines.append(f"    double time, f[S * N * D]{'' if stores_stages else ', at[N * D]'};")
     for stage, row in enumerate(tableau.rows):
         last = stage == tableau.stages
-        state = f"(kept + {stage} * N * D)" if keeps else "at" if any(row) and (projects or not last) else "y"
+        state = f"(kept + {stage} * N * D)" if stores_stages else "at" if any(row) and (projects or not last) else "y"
         if last or state != "y":
-            lines.append(_SIMD * (width > 1) + _LOOP.format("N * D", f"{state}[i] = {_state_code(row, 'N * D')}"))
+            lines.append(
+                _SIMD * (width > 1) + _LOOP.format("N * D", f"{state}[i] = {_stage_state_expression(row, 'N * D')}")
+            )
         lines.append(f"    time = clipped(t + C[{stage}] * h, limits);")
         if not last:
             lines.append(f"    rates(&time, k, s, {state}, f + {stage} * N * D);")
         elif projects:
             lines.append(f"    project(&time, k, s, {state}, y);")
-    return head_code(equations, tableau, width) + "\n".join([*lines, "}\n"])
+    return declarations_code(equations, tableau, width) + "\n".join([*lines, "}\n"])
 
 
-def argument_columns(equations: RightHandSide, star: str = "*") -> list[Column]:
-    """Symbols and array names of t, k, s and y; k and y with D numbers an entry, or one if ``star`` is empty."""
+def c_arguments(equations: RightHandSide, *, packed: bool = True) -> list[CArray]:
+    """Symbols and C arrays of t, the lanes k, the shared values s and the states y.
+
+    :param packed: whether k and y have D numbers an entry, not one.
+    """
+    star = "*" * packed
     return list(zip(equations.symbols, ("t", f"{star}k", "s", f"{star}y"), strict=True))
 
 
-def move_code(tableau: Tableau) -> Iterator[str]:
-    """The function ``move``: the state at a stage or after the step, from the rates f of the stages."""
+def stage_state_code(tableau: Tableau) -> Iterator[str]:
+    """C function ``move`` that writes the state at a stage or after the step, from the rates f of the stages."""
     parameters = "double h, const double *restrict y, double *restrict at"
-    return _row_function("move", parameters, _SIMD, (f"at[i] = {_state_code(row, 'count')}" for row in tableau.rows))
+    return _switch_function(
+        "move", parameters, _SIMD, (f"at[i] = {_stage_state_expression(row, 'count')}" for row in tableau.rows)
+    )
 
 
-def combine_code(rows: Iterable[Sequence[float]]) -> Iterator[str]:
-    """The function ``combine``: the sum of blocks of f with the weights of a row."""
-    statements = (f"sum[i] = {_sum_code(row, 'count') or '0.0'}" for row in rows)
-    return _row_function("combine", "double *restrict sum", "", statements)
+def weighted_sum_code(rows: Iterable[Sequence[float]]) -> Iterator[str]:
+    """C function ``combine`` that sums the blocks of f with the weights of a row."""
+    statements = (f"sum[i] = {_weighted_sum_expression(row, 'count') or '0.0'}" for row in rows)
+    return _switch_function("combine", "double *restrict sum", "", statements)
 
 
-def _row_function(name: str, parameters: str, simd: str, statements: Iterable[str]) -> Iterator[str]:
-    """A function with one statement for each row, over blocks f of count numbers."""
+def _switch_function(name: str, parameters: str, simd: str, statements: Iterable[str]) -> Iterator[str]:
+    """C function that switches to the statement of a row, a loop over blocks of f of count numbers."""
     yield f"static void {name}(int row, int count, const double *restrict f, {parameters})\n{{\n    switch (row) {{"
     for row, statement in enumerate(statements):
         yield f"    case {row}:\n{simd}{_LOOP.format('count', statement)}\n        return;"
     yield "    }\n}"
 
 
-def _state_code(row: Sequence[float], count: str) -> str:
+def _stage_state_expression(row: Sequence[float], count: str) -> str:
     """C expression of the state at a stage or after the step."""
-    total = _sum_code(row, count)
+    total = _weighted_sum_expression(row, count)
     return f"y[i] + h * ({total})" if total else "y[i]"
 
 
-def _sum_code(row: Sequence[float], count: str) -> str:
+def _weighted_sum_expression(row: Sequence[float], count: str) -> str:
     """C expression of the weighted sum of blocks of f; empty if all weights are 0."""
     return " + ".join(f"{literal(weight)} * f[{q} * {count} + i]" for q, weight in enumerate(row) if weight)
 
 
-def c_function(name: str, inputs: Sequence[Column], outputs: Sequence[Column], most: int = OPERATIONS) -> Iterator[str]:
-    """C function of arrays; where an output has D numbers an entry it is a loop over these.
+def c_function(
+    name: str, inputs: Sequence[CArray], outputs: Sequence[CArray], max_operations: int = OPERATIONS
+) -> Iterator[str]:
+    """C function that computes output arrays from input arrays, in a loop over the D numbers an entry if they have D.
 
-    :param most: operations in each function of C, which this one calls.
+    :param max_operations: in each of the C functions that it calls.
     """
     loops = outputs[0][1].startswith("*")
     spill = "*v" if loops else "v"
     parts, spilled = c_parts(
-        *([(column, _array_entry(array)) for column, array in group] for group in (inputs, outputs)),
-        spill=_array_entry(spill),
-        most=most,
+        *([(column, _array_entry_format(array)) for column, array in group] for group in (inputs, outputs)),
+        spill=_array_entry_format(spill),
+        most=max_operations,
     )
     names = [array.lstrip("*") for _, array in (*inputs, *outputs)]
     taken = [f"const double *restrict {array}" for array in names[: len(inputs)]]
@@ -158,13 +171,13 @@ def c_function(name: str, inputs: Sequence[Column], outputs: Sequence[Column], m
     yield "}"
 
 
-def _array_entry(array: str) -> str:
-    """Format of an entry of an array."""
+def _array_entry_format(array: str) -> str:
+    """Format string of an entry of a C array: ``"y[{}]"``, or ``"y[{} * D + i]"`` for ``"*y"``."""
     return f"{array[1:]}[{{}} * D + i]" if array.startswith("*") else f"{array}[{{}}]"
 
 
 def _libmvec_declarations() -> Iterator[str]:
-    """Declarations that tell gcc what libmvec has; the system's header does so under -ffast-math only."""
+    """C declarations of the vector functions in libmvec; the system's header has them under -ffast-math only."""
     name, version = platform.libc_ver()
     glibc = tuple(int(part) for part in version.split(".")[:2]) if name == "glibc" else ()
     yield "#ifdef LIBMVEC"

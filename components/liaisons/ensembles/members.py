@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.base.compiler import compile_library, host
-from liaisons.ensembles.steps import Floats, call, loaded
+from liaisons.ensembles.steps import Floats, call_c_function, loaded_library
 from liaisons.errors import SimulationError
 from liaisons.fmu.code import core_files
 from liaisons.fmu.layout import first_reference
@@ -29,8 +29,8 @@ _LOCK = Lock()
 """Of the libraries, so that threads do not compile the same one at once."""
 
 
-def moved_model(model: Model, moving: Mapping[str, Model]) -> Model:
-    """The model composed with its operators; its own variables are called ``"Pendulum.theta"``.
+def model_with_operators(model: Model, moving: Mapping[str, Model]) -> Model:
+    """Model composed with its operators, in which its own variables have names such as ``"Pendulum.theta"``.
 
     :param moving: active coordinate -> model of the operator that moves it.
     """
@@ -54,20 +54,20 @@ class Members:
 
     def __init__(self, model: Model, count: int) -> None:
         with _LOCK:
-            self._code, self._prefix = _library(model), f"{model.name}."
+            self._code, self._prefix = _members_library(model), f"{model.name}."
         self._lock = Lock()  # an instance is of one thread at a time
         names = (element.name.removeprefix(self._prefix) for v in model.variables for element in v.elements())
         self._references = {name: reference for reference, name in enumerate(names, first_reference(model))}
         created = False
         with suppress(MemoryError, OverflowError, ValueError):
             self._members = np.zeros(count, _MEMBER)
-            created = call(self._code, "create_members", count, self._members)
-            finalize(self, call, self._code, "free_members", count, self._members)
+            created = call_c_function(self._code, "create_members", count, self._members)
+            finalize(self, call_c_function, self._code, "free_members", count, self._members)
         if not created:
             raise SimulationError(f"{model.name}: out of memory for {count} members; take fewer")
 
     def start(self, names: Sequence[str], values: Floats, *, time: float, tolerance: float, first: int = 0) -> None:
-        """Start members anew.
+        """Reset members, set their values, and initialize them at a time.
 
         :param values: of parameters and inputs, (members, names).
         :param tolerance: 0: that of the model.
@@ -76,30 +76,30 @@ class Members:
         members, values = self._members[first : first + len(values)], np.ascontiguousarray(values)
         self._call("start_members", members, time, tolerance, names, values)
 
-    def step(self, times: Floats, names: Sequence[str] = (), values: ArrayLike = (), begin: ArrayLike = 0.0) -> None:
+    def step(self, times: Floats, names: Sequence[str] = (), values: ArrayLike = (), origin: ArrayLike = 0.0) -> None:
         """Step all members from each time to the next one.
 
         :param values: of inputs, which are held, (members, names).
-        :param begin: what the times count from, for each member.
+        :param origin: time [s] at which the times are 0, one for all members or one for each.
         """
         values, origins = np.array(values, dtype=float, order="C"), np.empty(len(self._members))
-        origins[:] = begin
+        origins[:] = origin
         self._call("step_members", self._members, origins, len(times) - 1, np.ascontiguousarray(times), names, values)
 
     def read(self, names: Sequence[str]) -> Floats:
-        """Values of variables now, (members, names); of a member that has failed they are not a number."""
+        """Current values of variables, (members, names); not-a-number for a member that has failed."""
         values = np.full((len(self._members), len(names)), np.nan)
         self._call("read_values", self._members, names, values)
         return values
 
     def failures(self) -> dict[int, str]:
-        """Members that have failed, and the reasons."""
+        """Reasons of the members that have failed."""
         reasons = self._members["reason"]
         failed = np.flatnonzero(reasons.astype("S1") != b"").tolist()  # behind the first 0 are rests of older ones
         return {i: reasons[i].partition(b"\0")[0].decode(errors="ignore").replace(self._prefix, "") for i in failed}
 
     def _call(self, function: str, members: NDArray, *arguments: Any) -> None:
-        """Call a function of ``members.c``; names become their number and their references."""
+        """Call a function of ``members.c``, with names passed as their number and their value references."""
         made = list[Any]()
         for argument in arguments:
             if isinstance(argument, (list, tuple)):
@@ -107,17 +107,17 @@ class Members:
             else:
                 made.append(argument)
         with self._lock:
-            call(self._code, function, len(members), members, *made)
+            call_c_function(self._code, function, len(members), members, *made)
 
 
 @lru_cache
-def _library(model: Model) -> ctypes.CDLL:
-    """Library of a model, written once."""
-    return _compiled(tuple(core_files(model).items()))
+def _members_library(model: Model) -> ctypes.CDLL:
+    """Loaded library of a model's code with ``members.c``."""
+    return _compiled_members(tuple(core_files(model).items()))
 
 
 @lru_cache
-def _compiled(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
-    """Compile the code of a model with ``members.c``, once a process."""
+def _compiled_members(sources: tuple[tuple[str, bytes], ...]) -> ctypes.CDLL:
+    """Loaded library of sources with ``members.c``, compiled once for equal models."""
     own = resources.files("liaisons.ensembles").joinpath("members.c").read_bytes()
-    return loaded(compile_library({**dict(sources), "members.c": own}, host()))
+    return loaded_library(compile_library({**dict(sources), "members.c": own}, host()))

@@ -19,7 +19,7 @@ class Tableau:
 
     @property
     def stages(self) -> int:
-        """Number of stages: evaluations of the right-hand side a step."""
+        """Number of stages, the evaluations of the right-hand side a step."""
         return len(self.nodes)
 
     @property
@@ -29,7 +29,7 @@ class Tableau:
 
     @property
     def adjoint_rows(self) -> list[list[float]]:
-        """Weights for the adjoint step: row q for the derivative by the rate of stage q."""
+        """Weights of the adjoint step: row q has those of the rate of stage q, in the step and in later stages."""
         return [[row[q] if q < len(row) else 0.0 for row in (self.weights, *self.matrix)] for q in range(self.stages)]
 
 

@@ -26,6 +26,9 @@ from liaisons.mechanics.contact_forces import Compliance
 from liaisons.mechanics.model import Contact, Model, refuse_contacts, refuse_samples
 from liaisons.mechanics.unilateral import impulsive_operators
 
+Expressions = dict[str, ca.SX]
+"""Expressions by name."""
+
 DEGREE = 5
 """Of polynomials that drive inputs."""
 INTEGRALS = ("work", "dissipated")
@@ -46,7 +49,7 @@ class ContactColumns:
 
     contacts: tuple[Contact, ...]
     gaps: int
-    numbers: dict[str, ca.SX]
+    numbers: Expressions
     compliance: Compliance
     indicators: ca.SX
     pushed: ca.SX
@@ -82,7 +85,7 @@ class RightHandSide:
     outputs: ca.SX
     conditions: ca.SX
     condition_texts: tuple[str, ...]
-    prescribed: dict[str, ca.SX]
+    prescribed: Expressions
     landed: ca.SX | None
     before: tuple[ca.SX, ca.SX]
     events: ca.SX
@@ -92,27 +95,26 @@ class RightHandSide:
 
 @lru_cache(maxsize=32)
 def flat_model(declared: type[Component]) -> Model:
-    """The model of a component, its arrays element by element."""
+    """Model of a component, with arrays element by element."""
     return assemble(declared).flat()
 
 
-def smooth_model(
+def continuous_model(
     subject: Target | Model | System,
     task: str,
     remedy: str,
     error: type[LiaisonsError] = ComponentError,
     *,
-    contacts: bool = False,
+    allow_contacts: bool = False,
 ) -> Model:
-    """The model of a component or a system without samples, its arrays element by element.
+    """Model of a component or a system in continuous time, with arrays element by element.
 
-    :param task: what needs it, for the error; ``remedy``: what the user may do instead.
-    :param contacts: whether it may have any.
-    :raises LiaisonsError: if there are contacts or samples.
+    :param task: what needs the model, for the error; ``remedy``: what the user may do instead.
+    :raises LiaisonsError: for samples, and for contacts unless they are allowed.
     """
     equations = flattening.composed_model(subject) if isinstance(subject, System) else subject
     declared = equations if isinstance(equations, Model) else component(equations)
-    for refuse in (refuse_samples,) if contacts else (refuse_contacts, refuse_samples):
+    for refuse in (refuse_samples,) if allow_contacts else (refuse_contacts, refuse_samples):
         refuse(declared, task, remedy, error)
     return declared.flat() if isinstance(declared, Model) else flat_model(declared)
 
@@ -141,15 +143,15 @@ def operator_models(
     return moving
 
 
-def settable(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
-    """Variables that can be set, by name; those of operators are ``"length.amplitude"``."""
+def settable_variables(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
+    """Parameters and inputs that can be set, by name; those of operators have names such as ``"length.amplitude"``."""
     driven = {name for a in model.active if a.value in moving for name in (a.value, a.rate, a.acceleration)}
     own = {v.name: v for v in (*model.parameters, *model.inputs) if v.name not in driven}
     return own | {f"{name}.{p.name}": p for name, operator in moving.items() for p in operator.parameters}
 
 
-def check_record(model: Model, record: Iterable[str]) -> dict[str, int]:
-    """Rows of all outputs by name; raise a ComponentError if one that is to be recorded is none of them."""
+def checked_output_rows(model: Model, record: Iterable[str]) -> dict[str, int]:
+    """Row of each output by name; a ComponentError if a name to be recorded is no output."""
     rows = {variable.name: row for row, variable in enumerate(model.outputs)}
     for name in record:
         if name not in rows:
@@ -179,18 +181,18 @@ def right_hand_side(
     :raises ComponentError: for an unknown output, outputs that no state moves, or a function that is not made of scalar
         operations.
     """
-    rows = check_record(model, record)
+    rows = checked_output_rows(model, record)
     t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
-    symbol_of: dict[str, ca.SX] = {}
+    symbol_of: Expressions = {}
 
     def symbols(title: str, names: list[str]) -> ca.SX:
-        """A column of symbols, which are then known by these names."""
+        """Column of new symbols, registered by their names."""
         column = ca.SX.sym(title, len(names))
         symbol_of.update((name, column[i]) for i, name in enumerate(names))
         return column
 
-    def values(variables: Iterable[Variable], prefix: str = "") -> dict[str, ca.SX]:
-        """Symbols or declared numbers of variables by name."""
+    def values(variables: Iterable[Variable], prefix: str = "") -> Expressions:
+        """Symbols of variables by name, or their declared numbers where they have no symbols."""
         return {v.name: symbol_of.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
 
     each, once, instant = symbols("lanes", list(lanes)), symbols("shared", list(shared)), ca.SX(start_time)
@@ -198,36 +200,41 @@ def right_hand_side(
     if driven is not None:
         extra = ca.SX.sym("extra", 2 + (DEGREE + 1) * len(driven))
         once, instant = ca.vertcat(once, extra), extra[0]
-        inputs |= _driven_inputs(model, driven, extra[1:], t)
-    once, sums = ca.vertcat(once, symbols("modes", _mode_names(model))), symbols("sums", _summed_names(model))
+        inputs |= _polynomial_inputs(model, driven, extra[1:], t)
+    once, sums = (
+        ca.vertcat(once, symbols("modes", _contact_memory_names(model))),
+        symbols("sums", _impulse_sum_names(model)),
+    )
     constants, moved = (each, once), list[tuple[Model, ca.SX]]()
     for triple in model.active:
         if triple.value in moving:
             operator = moving[triple.value]
             parameters = stack(values(operator.parameters, f"{triple.value}.").values())
             moved.append((operator, parameters))
-            z = _scalars(operator.outputs_function, t, [], [], parameters, [])[0]
+            z = _scalar_results(operator.outputs_function, t, [], [], parameters, [])[0]
             inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
     u, k = stack(inputs.values()), stack(values(model.parameters).values())
 
     at_start = [instant, ca.substitute(u, t, instant), k]
-    start, memory = _scalars(model.start, *at_start)
+    start, memory = _scalar_results(model.start, *at_start)
     at_start.insert(1, start)
     memory = stack(symbol_of.get(name, value) for name, value in zip(model.memory, ca.vertsplit(memory), strict=True))
-    remembered = _scalars(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
-    outputs = _scalars(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
-    rates = _scalars(model.derivatives, t, y, u, k, memory)[0]
-    projected = y if model.project is None else _scalars(model.project, t, y, u, k)[0]
+    remembered = _scalar_results(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
+    outputs = _scalar_results(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
+    rates = _scalar_results(model.derivatives, t, y, u, k, memory)[0]
+    projected = y if model.project is None else _scalar_results(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
-    conditions, begun = (_scalars(model.conditions, *point, memory)[0] for point in ((t, y, u, k), at_start))
+    conditions, begun = (_scalar_results(model.conditions, *point, memory)[0] for point in ((t, y, u, k), at_start))
     moving_inputs = [v for v in model.inputs if v.name not in symbol_of and not inputs[v.name].is_constant()]
     domains = [(v, gap) for v in moving_inputs for gap in domain_gaps(v, inputs[v.name])]
     conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(gap for _, gap in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
 
     before = ca.SX.sym("t_before"), ca.SX.sym("shared_before", once.numel())
-    booked = _scalars(model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory)[0]
-    landed = None if driven is None else _scalars(model.jump, t, y, u, k, booked)[0]
+    booked = _scalar_results(
+        model.remember, t, y, ca.substitute(u, ca.vertcat(t, once), ca.vertcat(*before)), k, memory
+    )[0]
+    landed = None if driven is None else _scalar_results(model.jump, t, y, u, k, booked)[0]
     whole = RightHandSide(
         symbols=(t, *constants, y),
         start=start,
@@ -240,16 +247,18 @@ def right_hand_side(
         landed=landed,
         before=before,
         events=stack([_event_instants(model, k, t), *(_event_instants(operator, p, t) for operator, p in moved)]),
-        sizes=_scalars(model.nominals, *at_start)[0],
+        sizes=_scalar_results(model.nominals, *at_start)[0],
     )
-    reduced = _reduced(_with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole)
+    reduced = _reduced_to_needed_states(
+        _with_contacts(whole, model, (t, y, u, k, memory), sums) if model.contacts else whole
+    )
     if reduced is None:
         raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
     return reduced
 
 
-def _reduced(whole: RightHandSide) -> RightHandSide | None:
-    """The equations of the states on which outputs, conditions and contacts depend; None: of no state."""
+def _reduced_to_needed_states(whole: RightHandSide) -> RightHandSide | None:
+    """Equations of only the states on which outputs, conditions and contacts depend; None if they need no state."""
     y, contacts, landed = whole.symbols[3], whole.contacts, whole.landed
     maps = [x for x in (whole.rates, whole.projected, landed) if x is not None]
     watched = [whole.outputs, whole.conditions]
@@ -271,28 +280,28 @@ def _reduced(whole: RightHandSide) -> RightHandSide | None:
     )
 
 
-def _mode_names(model: Model) -> list[str]:
-    """Names of what the memory of contacts has, and no motion changes but at events."""
+def _contact_memory_names(model: Model) -> list[str]:
+    """Names of the contacts' memory, which changes at events only: modes, counts of impacts, starts of rests."""
     gaps = [c for c in model.contacts if not c.friction]
     modes = [c.variable("direction" if c.friction else "closed") for c in model.contacts]
     return modes + [c.variable(ending) for ending in ("impacts", "rests_from") for c in gaps]
 
 
-def _loss(contact: Contact) -> str:
-    """Name of the energy that impacts of a contact take."""
+def _impact_loss_name(contact: Contact) -> str:
+    """Name of the output of the energy that impacts of a contact dissipate."""
     part, dot, _ = contact.name.rpartition(".")
     return f"{part}{dot}impact_loss"
 
 
-def _summed_names(model: Model) -> list[str]:
-    """Names of what impacts add to."""
+def _impulse_sum_names(model: Model) -> list[str]:
+    """Names of the sums to which impacts add: impulses of contacts and of operators, and dissipated energies."""
     impulses = [c.variable("impulse") for c in model.contacts if not c.friction]
     operators = [f"{name}_impulse" for name in impulsive_operators(model)]
-    return [*impulses, *operators, *dict.fromkeys(map(_loss, model.contacts))]
+    return [*impulses, *operators, *dict.fromkeys(map(_impact_loss_name, model.contacts))]
 
 
 def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], sums: ca.SX) -> RightHandSide:
-    """The equations with contacts; behind the states are the sums of what impacts add to.
+    """Equations with contacts, and with the sums of impacts as further states behind the others.
 
     :param point: t, y, u, k and memory.
     """
@@ -300,25 +309,25 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
     assert model.push is not None
     assert model.indicate is not None
     contacts, gaps, y = model.contacts, sum(not c.friction for c in model.contacts), point[1]
-    numbers = dict(zip(model.contact.name_out(), _scalars(model.contact, *point), strict=True))
+    numbers = dict(zip(model.contact.name_out(), _scalar_results(model.contact, *point), strict=True))
     impulses, shifts, unmoved = ca.SX.sym("impulses", len(contacts)), ca.SX.sym("shifts", gaps), ca.SX.zeros(gaps)
-    once, _ = _scalars(model.push, *point, impulses, unmoved)
-    twice, operators = _scalars(model.push, point[0], once, *point[2:], impulses, unmoved)
+    once, _ = _scalar_results(model.push, *point, impulses, unmoved)
+    twice, operators = _scalar_results(model.push, point[0], once, *point[2:], impulses, unmoved)
     compliance = Compliance.of_numbers(numbers)
     numbers = {name: column for name, column in numbers.items() if name not in compliance.numbers()}
     numbers["G"] = ca.vec(compliance.matrix)
     change = compliance.U @ (compliance.V @ impulses)
     lost = -impulses * (numbers["v"] + change / 2)  # at the mean of the rates before and after
-    losses = list(map(_loss, contacts))
+    losses = list(map(_impact_loss_name, contacts))
     of_parts = [sum(lost[i] for i, name in enumerate(losses) if name == part) for part in dict.fromkeys(losses)]
     columns = ContactColumns(
         contacts,
         gaps,
         numbers,
         compliance,
-        indicators=_scalars(model.indicate, *point)[0],
+        indicators=_scalar_results(model.indicate, *point)[0],
         pushed=ca.vertcat((y + twice) / 2, sums + ca.vertcat(impulses[:gaps, :], operators, *of_parts)),
-        restored=ca.vertcat(_scalars(model.push, *point, impulses, shifts)[0], sums),
+        restored=ca.vertcat(_scalar_results(model.push, *point, impulses, shifts)[0], sums),
         impulses=impulses,
         shifts=shifts,
     )
@@ -335,8 +344,11 @@ def _with_contacts(whole: RightHandSide, model: Model, point: Sequence[ca.SX], s
     )
 
 
-def _driven_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
-    """Inputs that are polynomials by name; of an active coordinate its rate and acceleration, too."""
+def _polynomial_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX) -> Expressions:
+    """Inputs as polynomials of time by name, with the rate and acceleration of an active coordinate.
+
+    :param numbers: origin of the time, then the coefficients of each input.
+    """
     triples, values = {a.value: (a.value, a.rate, a.acceleration) for a in model.active}, {}
     for i, name in enumerate(driven):
         coefficients = numbers[1 + i * (DEGREE + 1) : 1 + (i + 1) * (DEGREE + 1)]
@@ -347,8 +359,8 @@ def _driven_inputs(model: Model, driven: Sequence[str], numbers: ca.SX, t: ca.SX
 
 
 def _event_instants(model: Model, k: ca.SX, t: ca.SX) -> ca.SX:
-    """Instants at which a model's equations are not smooth."""
-    return _scalars(model.events, *(k, t)[: model.events.n_in()])[0]
+    """Instants at which the equations of a model are not smooth; a column."""
+    return _scalar_results(model.events, *(k, t)[: model.events.n_in()])[0]
 
 
 def domain_gaps(variable: Variable, value: Any) -> list[Any]:
@@ -358,8 +370,8 @@ def domain_gaps(variable: Variable, value: Any) -> list[Any]:
     return [gap if variable.strict else gap >= 0 for gap in gaps]
 
 
-def _scalars(function: ca.Function, *arguments: Any) -> list[ca.SX]:
-    """Results of a function as scalar expressions, although its own graph may be of matrices."""
+def _scalar_results(function: ca.Function, *arguments: Any) -> list[ca.SX]:
+    """Results of a function as expressions of scalar operations, also where its own graph is of matrices."""
     columns = [ca.SX(0, 1) if isinstance(argument, list) else argument for argument in arguments[: function.n_in()]]
     try:
         return [ca.densify(result) for result in function.call(columns, True, False)]

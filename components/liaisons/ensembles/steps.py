@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,9 @@ LANES = 32
 Floats = NDArray[np.float64]
 
 Advance = Callable[[float, float, int, Floats, Floats], None]
-"""(start time, step size, steps, values of the lanes, states): moves the states, (blocks, ..., LANES) each, in place;
-may be called from several threads at once, for blocks of their own."""
+"""(start time, step size, steps, values of the lanes, states): advances states in place; arrays (blocks, ..., LANES).
+
+Several threads may call it at once, each for blocks of its own."""
 
 _PRECISE = (
     *("-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"),
@@ -62,48 +63,47 @@ void integrate(long blocks, long steps, double start, double h, const double *sh
 """
 
 
-def compiled(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
-    """Function that takes steps of all cases, in machine code.
+def compiled_advance(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
+    """Function that advances all cases by steps of one size, in machine code.
 
     :param shared: values that all cases share.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    code = library(source(equations, tableau))
+    code = compiled_library(ensemble_code(equations, tableau))
 
     def advance(start: float, size: float, steps: int, lanes: Floats, states: Floats) -> None:
-        """Advance the states of blocks by steps of one size."""
-        call(code, "integrate", len(states), steps, start, size, shared, lanes, states)
+        call_c_function(code, "integrate", len(states), steps, start, size, shared, lanes, states)
 
     return advance
 
 
-def packs(rows: Floats, width: int = LANES, fill: Literal["constant", "edge"] = "constant") -> Floats:
-    """(rows, columns) as (blocks, rows, width); the last block is filled up with zeros, or with the last column."""
+def lane_blocks(rows: Floats, width: int = LANES) -> Floats:
+    """Blocks of ``width`` columns each, (blocks, rows, width), the last one padded with the last column."""
     blocks = -(-rows.shape[1] // width)
-    padded = np.pad(rows, ((0, 0), (0, blocks * width - rows.shape[1])), mode=fill)
+    padded = np.pad(rows, ((0, 0), (0, blocks * width - rows.shape[1])), mode="edge")
     return np.ascontiguousarray(padded.reshape(len(rows), blocks, width).swapaxes(0, 1))
 
 
-def unpacked(blocks: Floats, count: int) -> Floats:
-    """(..., blocks, rows, width) as (..., rows, columns), of which there are ``count``."""
+def rows_of_blocks(blocks: Floats, count: int) -> Floats:
+    """Array (..., rows, count) of the first ``count`` columns in blocks (..., blocks, rows, width)."""
     rows = blocks.swapaxes(-3, -2)
     return rows.reshape(*rows.shape[:-2], blocks.shape[-3] * blocks.shape[-1])[..., :count]
 
 
-def source(equations: RightHandSide, tableau: Tableau) -> str:
-    """C99 code of an ensemble."""
+def ensemble_code(equations: RightHandSide, tableau: Tableau) -> str:
+    """C99 code that integrates blocks of lanes."""
     return step_code(equations, tableau, LANES) + _INTEGRATE
 
 
-def call(code: ctypes.CDLL, name: str, *arguments: Any) -> int:
-    """Call a C function of a library; arrays must be contiguous and have the type that it takes."""
-    called = getattr(code, name)
+def call_c_function(library: ctypes.CDLL, name: str, *arguments: Any) -> int:
+    """Call a C function of a library, with contiguous arrays of the types that it takes."""
+    called = getattr(library, name)
     called.restype = ctypes.c_long
     return called(*map(_c_argument, arguments))
 
 
 def _c_argument(argument: Any) -> Any:
-    """The argument as ctypes object."""
+    """Argument of a C function as a ctypes object."""
     if isinstance(argument, np.ndarray):
         assert argument.flags.c_contiguous
         return ctypes.c_void_p(argument.ctypes.data)
@@ -111,25 +111,27 @@ def _c_argument(argument: Any) -> Any:
 
 
 @lru_cache(maxsize=64)
-def library(code: str, *options: str) -> ctypes.CDLL:
-    """Compile C code and load the library; the same code is compiled once a process.
+def compiled_library(code: str, *options: str) -> ctypes.CDLL:
+    """Loaded library of C code, compiled once a process.
 
-    :param options: of the compiler, beside those for packs.
+    :param options: of the compiler, beside those for lanes.
     :raises BuildError: if there is no compiler, or it fails.
     """
-    return loaded(_library_bytes(code.encode(), [(*best, *options) for best in _OPTIONS]))
+    return loaded_library(_library_bytes(code.encode(), [(*best, *options) for best in _OPTIONS]))
 
 
-def loaded(content: bytes) -> ctypes.CDLL:
-    """Load a library from its bytes."""
-    with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:  # Windows keeps what is loaded
+def loaded_library(content: bytes) -> ctypes.CDLL:
+    """Library loaded from the content of its file."""
+    with TemporaryDirectory(
+        prefix="liaisons-", ignore_cleanup_errors=True
+    ) as folder:  # Windows keeps what is loaded_library
         path = Path(folder, f"ensemble{host().extension}")
         path.write_bytes(content)
         return ctypes.CDLL(str(path))
 
 
 def _library_bytes(code: bytes, option_sets: Sequence[tuple[str, ...]]) -> bytes:
-    """Compile C code by the first set of options that the compiler takes."""
+    """Content of the library that C code compiles to with the first option set that the compiler takes."""
     options, *further = option_sets
     target = host()
     try:

@@ -18,8 +18,8 @@ from liaisons.fmu.calls import Call
 from liaisons.gymnasium.task import Floats, Task
 from liaisons.interface import start
 from liaisons.library import component
-from liaisons.pictures.drawing import pixels
-from liaisons.pictures.frames import frames
+from liaisons.pictures.drawing import frame_images
+from liaisons.pictures.frames import picture_frames
 from liaisons.pictures.stage import Stage
 from liaisons.planning import Plan, plan
 
@@ -121,8 +121,10 @@ class Environment(gymnasium.Env[Any, Any]):
         names = self._scene.picture.variables
         self._shown.append([self._run.time, *map(self._value, names)])
         time, *columns = np.transpose(self._shown)
-        shown = frames(self._scene.picture, time, dict(zip(names, columns, strict=True)).__getitem__, title=self.title)
-        return next(pixels(Stage(shown), first=len(time) - 1, ratio=1.0))
+        shown = picture_frames(
+            self._scene.picture, time, dict(zip(names, columns, strict=True)).__getitem__, title=self.title
+        )
+        return next(frame_images(Stage(shown), first=len(time) - 1, ratio=1.0))
 
     def close(self) -> None:
         """Free the FMUs."""

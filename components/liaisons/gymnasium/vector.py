@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from liaisons.base.arguments import numbers, whole
 from liaisons.ensembles.members import Members
 from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import domain_gaps, right_hand_side, settable, smooth_model
-from liaisons.ensembles.steps import compiled, packs, unpacked
+from liaisons.ensembles.right_hand_sides import continuous_model, domain_gaps, right_hand_side, settable_variables
+from liaisons.ensembles.steps import compiled_advance, lane_blocks, rows_of_blocks
 from liaisons.errors import InvalidValueError, SimulationError
 from liaisons.expressions import program
 from liaisons.gymnasium.environment import Environment
@@ -42,7 +42,9 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
     def __init__(self, *subject: Any, num_envs: int = 1, **settings: Any) -> None:
         """Take the settings of :class:`Task`, and how many copies."""
         declared = component(Task(*subject, **settings).subject)
-        model = smooth_model(declared, "a VectorEnvironment", "take Environment, which runs its FMU", contacts=True)
+        model = continuous_model(
+            declared, "a VectorEnvironment", "take Environment, which runs its FMU", allow_contacts=True
+        )
         one = Environment(*subject, **settings)  # refuses what is wrong
         one.close()
         whole("num_envs", num_envs)
@@ -55,7 +57,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self._moved = [name for port in self.task.act_ports for name in port[:-1]]
         self._names = list(dict.fromkeys([*self.task.act, *self.task.randomize, *self._moved]))
         self._fixed = [row for row, name in enumerate(self._names) if name not in self._moved]
-        variables = settable(model, {})
+        variables = settable_variables(model, {})
         values = {name: variable.starts[0] for name, variable in variables.items()} | dict(self.task.start_values)
         self._common = [name for name in self.task.start_values if name not in self._names]
         self._first, self._shared = (
@@ -87,13 +89,13 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             rates=ca.vertcat(rates, *(lanes[name] for port in task.act_ports for name in port[1:]), 1),
             projected=ca.vertcat(projected, followed),
         )
-        step = compiled(equations, METHODS["rk8"], self._shared)
+        step = compiled_advance(equations, METHODS["rk8"], self._shared)
         starts = program([each, once], [ca.vertcat(original.start, *(lanes[name] for name in moved), 0)])
 
         def advance(size: float) -> Floats:
-            blocks, fixed = packs(self._states, fill="edge"), packs(self._values[self._fixed], fill="edge")
+            blocks, fixed = lane_blocks(self._states), lane_blocks(self._values[self._fixed])
             step(0.0, size, 1, fixed, blocks)
-            return unpacked(blocks, self.num_envs)
+            return rows_of_blocks(blocks, self.num_envs)
 
         def start(restarted: Truths) -> Floats:
             return starts.evaluate([self._values[:, restarted], self._shared])[0]
@@ -105,7 +107,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             balance = signals["energy"] - signals["work"] + signals["dissipated"]
         begun = range(len(model.condition_texts) - model.start_only, len(model.condition_texts))
         lasting = [row for row in range(conditions.numel()) if row not in begun]
-        gaps = [gap for name in moved for gap in domain_gaps(settable(model, {})[name], lanes[name])]
+        gaps = [gap for name in moved for gap in domain_gaps(settable_variables(model, {})[name], lanes[name])]
         last = ca.vertcat(conditions[lasting], *gaps)
         self._program = program(columns, [task.measures(signals | lanes), balance, last])
 
@@ -119,7 +121,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
             values = dict(zip(self._names, self._values, strict=True))
             values |= dict(zip(moved, self._states[len(outputs) :], strict=True))
             held = np.stack([values[name] for name in inputs], axis=-1)
-            members.step(np.array([0.0, size]), inputs, held, begin=time)
+            members.step(np.array([0.0, size]), inputs, held, origin=time)
             time[:] += size
             values = task.advance_moved(values, size)
             return np.vstack([members.read(outputs).T, *(values[name] for name in moved)])

@@ -41,7 +41,7 @@ class NullSpace:
 
     @classmethod
     def from_jacobian(cls, jacobian: Floats, values: Floats, size: float = 0.0) -> NullSpace:
-        """The null space of the derivatives of residuals, shape (residuals, unknowns).
+        """Null space of a Jacobian of residuals, shape (residuals, unknowns).
 
         :param size: norm of all measured values, each divided by its standard deviation.
         """
@@ -59,17 +59,19 @@ class NullSpace:
         return np.linalg.norm(self.directions, axis=1) > _INVOLVED
 
     @property
-    def dependent(self) -> list[int]:
-        """Indices of the unknowns that have to be held to determine all others: the last ones possible."""
-        return _last_basis(self.directions)
+    def unknowns_to_hold(self) -> list[int]:
+        """Indices of unknowns that determine all others when they are held; as far back in the order as possible."""
+        return _last_independent_rows(self.directions)
 
 
 def _scales(values: Floats) -> Floats:
-    """Absolute values; 1 for those that are 0."""
+    """Absolute values, with 1 in place of 0."""
     return np.where(values == 0, 1.0, np.abs(values))
 
 
-def sentences(null_space: NullSpace, nearby: NullSpace, names: Sequence[str], measured: Sequence[str]) -> Iterator[str]:
+def indeterminacy_sentences(
+    null_space: NullSpace, nearby: NullSpace, names: Sequence[str], measured: Sequence[str]
+) -> Iterator[str]:
     """Yield sentences such as ``"of gravity and length only gravity/length is determined by theta"``.
 
     :param nearby: null space at other values; only a product that both share is reported.
@@ -95,10 +97,10 @@ def sentences(null_space: NullSpace, nearby: NullSpace, names: Sequence[str], me
 def _determined_combinations(
     null_space: NullSpace, nearby: NullSpace, members: list[int], names: list[str]
 ) -> list[str]:
-    """Combinations that are determined, of some unknowns, as texts: products, else sums, else their number."""
+    """Texts of the determined combinations of some unknowns: products, else sums, else their number."""
     for written in (_product_text, _sum_text):
         rows = [
-            _integer_rows(
+            _integer_exponents(
                 space.directions[members] * (_scales(space.values)[members, None] if written is _sum_text else 1)
             )
             for space in (null_space, nearby)
@@ -113,11 +115,11 @@ def _determined_combinations(
     return [f"{count} combination{'s' if count > 1 else ''} near these values"] if count else []
 
 
-def _integer_rows(directions: Floats) -> list[tuple[int, ...]] | None:
-    """Integer exponents orthogonal to the null directions; None unless there are small ones."""
+def _integer_exponents(directions: Floats) -> list[tuple[int, ...]] | None:
+    """Integer exponents orthogonal to the null directions; None if they are not small integers."""
     basis = null_space(directions.T, rcond=_INVOLVED)
     rows = []
-    for row in (basis @ np.linalg.inv(basis[_last_basis(basis)])).T.tolist():
+    for row in (basis @ np.linalg.inv(basis[_last_independent_rows(basis)])).T.tolist():
         fractions = [Fraction(x).limit_denominator(_LARGEST_EXPONENT) for x in row]
         common = math.lcm(*(fraction.denominator for fraction in fractions))
         whole = [int(fraction * common) for fraction in fractions]
@@ -132,8 +134,8 @@ def _integer_rows(directions: Floats) -> list[tuple[int, ...]] | None:
     return rows
 
 
-def _last_basis(rows: Floats) -> list[int]:
-    """Indices of the last rows that form a basis of all rows."""
+def _last_independent_rows(rows: Floats) -> list[int]:
+    """Indices of linearly independent rows that span all rows, chosen from the last row backwards."""
     chosen: list[int] = []
     for i in reversed(range(len(rows))):
         if np.linalg.matrix_rank(rows[[*chosen, i]], tol=_INVOLVED) > len(chosen):

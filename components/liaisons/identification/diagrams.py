@@ -16,7 +16,7 @@ from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats, MeasuredMotion
-from liaisons.identification.replaying import replays
+from liaisons.identification.verifying import replays
 from liaisons.results import Result
 from liaisons.results.figures import new_figure, save
 
@@ -38,13 +38,13 @@ class Fitted(Protocol):
 
 
 def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
-    """Draw measured points over the fitted motion, the band that holds 95 % of them, and residuals below.
+    """Figure of measured points over the fitted motion with its 95 % band, and of residuals below.
 
     :param names: measured signals, arrays of them, and counts of impacts, one by one or in a list; default: all.
     :param path: where to save the figure, its kind by the suffix.
     :raises IdentificationError: for a signal that was not measured.
     """
-    tables = _tables(fit.estimate)
+    tables = _residual_tables(fit.estimate)
     units = {name: e.motion.units[name] for e, _ in tables for name in e.measurements.signals}
     arrays = {split(name)[0]: unit for name, unit in units.items()}
     chosen = [name for group in names for name in listed("plot", group, IdentificationError)] or [
@@ -62,7 +62,7 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
         own = [(e, table, row) for e, table in tables for row in e.measurements.signals if name in {row, split(row)[0]}]
         for i, (experiment, table, row) in enumerate(own):
             color, times = f"C{i}", table.time
-            dense, curve, low, high = _fitted_curve(fit.estimate, experiment, row)
+            dense, curve, low, high = _fitted_band(fit.estimate, experiment, row)
             above.fill_between(dense, low, high, color=color, alpha=0.2)
             above.plot(dense, curve, color=color)
             label = f"{row}, {Path(experiment.measurements.title).name}"
@@ -75,11 +75,13 @@ def plot(fit: Fitted, *names: str | Iterable[str], path: Path | str | None = Non
         above.set_ylabel(f"{name} [{units[name]}]")
         above.legend(frameon=False, fontsize="small")
         below.set(xlabel="time [s]", ylabel=f"residual [{units[name] if own else 's'}]")
-    return _save_figure(figure, path)
+    if path is not None:
+        save(figure, as_path("path", path))
+    return figure
 
 
 def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path: Path | str | None = None) -> Figure:
-    """Draw the confidence ellipse of two unknowns.
+    """Figure of the confidence ellipse of two unknowns.
 
     :raises IdentificationError: for a name that is no unknown, or an unknown without a variance.
     """
@@ -102,11 +104,13 @@ def plot_ellipse(fit: Fitted, a: str, b: str, probability: float = 0.95, *, path
     labels = [f"{problem.names[i]} [{problem.units[i]}]" for i in pair]
     diagram.set(xlabel=labels[0], ylabel=labels[1])
     diagram.legend(frameon=False)
-    return _save_figure(figure, path)
+    if path is not None:
+        save(figure, as_path("path", path))
+    return figure
 
 
 def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float | None = None) -> float:
-    """Write a film of the fitted motion; a ghost shows measured coordinates and points.
+    """Write a film of the fitted motion, in which a ghost has the measured coordinates and points.
 
     :param path: ends in ``.gif``, ``.png`` (a strip of instants) or ``.mp4`` (needs the extra ``film``).
     :param experiment: its number, from 1.
@@ -127,14 +131,16 @@ def animate(fit: Fitted, path: Path | str, *, experiment: int = 1, speed: float 
 
 
 def to_csv(fit: Fitted, path: Path | str) -> None:
-    """Write measured and fitted signals and residuals; further experiments go to ``NAME_2.csv`` and so on.
+    """Write measured and fitted signals and residuals, those of further experiments to ``NAME_2.csv`` and so on.
 
     Instants of impacts go to ``NAME_gap_impacts.csv``, by the times at which they were measured.
 
     :raises SimulationError: if a file cannot be written.
     """
     path = as_path("to_csv", path)
-    for i, ((experiment, table), instants) in enumerate(zip(_tables(fit.estimate), fit.estimate.instants, strict=True)):
+    for i, ((experiment, table), instants) in enumerate(
+        zip(_residual_tables(fit.estimate), fit.estimate.instants, strict=True)
+    ):
         own = path.with_stem(f"{path.stem}_{i + 1}") if i else path
         table.to_csv(own)
         for name, fitted in instants.items():
@@ -145,10 +151,10 @@ def to_csv(fit: Fitted, path: Path | str) -> None:
             Result(table.title, times, names, columns, units).to_csv(own.with_stem(f"{own.stem}_{name}"))
 
 
-def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
-    """Each experiment with a table of measured values, fitted values and residuals."""
+def _residual_tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
+    """Experiments, each with a table of its measured values, fitted values and residuals."""
     tables = []
-    for experiment, fitted in zip(estimate.objective.experiments, estimate.fitted, strict=True):
+    for experiment, fitted in zip(estimate.objective.experiments, estimate.fitted_signals, strict=True):
         data, columns, units = experiment.measurements, {}, {}
         for name, measured, signal in zip(data.signals, data.values, fitted, strict=True):
             columns |= {name: measured, f"fitted {name}": signal, f"residual of {name}": measured - signal}
@@ -158,10 +164,10 @@ def _tables(estimate: ParameterEstimate) -> list[tuple[MeasuredMotion, Result]]:
     return tables
 
 
-def _fitted_curve(
+def _fitted_band(
     estimate: ParameterEstimate, experiment: MeasuredMotion, name: str
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Times, fitted values, and both ends of the confidence band."""
+    """Times, fitted values, lower and upper end of the band that holds 95 % of the measurements."""
     data = experiment.measurements
     row = data.signals.index(name)
     times = np.linspace(data.times[0], data.times[-1], _CURVE_POINTS)
@@ -174,15 +180,8 @@ def _fitted_curve(
 
 
 def _draw_instants(above: Axes, below: Axes, data: Measurements, name: str, times: Floats) -> None:
-    """Draw how many impacts there are, as fitted, and points where they were measured."""
+    """Draw the fitted number of impacts over time, and points at the measured instants."""
     measured, numbers = data.instants[name][0], np.arange(1, 1 + len(times))
     (line,) = above.step(times, numbers, where="post")
     above.plot(measured, numbers, ".", color=line.get_color(), label=f"{name}, {Path(data.title).name}")
     below.plot(measured, measured - times, ".", color=line.get_color())
-
-
-def _save_figure(figure: Figure, path: Path | str | None) -> Figure:
-    """Save a figure if there is a path, and return the figure."""
-    if path is not None:
-        save(figure, as_path("path", path))
-    return figure

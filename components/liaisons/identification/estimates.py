@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from scipy.optimize import brentq
@@ -13,7 +13,7 @@ from scipy.stats import norm, t
 
 from liaisons.derivatives.contact_motion import Branch
 from liaisons.errors import LiaisonsError
-from liaisons.identification.determinacy import NullSpace, sentences
+from liaisons.identification.determinacy import NullSpace, indeterminacy_sentences
 from liaisons.identification.minimising import Minimum, loss_derivatives, minimise
 from liaisons.identification.problems import FittingProblem, Floats, Objective
 
@@ -22,6 +22,18 @@ _SECOND_POINT_DISTANCE = 0.02
 _MAX_DOUBLINGS = 40
 ROUNDING = 1e-7
 """Residuals below this fraction of their signal are integration errors."""
+
+
+class StandardisedResiduals(NamedTuple):
+    """Residuals of a signal divided by its standard deviation, and their rounding error.
+
+    :param regressors: what noise may grow with, time and size of the signal, shape (1 or 2, residuals).
+    """
+
+    label: str
+    residuals: Floats
+    rounding: float
+    regressors: Floats
 
 
 @final
@@ -59,7 +71,7 @@ class ParameterEstimate:
         return self.objective.null_space(self.values)
 
     @cached_property
-    def sentences(self) -> tuple[str, ...]:
+    def indeterminacy_sentences(self) -> tuple[str, ...]:
         """Sentences that name what the measurements do not determine."""
         if not self.null_space.directions.size:
             return ()
@@ -71,12 +83,12 @@ class ParameterEstimate:
         except LiaisonsError:  # start values that contradict each other
             nearby = self.null_space
         signals = dict.fromkeys(name for d in self.problem.measurements for name in (*d.signals, *d.instants))
-        return tuple(sentences(self.null_space, nearby, self.problem.names, list(signals)))
+        return tuple(indeterminacy_sentences(self.null_space, nearby, self.problem.names, list(signals)))
 
     @cached_property
     def covariance(self) -> Floats:
         """Covariance of the unknowns; not-a-number if undetermined, at a bound, or without an estimate of the noise."""
-        own = np.setdiff1d(np.arange(len(self.values)), self.fixed)
+        own = np.setdiff1d(np.arange(len(self.values)), self.fixed_indices)
         covariance = np.full((len(self.values),) * 2, np.nan)
         if not self.has_noise_estimate:
             return covariance
@@ -106,7 +118,7 @@ class ParameterEstimate:
         return tuple(experiment.branch(self.values) for experiment in self.objective.experiments)
 
     @property
-    def fitted(self) -> tuple[Floats, ...]:
+    def fitted_signals(self) -> tuple[Floats, ...]:
         """Signals of each experiment at its times, shape (signals, times)."""
         return tuple(branch.signals for branch in self.branches)
 
@@ -118,7 +130,7 @@ class ParameterEstimate:
 
     @property
     def event_sentences(self) -> Iterator[str]:
-        """Sentences on events where the fitted motion has derivatives to one side only, and on missing impacts."""
+        """Yield sentences on events with one-sided derivatives only, and on measured impacts that the motion lacks."""
         for experiment, branch in zip(self.objective.experiments, self.branches, strict=True):
             data, names = experiment.measurements, np.array(self.problem.names)[list(experiment.columns)]
             for instant, columns, reason, lasts in branch.undefined:
@@ -131,39 +143,39 @@ class ParameterEstimate:
                     words = f"the motion has {count} of {len(times)} impacts"
                     yield f"{data.title}: {name}: {words}; the others are continued at equal distances"
 
-    def standardised(self) -> Iterator[tuple[str, Floats, float, Floats]]:
-        """Yield name, standardised residuals and their rounding error of each signal.
-
-        The fourth item has what noise may grow with, time and size of the signal, shape (1 or 2, residuals).
-        """
-        several = len(self.fitted) > 1
-        for i, (experiment, fitted) in enumerate(zip(self.objective.experiments, self.fitted, strict=True), start=1):
+    def standardised_residuals(self) -> Iterator[StandardisedResiduals]:
+        """Yield the residuals of each signal, and those of the instants of its impacts."""
+        several = len(self.fitted_signals) > 1
+        for i, (experiment, fitted) in enumerate(
+            zip(self.objective.experiments, self.fitted_signals, strict=True), start=1
+        ):
             data = experiment.measurements
             of_signals = zip(data.signals, data.values, fitted, experiment.deviations, strict=True)
             rows = [(*row, [data.times, np.abs(row[2])]) for row in of_signals]
             for name, times in self.instants[i - 1].items():
                 rows.append((f"instants of {name}", data.instants[name][0], times, data.instants[name][1], [times]))
-            for name, measured, own, level, grows_with in rows:
+            for name, measured, own, level, regressors in rows:
                 present = np.isfinite(measured)
                 rounding = ROUNDING * float(np.abs(own).max()) / level
                 label = f"{name} ({i})" if several else name
-                yield label, (measured - own)[present] / level, rounding, np.array(grows_with)[:, present]
+                residuals = (measured - own)[present] / level
+                yield StandardisedResiduals(label, residuals, rounding, np.array(regressors)[:, present])
 
-    def with_finer_steps(self) -> Minimum:
-        """The minimum at a tenth of the integration tolerance."""
+    def minimum_with_finer_steps(self) -> Minimum:
+        """Minimum of the objective at a tenth of the integration tolerance."""
         levels = [experiment.deviations for experiment in self.objective.experiments]
-        finer = self.problem.objective(self.values, levels, self.problem.tolerance / 10)
-        return minimise(finer, self.values, self.fixed)
+        finer = replace(self.problem, tolerance=self.problem.tolerance / 10).objective(self.values, levels)
+        return minimise(finer, self.values, self.fixed_indices)
 
     @property
-    def fixed(self) -> tuple[int, ...]:
+    def fixed_indices(self) -> tuple[int, ...]:
         """Indices of unknowns that are held, or at a bound."""
         return *self.held, *self.at_bound
 
     @property
     def degrees_of_freedom(self) -> int:
         """Number of measured values and priors minus number of fitted unknowns."""
-        return len(self.linearization[0]) - len(self.values) + len(self.fixed)
+        return len(self.linearization[0]) - len(self.values) + len(self.fixed_indices)
 
     @property
     def has_noise_estimate(self) -> bool:
@@ -175,7 +187,7 @@ class ParameterEstimate:
         half = self._quantile((1 + probability) / 2) * self.standard_errors
         ends = np.clip(self.values + np.outer([-1, 1], half), *self.objective.limits).T
         for i in self.at_bound:
-            ends[i] = sorted([self.values[i], self._profile_end(i, self._quantile(probability))])
+            ends[i] = sorted([self.values[i], self._profile_likelihood_end(i, self._quantile(probability))])
         return ends
 
     def _quantile(self, probability: float) -> float:
@@ -184,17 +196,17 @@ class ParameterEstimate:
             norm.ppf(probability) if self.problem.noise else t.ppf(probability, max(1, self.degrees_of_freedom))
         )
 
-    def _profile_end(self, i: int, quantile: float) -> float:
-        """Value of an unknown at which the minimal cost has risen by half the square of a quantile."""
+    def _profile_likelihood_end(self, i: int, quantile: float) -> float:
+        """End of a one-sided interval: the value at which the minimal cost has risen by half the squared quantile."""
         best = self.minimum
         side = 1 if self.values[i] == self.objective.limits[0, i] else -1
         latest = [best]
 
         def excess(distance: float) -> float:
-            """Twice the rise of the minimal cost at a distance, less the square of the quantile."""
+            """Twice the rise of the minimal cost at a distance from the bound, minus the squared quantile."""
             start = latest[0].values.copy()
             start[i] = self.values[i] + side * distance
-            latest[0] = minimise(self.objective, start, {i, *self.fixed})
+            latest[0] = minimise(self.objective, start, {i, *self.fixed_indices})
             return 2 * (latest[0].cost - best.cost) - quantile**2
 
         distance = quantile / float(np.linalg.norm(self.linearization[1][:, i]))
@@ -204,8 +216,8 @@ class ParameterEstimate:
             distance *= 2
         return side * np.inf
 
-    def refits(self, count: int) -> Floats:
-        """Unknowns fitted to simulated measurements, shape (count, unknowns).
+    def bootstrap_fits(self, count: int) -> Floats:
+        """Unknowns of fits to simulated measurements (parametric bootstrap), shape (count, unknowns).
 
         The noise is normal; for a robust loss it is drawn from the residuals.
         """
@@ -216,5 +228,5 @@ class ParameterEstimate:
             if self.problem.loss != "linear":
                 noise = random.choice(residuals, residuals.shape)
             simulated = replace(self.objective, shift=self.objective.shift - residuals - noise)
-            fitted[:] = minimise(simulated, self.values, self.fixed, 1e-8).values
+            fitted[:] = minimise(simulated, self.values, self.fixed_indices, 1e-8).values
         return values

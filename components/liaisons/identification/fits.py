@@ -14,8 +14,7 @@ from liaisons.identification import diagrams
 from liaisons.identification.estimates import ParameterEstimate
 from liaisons.identification.measurements import Measurements
 from liaisons.identification.problems import Floats
-from liaisons.identification.replaying import replays
-from liaisons.identification.verifying import verdicts
+from liaisons.identification.verifying import replays, verdicts
 from liaisons.results import Result
 
 
@@ -81,10 +80,10 @@ class Fit:
             for i in estimate.at_bound
         )
         held = (f"{self.names[i]} is held at {estimate.values[i]:g}" for i in estimate.held)
-        count = len(self.names) - len(estimate.fixed)
+        count = len(self.names) - len(estimate.fixed_indices)
         unsure = f"{count} unknowns from as many numbers leave no residual that shows the noise; give noise="
         return (
-            *estimate.sentences,
+            *estimate.indeterminacy_sentences,
             *estimate.event_sentences,
             *held,
             *bounds,
@@ -111,11 +110,11 @@ class Fit:
     @property
     def signals(self) -> tuple[Floats, ...]:
         """The fitted motion of each experiment at its times, shape (signals, times)."""
-        return self.estimate.fitted
+        return self.estimate.fitted_signals
 
     @property
     def instants(self) -> tuple[dict[str, Floats], ...]:
-        """Instants [s] of the impacts that were measured, in the fitted motion of each experiment."""
+        """Instants [s] of the measured impacts in the fitted motion, of each experiment."""
         return self.estimate.instants
 
     @property

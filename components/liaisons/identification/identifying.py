@@ -16,13 +16,13 @@ from liaisons.base.arguments import as_path, chosen, finite, listed, merged, nam
 from liaisons.base.array_names import split
 from liaisons.base.files import beside, toml_arguments
 from liaisons.cosim import System
-from liaisons.ensembles.right_hand_sides import operator_models, settable, smooth_model
+from liaisons.ensembles.right_hand_sides import continuous_model, operator_models, settable_variables
 from liaisons.errors import IdentificationError, suggestion
 from liaisons.identification.fits import Fit
 from liaisons.identification.measurements import measurements, noise_levels
 from liaisons.identification.minimising import LOSSES
 from liaisons.identification.problems import TIME_OFFSET, FittingProblem, Floats, Prior, smoothed_values
-from liaisons.identification.searching import estimated
+from liaisons.identification.searching import parameter_estimate
 from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.mechanics import Model
@@ -44,7 +44,7 @@ def identify(
     each: str | Sequence[str] = (),
     bounds: Mapping[str, Range] | None = None,
     prior: Mapping[str, tuple[float, float]] | None = None,
-    loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear",
+    loss: Literal["linear", "soft_l1"] = "linear",
     operators: Mapping[str, Target] | None = None,
     measured: str | Iterable[str] | None = None,
     ignore: str | Iterable[str] = (),
@@ -76,7 +76,7 @@ def identify(
     :param each: unknowns that differ between the experiments.
     :param bounds: (low, high) of unknowns, None for no bound; domains of the variables hold anyway.
     :param prior: (mean, standard deviation) of unknowns before the measurements.
-    :param loss: ``"linear"``: least squares; the others are for outliers, see SciPy's ``least_squares``.
+    :param loss: ``"linear"``: least squares; ``"soft_l1"`` is for outliers, see SciPy's ``least_squares``.
     :param operators: active coordinate -> operator that moves it.
     :param measured: outputs that are fitted; None: all that have a column.
     :param ignore: columns that are not read.
@@ -105,7 +105,9 @@ def identify(
     finite("start_time", start_time, IdentificationError)
     if segments is not None:
         whole("segments", segments, IdentificationError)
-    model = smooth_model(subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, contacts=True)
+    model = continuous_model(
+        subject, "a fit", "compare runs of its FMU by sweep()", IdentificationError, allow_contacts=True
+    )
     experiments = measurements(
         data, model, measured=measured, unknown=names, ignore=ignore, smoothing=smoothing, instants=instants
     )
@@ -117,15 +119,15 @@ def identify(
             raise IdentificationError(
                 f"{experiment.title}: time begins at {experiment.times[0]:g} s, before start_time = {start_time:g}"
             )
-    variables = settable(model, operator_models(model, operators, IdentificationError))
+    variables = settable_variables(model, operator_models(model, operators, IdentificationError))
     variables[TIME_OFFSET] = Variable(TIME_OFFSET, "s", "delay of the clock", "parameter", "fixed", start=0.0)
     unknowns = _Unknowns(variables, len(experiments), names, listed("each", each, IdentificationError))
-    starts = unknowns.by_element("start_values", values)
+    starts = unknowns.numbers_by_element("start_values", values)
     unsure = noise is None and any(experiment.signals for experiment in experiments)
     levels = None if unsure else tuple(noise_levels(noise, experiment) for experiment in experiments)
     limits = unknowns.limits({} if bounds is None else bounds, min(float(e.times[0]) for e in experiments) - start_time)
     outputs = {variable.name for variable in model.outputs}
-    started = {p.name: output for p in model.parameters if (output := _output_with_start(p.name)) in outputs}
+    started = {p.name: output for p in model.parameters if (output := _output_of_start_value(p.name)) in outputs}
     start = np.array([starts.get(name, variables[name].starts[0]) for _, name in unknowns.labels], dtype=float)
     for experiment, columns in zip(experiments, unknowns.columns, strict=True):
         for name, column in columns.items():
@@ -150,8 +152,8 @@ def identify(
         tolerance=tolerance,
         deadline=deadline,
     )
-    _refuse_unsolvable(problem)
-    fit = Fit(estimated(problem, segments))
+    _check_solvable(problem)
+    fit = Fit(parameter_estimate(problem, segments))
     if message := fit.estimate.minimum.message:
         words = "give other start values, or segments of multiple shooting"
         raise IdentificationError(f"{model.name}: {message} {words}", fit)
@@ -191,8 +193,8 @@ class _Unknowns:
         self, variables: Mapping[str, Variable], experiments: int, names: Sequence[str], each: Sequence[str]
     ) -> None:
         self.variables = variables
-        self.names = [element for name in names for element in self._elements("unknown", name)]
-        own = [element for name in each for element in self._elements("each", name)]
+        self.names = [element for name in names for element in self._element_names("unknown", name)]
+        own = [element for name in each for element in self._element_names("each", name)]
         for name in self.names:
             if self.names.count(name) > 1:
                 raise IdentificationError(f"unknown: {name} is given twice; leave one out")
@@ -209,18 +211,18 @@ class _Unknowns:
             self.labels += [(f"{name} ({number})", name) for name in own]
         self.columns = tuple(columns)
 
-    def _elements(self, label: str, name: str) -> list[str]:
-        """Names of the variables that a name stands for: itself, or the elements of an array."""
+    def _element_names(self, label: str, name: str) -> list[str]:
+        """Names of the elements of an array; of a scalar its own name."""
         elements = [one for one in self.variables if name in {one, split(one)[0]}]
         if not elements:
             raise IdentificationError(f"{label}: no value is called {name!r}{suggestion(name, self.variables)}")
         return elements
 
-    def by_element(self, label: str, values: Mapping[str, Any]) -> dict[str, float]:
-        """Numbers by element, from numbers by names of arrays or elements."""
+    def numbers_by_element(self, label: str, values: Mapping[str, Any]) -> dict[str, float]:
+        """Numbers by element, from a mapping by names of arrays or elements."""
         numbers: dict[str, float] = {}
         for name, value in values.items():
-            elements = self._elements(label, name)
+            elements = self._element_names(label, name)
             several = np.ravel(value).tolist()
             if len(several) not in {1, len(elements)}:
                 raise IdentificationError(f"{label}: {name} has {len(several)} numbers; give 1 or {len(elements)}")
@@ -233,9 +235,9 @@ class _Unknowns:
         return numbers
 
     def _pairs_of_unknowns(self, label: str, values: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
-        """Yield index, name and pair of numbers of each unknown that a mapping has."""
+        """Yield index, name and pair of numbers of each unknown in a mapping by names of arrays or elements."""
         for name, value in named(label, values, IdentificationError).items():
-            elements = self._elements(label, name)
+            elements = self._element_names(label, name)
             if missing := [element for element in elements if element not in self.names]:
                 raise IdentificationError(f"{label}: {missing[0]} is not unknown{suggestion(missing[0], self.names)}")
             if not isinstance(value, (tuple, list)) or len(value) != 2:
@@ -270,18 +272,18 @@ class _Unknowns:
             yield Prior(i, mean, deviation)
 
 
-def _output_with_start(name: str) -> str:
-    """Name of the output whose start value is a parameter: ``"theta[1]"`` for ``"theta_0[1]"``; else empty."""
+def _output_of_start_value(name: str) -> str:
+    """Name of the output whose start value a parameter is: ``"theta[1]"`` for ``"theta_0[1]"``; else empty."""
     base, _ = split(name)
     return base.removesuffix("_0") + name[len(base) :] if base.endswith("_0") else ""
 
 
-def _refuse_unsolvable(problem: FittingProblem) -> None:
-    """Raise an error unless there are unknowns, as many numbers, and start values within bounds."""
+def _check_solvable(problem: FittingProblem) -> None:
+    """Raise an IdentificationError without unknowns, for fewer numbers than unknowns, or starts outside bounds."""
     count = len(problem.names)
     if not count:
         raise IdentificationError("unknown: nothing is unknown; name one value at least")
-    numbers = problem.count + len(problem.priors)
+    numbers = problem.value_count + len(problem.priors)
     if numbers < count:
         raise IdentificationError(f"unknown: {count} values from {numbers} numbers; measure more, or leave some out")
     for name, start, low, high in zip(problem.names, problem.start, *problem.limits, strict=True):

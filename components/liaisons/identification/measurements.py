@@ -50,7 +50,7 @@ class Measurements:
     instants: Mapping[str, tuple[Floats, float]] = field(default_factory=dict)
 
     @property
-    def count(self) -> int:
+    def value_count(self) -> int:
         """Number of measured values."""
         return sum(int(np.isfinite(x).sum()) for x in (self.values, *(times for times, _ in self.instants.values())))
 
@@ -96,8 +96,8 @@ def measurements(
         raise IdentificationError("data: an empty list; give one table at least")
     tables = list(data) if isinstance(data, (list, tuple)) else [data]
     experiments = []
-    for one, event in zip(tables, _by_experiment(instants, len(tables)), strict=True):
-        title, columns, rows = _table(one)
+    for one, event in zip(tables, _instants_by_experiment(instants, len(tables)), strict=True):
+        title, columns, rows = _read_table(one)
         with _prefixed_errors(title):
             values = _columns_by_name(columns, flat, ignored, rows)
             times = values.pop("time", np.empty(0))
@@ -107,7 +107,7 @@ def measurements(
                 _refuse_rows(np.isnan(times), rows, "a value is missing")
                 _refuse_rows(np.diff(times, prepend=-np.inf) <= 0, rows, "it must be greater than the one before")
             signals = tuple(name for name in outputs if name in values and _is_among(name, chosen))
-            own = dict(_instants(event, outputs, times[0]))
+            own = dict(_checked_instants(event, outputs, times[0]))
             if not (signals or own):
                 raise ValueError(
                     f"no column is a measured output of {model.name}; it has {', '.join(values) or 'none'}"
@@ -115,7 +115,7 @@ def measurements(
             for name in signals:
                 if np.isnan(values[name]).all():
                     raise ValueError(f"column {name}: all values are missing")
-            inputs = dict(_driven_inputs(flat, times, values, unknown, smoothing, rows))
+            inputs = dict(_driving_splines(flat, times, values, unknown, smoothing, rows))
         columns_of_signals = np.array([values[name] for name in signals]).reshape(-1, len(times))
         experiments.append(Measurements(times, signals, columns_of_signals, inputs, title, own))
     return tuple(experiments)
@@ -139,7 +139,7 @@ def noise_levels(noise: object, experiment: Measurements) -> Floats:
     return np.array([levels.get(name, levels.get(split(name)[0])) for name in experiment.signals], dtype=float)
 
 
-def _by_experiment(instants: object, count: int) -> Sequence[object]:
+def _instants_by_experiment(instants: object, count: int) -> Sequence[object]:
     """Instants of each experiment."""
     events = instants if isinstance(instants, (list, tuple)) else [instants]
     if len(events) not in {0, count}:
@@ -147,8 +147,13 @@ def _by_experiment(instants: object, count: int) -> Sequence[object]:
     return events or [{}] * count
 
 
-def _instants(instants: object, outputs: Sequence[str], start: float) -> Iterator[tuple[str, tuple[Floats, float]]]:
-    """Yield instants of impacts, none before the start [s], and their standard deviation, by the output that counts."""
+def _checked_instants(
+    instants: object, outputs: Sequence[str], start: float
+) -> Iterator[tuple[str, tuple[Floats, float]]]:
+    """Yield output that counts impacts, their instants and standard deviation [s].
+
+    :raises IdentificationError: for instants that do not ascend, or before the start.
+    """
     counts = [name for name in outputs if split(name)[0].endswith("_impacts")]
     for name, pair in named("instants", instants, IdentificationError).items():
         if name not in counts:
@@ -169,7 +174,7 @@ def _instants(instants: object, outputs: Sequence[str], start: float) -> Iterato
 
 @contextmanager
 def _prefixed_errors(label: str) -> Iterator[None]:
-    """Raise errors of the block with a label before their messages."""
+    """Turn a ValueError of the context into an IdentificationError with a label before its message."""
     try:
         yield
     except ValueError as error:
@@ -177,7 +182,7 @@ def _prefixed_errors(label: str) -> Iterator[None]:
 
 
 def _refuse_rows(wrong: NDArray[np.bool_], rows: Sequence[str], words: str) -> None:
-    """Raise an error that names the first of the rows that are marked as wrong."""
+    """Raise a ValueError that names the first wrong row, if there is one."""
     if wrong.any():
         raise ValueError(f"{rows[int(wrong.argmax())]}: {words}")
 
@@ -191,12 +196,12 @@ def _cell_number(cell: object, row: str) -> float:
 
 
 def _is_among(name: str, chosen: Iterable[str]) -> bool:
-    """Whether an element or its array is among the names."""
+    """Whether the name of an element or of its array is among the chosen names."""
     return not {name, split(name)[0]}.isdisjoint(chosen)
 
 
 def _columns_by_name(columns: _Columns, model: Model, ignored: Sequence[str], rows: Sequence[str]) -> dict[str, Floats]:
-    """Times and columns of variables by name, in SI units."""
+    """Columns by name of their variable, or ``"time"``, in SI units."""
     units = {"time": "s"} | {variable.name: variable.unit for variable in (*model.inputs, *model.outputs)}
     values: dict[str, Floats] = {}
     for heading, below, cells in columns:
@@ -215,7 +220,7 @@ def _columns_by_name(columns: _Columns, model: Model, ignored: Sequence[str], ro
     return values
 
 
-def _driven_inputs(  # noqa: PLR0917
+def _driving_splines(  # noqa: PLR0917
     model: Model,
     times: Floats,
     values: Mapping[str, Floats],
@@ -223,7 +228,7 @@ def _driven_inputs(  # noqa: PLR0917
     smoothing: float | None,
     rows: Sequence[str],
 ) -> Iterator[tuple[str, PPoly]]:
-    """Yield each input that moves, or differs from its declared value, as a polynomial over time."""
+    """Yield name and spline of each input that moves, or differs from its declared value."""
     rates = {triple.value: (triple.rate, triple.acceleration) for triple in model.active}
     owners = {rate: name for name, pair in rates.items() for rate in pair}
     for name, start in ((v.name, v.starts[0]) for v in model.inputs if v.name in values):
@@ -241,7 +246,10 @@ def _driven_inputs(  # noqa: PLR0917
 
 
 def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
-    """Knots of the quintic spline that fits values best, shape (4, knots)."""
+    """Knots of the quintic spline that fits values best: times, values, rates, accelerations; shape (4, knots).
+
+    :param width: distance of the knots [s].
+    """
     edges = np.linspace(times[0], times[-1], 1 + max(1, round((times[-1] - times[0]) / width)))
     required = 6 if edges.size == 2 else 2  # a single quintic has six coefficients
     too_few = np.histogram(times, edges)[0] < required
@@ -252,7 +260,7 @@ def _spline_knots(times: Floats, values: Floats, width: float) -> Floats:
     return np.array([edges, *(spline(edges, order) for order in range(3))])
 
 
-def _table(data: object) -> tuple[str, _Columns, list[str]]:
+def _read_table(data: object) -> tuple[str, _Columns, list[str]]:
     """Title, columns and row labels of a table."""
     if isinstance(data, (str, PathLike)):
         headings, below, lines = csv_cells(Path(data), IdentificationError)

@@ -23,12 +23,6 @@ _COST_ROUNDING = 1e-14
 LOSSES: Mapping[str, Callable[[Floats], Floats]] = {
     "linear": lambda z: np.array([z, np.ones_like(z), np.zeros_like(z)]),
     "soft_l1": lambda z: np.array([2 * ((1 + z) ** 0.5 - 1), (1 + z) ** -0.5, -((1 + z) ** -1.5) / 2]),
-    "huber": lambda z: np.where(
-        z <= 1,
-        [z, np.ones_like(z), np.zeros_like(z)],
-        [2 * z**0.5 - 1, np.maximum(z, 1) ** -0.5, -(np.maximum(z, 1) ** -1.5) / 2],
-    ),
-    "cauchy": lambda z: np.array([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2]),
 }
 """Name -> function of squared residuals that returns the loss, its first and its second derivative."""
 
@@ -53,7 +47,7 @@ class _SearchEnd(Exception):  # noqa: N818 - not an error
 
 
 def minimise(objective: Objective, start: Floats, held: Collection[int] = (), accuracy: float = 1e-12) -> Minimum:
-    """The minimum of the cost near a start.
+    """Minimum of the cost near a start.
 
     The search ends, with a message, at the deadline of the problem.
 
@@ -61,7 +55,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
     :param accuracy: relative, of cost and unknowns.
     :raises LiaisonsError: if residuals have no value at the start.
     """
-    typical = np.abs(objective.rounded(start))
+    typical = np.abs(objective.rounded_to_zero(start))
     free = np.setdiff1d(np.arange(len(start)), list(held))
     first, _ = objective(start)
     refused: list[tuple[Floats, LiaisonsError]] = []
@@ -77,7 +71,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         return float(LOSSES[objective.problem.loss](residuals**2)[0].sum() / 2)
 
     def residuals_or_nan(unknowns: Floats) -> Floats:
-        """Residuals; outside of the domain not-a-number, after which SciPy tries a shorter step."""
+        """Residuals; not-a-number outside of the domain, after which SciPy tries a shorter step."""
         try:
             return objective(all_values(unknowns))[0]
         except LiaisonsError as error:
@@ -85,7 +79,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             return np.full_like(first, np.nan)
 
     def derivatives_or_end(unknowns: Floats) -> Floats:
-        """Derivatives of the residuals; end the search where the cost can only fall by rounding, or at the deadline."""
+        """Derivatives of the residuals; a _SearchEnd where the cost can fall by rounding only, or at the deadline."""
         values = all_values(unknowns)
         residuals, derivatives = objective(values)
         gradient, curvature = loss_derivatives(objective.problem.loss, residuals)
@@ -106,7 +100,7 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
             start[free],
             derivatives_or_end,  # type: ignore[arg-type]  # SciPy takes functions, too
             bounds=objective.limits[:, free],
-            loss="linear" if objective.problem.loss == "linear" else LOSSES[objective.problem.loss],  # type: ignore[arg-type]  # SciPy takes functions, too
+            loss=objective.problem.loss,  # type: ignore[arg-type]  # one of the names that SciPy has
             x_scale=np.where(typical[free] == 0, 1.0, typical[free]),
             ftol=accuracy,
             xtol=accuracy,
@@ -115,13 +109,13 @@ def minimise(objective: Objective, start: Floats, held: Collection[int] = (), ac
         )
     except _SearchEnd as end:
         return end.args[0]
-    return Minimum(all_values(solution.x), float(solution.cost), _message(solution, refused))
+    return Minimum(all_values(solution.x), float(solution.cost), _failure_message(solution, refused))
 
 
-def _message(solution: Any, refused: Sequence[tuple[Floats, LiaisonsError]]) -> str:
-    """Why a search has not converged; empty if it has.
+def _failure_message(solution: Any, refused: Sequence[tuple[Floats, LiaisonsError]]) -> str:
+    """Reason why a search has not converged; empty if it has.
 
-    :param refused: latest unknowns without a motion, and the error.
+    :param refused: latest unknowns for which there is no motion, and the error.
     """
     for unknowns, error in refused:
         if np.allclose(unknowns, solution.x, rtol=_NEXT, atol=0):

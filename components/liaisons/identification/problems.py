@@ -43,8 +43,9 @@ class MeasuredMotion:
     deviations: Floats
 
     def branch(self, unknowns: Floats) -> Branch:
-        """Fitted signals and all impacts, by the clock of the measurements, and their derivatives by all unknowns.
+        """Signals and impacts at values of the unknowns, and their derivatives by all of these.
 
+        Times are those of the measurements' clock.
         Where events for neighbouring values differ, derivatives are those of the branch that is taken.
         """
         values, motion, data, own = unknowns[list(self.columns)], self.motion, self.measurements, list(self.columns)
@@ -64,9 +65,11 @@ class MeasuredMotion:
         return replace(branch, signals=branch.signals[:, :count], derivatives=derivatives[:, :count], impacts=impacts)
 
     def instants(self, branch: Branch) -> dict[str, tuple[Floats, Floats]]:
-        """As many instants of impacts as were measured, continued at their last distance, and derivatives."""
+        """Instants of as many impacts as were measured, and their derivatives, by the output that counts them."""
         measured = {name: len(times) for name, (times, _) in self.measurements.instants.items()}
-        return {name: _continued(*branch.impacts[name], count, self.motion) for name, count in measured.items()}
+        return {
+            name: _extrapolated_instants(*branch.impacts[name], count, self.motion) for name, count in measured.items()
+        }
 
 
 @final
@@ -113,12 +116,12 @@ class Objective:
         key = unknowns.tobytes()
         if key not in self._latest:
             self._latest.clear()
-            self._latest[key] = self._evaluate(unknowns)
+            self._latest[key] = self._residuals_and_derivatives(unknowns)
         residuals, derivatives = self._latest[key]
         return residuals.copy(), derivatives.copy()
 
-    def _evaluate(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Residuals and their derivatives, which are calculated anew."""
+    def _residuals_and_derivatives(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Residuals and their derivatives, without use of the latest ones."""
         unit, parts = np.eye(len(unknowns)), []
         branches = [experiment.branch(unknowns) for experiment in self.experiments]
         for experiment, branch in zip(self.experiments, branches, strict=True):
@@ -140,17 +143,17 @@ class Objective:
         residuals, derivatives = (np.concatenate(column) for column in zip(*parts, strict=True))
         return residuals + self.shift, derivatives
 
-    def rounded(self, unknowns: Floats) -> Floats:
-        """Unknowns with those that are negligible beside their start values replaced by 0."""
+    def rounded_to_zero(self, unknowns: Floats) -> Floats:
+        """Unknowns, with 0 in place of those that are negligible beside their start values."""
         typical = np.where(self.start == 0, 1.0, np.abs(self.start))
         return np.where(np.abs(unknowns) < _NEGLIGIBLE * typical, 0.0, unknowns)
 
     def null_space(self, unknowns: Floats) -> NullSpace:
-        """Changes of unknowns that change no residual."""
-        return NullSpace.from_jacobian(self(unknowns)[1], self.rounded(unknowns), self.size)
+        """Null space of the derivatives of the residuals at values of the unknowns."""
+        return NullSpace.from_jacobian(self(unknowns)[1], self.rounded_to_zero(unknowns), self.measurement_norm)
 
     @property
-    def size(self) -> float:
+    def measurement_norm(self) -> float:
         """Norm of all measured values, each divided by its standard deviation."""
         parts = [np.nan_to_num(e.measurements.values / e.deviations[:, None]).ravel() for e in self.experiments]
         parts += [np.nan_to_num(t / level) for e in self.experiments for t, level in e.measurements.instants.values()]
@@ -193,14 +196,14 @@ class FittingProblem:
     deadline: float = math.inf
 
     @property
-    def count(self) -> int:
+    def value_count(self) -> int:
         """Number of measured values."""
-        return sum(data.count for data in self.measurements)
+        return sum(data.value_count for data in self.measurements)
 
-    def objective(self, unknowns: Floats, deviations: Sequence[Floats], tolerance: float | None = None) -> Objective:
-        """Residuals of motions, whose step sizes are chosen for these unknowns."""
+    def objective(self, unknowns: Floats, deviations: Sequence[Floats]) -> Objective:
+        """Objective of single shooting, with step sizes of the motions chosen at values of the unknowns."""
         experiments = (
-            self._measured_motion(data, columns, unknowns, level, tolerance=tolerance)
+            self._measured_motion(data, columns, unknowns, level)
             for data, columns, level in zip(self.measurements, self.columns, deviations, strict=True)
         )
         return Objective(self, tuple(experiments), self.start, self.limits)
@@ -214,9 +217,8 @@ class FittingProblem:
         *,
         start_time: float | None = None,
         record: Sequence[str] | None = None,
-        tolerance: float | None = None,
     ) -> MeasuredMotion:
-        """One experiment with its motion, whose step sizes are chosen for these unknowns.
+        """Motion of an experiment, with step sizes chosen at values of the unknowns.
 
         :param record: signals, those of the measurements first; None: those of the measurements.
         """
@@ -231,15 +233,15 @@ class FittingProblem:
             inputs=data.inputs,
             start_values={**self.start_values, **{name: float(unknowns[column]) for name, column in own.items()}},
             operators=self.operators,
-            tolerance=tolerance or self.tolerance,
+            tolerance=self.tolerance,
         )
         return MeasuredMotion(data, motion.frozen(motion.values), tuple(own.values()), offset, deviations)
 
-    def multiple_shooting(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> Objective:
-        """Objective of multiple shooting: segments with start values of their own, and links.
+    def multiple_shooting_objective(self, unknowns: Floats, deviations: Sequence[Floats], count: int) -> Objective:
+        """Objective of multiple shooting: segments with start values of their own, and links between them.
 
-        :returns: objective, to whose unknowns start values of all segments but the first are appended.  A time offset
-            is constant; instants of impacts are left out.
+        Its unknowns are those of the problem, then the start values of all segments but the first.  A time offset is
+        constant; instants of impacts are left out.
         """
         experiments: list[MeasuredMotion] = []
         links: list[Link] = []
@@ -256,7 +258,7 @@ class FittingProblem:
             states = self._smoothed_states(data, edges, signals)
             most = edges[1] // 2
             for i, edge in list(enumerate(edges))[1:-1] if isinstance(whole.motion, ContactMotion) else ():
-                edges[i], states[:, i] = self._possible_start(whole, unknowns, edge, most, signals)
+                edges[i], states[:, i] = self._nearest_possible_start(whole, unknowns, edge, most, signals)
             size = np.ptp(states, axis=1)
             for start, state in zip(self.starts, states, strict=True):
                 if start in own and data.times[0] == self.start_time:
@@ -278,23 +280,23 @@ class FittingProblem:
         values = np.clip(values, *limits)
         return Objective(self, tuple(experiments), values, limits, tuple(links))
 
-    def _smoothed_states(self, data: Measurements, edges: Sequence[int], otherwise: Floats) -> Floats:
-        """Start values of motions from some of the times on, shape (start values, edges)."""
-        rows = zip(self.starts.values(), otherwise, strict=True)
-        return np.array([smoothed_values(data, output, edges, row[list(edges)]) for output, row in rows])
+    def _smoothed_states(self, data: Measurements, indices: Sequence[int], fallback: Floats) -> Floats:
+        """Start values of motions that begin at some of the times, shape (start values, indices)."""
+        rows = zip(self.starts.values(), fallback, strict=True)
+        return np.array([smoothed_values(data, output, indices, row[list(indices)]) for output, row in rows])
 
-    def _possible_start(
-        self, whole: MeasuredMotion, unknowns: Floats, edge: int, most: int, otherwise: Floats
+    def _nearest_possible_start(
+        self, whole: MeasuredMotion, unknowns: Floats, index: int, max_shift: int, fallback: Floats
     ) -> tuple[int, Floats]:
-        """The nearest time at which no bodies overlap, and smoothed start values there.
+        """Index of the nearest time at which no bodies overlap, and smoothed start values there.
 
-        :param edge: index of the time; ``most``: how many times a start may be later or earlier.
-        :param otherwise: start values at each time, of a motion; they are taken where there is no such time.
+        :param index: of the intended time; ``max_shift``: by how many times a start may be later or earlier.
+        :param fallback: start values at each time, taken where there is no such time.
         """
         data, columns = whole.measurements, dict(zip(whole.motion.names, whole.columns, strict=True))
         columns |= {name: len(unknowns) + k for k, name in enumerate(self.starts)}
-        for i in sorted(range(edge - most, edge + most), key=lambda i: abs(i - edge)):
-            state = self._smoothed_states(data, [i], otherwise)[:, 0]
+        for i in sorted(range(index - max_shift, index + max_shift), key=lambda i: abs(i - index)):
+            state = self._smoothed_states(data, [i], fallback)[:, 0]
             instant, options = replace(data, times=data.times[[i]], instants={}), {"start_time": float(data.times[i])}
             motion = self._measured_motion(
                 instant, columns, np.append(unknowns, state), whole.deviations, record=whole.motion.signals, **options
@@ -304,18 +306,18 @@ class FittingProblem:
             except SimulationError:
                 continue
             return i, state
-        return edge, otherwise[:, edge]
+        return index, fallback[:, index]
 
 
 def _simulated_times(data: Measurements, start_time: float) -> Floats:
-    """Times of the measurements and, where instants were measured, one after the last of these by a mean distance."""
+    """Times of the measurements, and a time a mean distance after the last measured instant of an impact."""
     lasts = [(np.nanmax(times), len(times)) for times, _ in data.instants.values()]
     end = max((last + (last - start_time) / count for last, count in lasts), default=-math.inf)
     return np.append(data.times, [end] if end > data.times[-1] else [])
 
 
-def _continued(instants: Floats, slopes: Floats, count: int, motion: Motion) -> tuple[Floats, Floats]:
-    """The first instants of impacts, continued at their last distance where a motion has fewer, and derivatives."""
+def _extrapolated_instants(instants: Floats, slopes: Floats, count: int, motion: Motion) -> tuple[Floats, Floats]:
+    """First ``count`` instants of impacts and their derivatives; those that a motion lacks, at the last distance."""
     rows, constant = np.column_stack([instants, slopes]), np.zeros(slopes.shape[1])
     start, end = (np.append(time, constant) for time in (motion.start_time, motion.times[-1]))
     before, last = np.vstack([start, rows if len(rows) else end])[-2:]
@@ -324,21 +326,21 @@ def _continued(instants: Floats, slopes: Floats, count: int, motion: Motion) -> 
     return rows[:, 0], rows[:, 1:]
 
 
-def smoothed_values(data: Measurements, output: str, edges: Sequence[int], otherwise: Floats) -> Floats:
-    """Values of an output or its rate at some times, from parabolas fitted to measurements nearby.
+def smoothed_values(data: Measurements, output: str, indices: Sequence[int], fallback: Floats) -> Floats:
+    """Values of an output at some times, from parabolas fitted to nearby measurements of it or of its integral.
 
-    :param edges: indices of the times.
-    :param otherwise: values to return if neither the output nor its integral was measured.
+    :param indices: of the times.
+    :param fallback: values to return if neither was measured.
     """
     name, _ = split(output)
     base = name.removesuffix("_dot") + output[len(name) :]
     signal = output if output in data.signals else base
     if signal not in data.signals:
-        return otherwise
+        return fallback
     values = data.values[data.signals.index(signal)]
     times, values = data.times[np.isfinite(values)], values[np.isfinite(values)]
-    near = np.empty(len(edges))
-    for i, time in enumerate(data.times[edges]):
+    near = np.empty(len(indices))
+    for i, time in enumerate(data.times[indices]):
         closest = np.argsort(np.abs(times - time))[:_PARABOLA_POINTS]
         parabola = np.polynomial.Polynomial.fit(times[closest], values[closest], min(2, len(closest) - 1))
         near[i] = (parabola if signal == output else parabola.deriv())(time)

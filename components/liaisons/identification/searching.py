@@ -31,8 +31,8 @@ _DEVIATION_PER_MEDIAN = 1.4826
 """Standard deviation of normal numbers, divided by the median of their absolute values."""
 
 
-def estimated(problem: FittingProblem, segments: int | None = None) -> ParameterEstimate:
-    """Search for the estimate: the unknowns that minimise the objective.
+def parameter_estimate(problem: FittingProblem, segments: int | None = None) -> ParameterEstimate:
+    """Estimate of the unknowns that minimise the objective.
 
     :param segments: of multiple shooting; 1: single shooting; None: single shooting, then multiple shooting with more
         and more segments until residuals are near the noise.
@@ -41,18 +41,18 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
     levels = problem.noise or _initial_noise(problem)
     best: Minimum | None = None
     failure: LiaisonsError | None = None
-    affordable = (count for count in _SEGMENT_COUNTS if count * len(problem.starts) <= problem.count)
+    affordable = (count for count in _SEGMENT_COUNTS if count * len(problem.starts) <= problem.value_count)
     for count in (1, *affordable) if segments is None else (segments,):
         try:
-            start = problem.start if count == 1 else _multiple_shooting(problem, levels, count)
+            start = problem.start if count == 1 else _start_by_multiple_shooting(problem, levels, count)
             objective = problem.objective(start, levels)
-            minimum = _minimum_of_determined(objective, start)[0]
+            minimum = _minimum_with_undetermined_held(objective, start)[0]
         except LiaisonsError as error:
             failure = failure or error
             continue
         if best is None or minimum.cost < best.cost:
             best = minimum
-        if not _is_far_above_noise(objective, best):
+        if _DEVIATION_PER_MEDIAN * np.median(np.abs(objective(best.values)[0])) <= _POOR_FIT:
             break
     if best is None:
         raise failure or AssertionError
@@ -62,7 +62,7 @@ def estimated(problem: FittingProblem, segments: int | None = None) -> Parameter
 
 
 def _initial_noise(problem: FittingProblem) -> tuple[Floats, ...]:
-    """Initial guesses of unknown noise, one for each signal, by experiment."""
+    """Initial guesses of the standard deviation of each signal, by experiment."""
     columns: dict[str, list[Floats]] = {}
     for data in problem.measurements:
         for name, values in zip(data.signals, data.values, strict=True):
@@ -73,28 +73,23 @@ def _initial_noise(problem: FittingProblem) -> tuple[Floats, ...]:
     return tuple(np.array([levels[name] for name in data.signals]) for data in problem.measurements)
 
 
-def _is_far_above_noise(objective: Objective, minimum: Minimum) -> bool:
-    """Whether the median residual is far above the noise."""
-    return _DEVIATION_PER_MEDIAN * float(np.median(np.abs(objective(minimum.values)[0]))) > _POOR_FIT
-
-
-def _multiple_shooting(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:
-    """Start values from multiple shooting, whose links are tightened step by step."""
-    objective = problem.multiple_shooting(problem.start, levels, count)
+def _start_by_multiple_shooting(problem: FittingProblem, levels: Sequence[Floats], count: int) -> Floats:
+    """Unknowns at which to begin single shooting, from multiple shooting with links tightened step by step."""
+    objective = problem.multiple_shooting_objective(problem.start, levels, count)
     values = objective.start
-    held = objective.null_space(values).dependent
+    held = objective.null_space(values).unknowns_to_hold
     for factor in _LINK_DEVIATIONS:
         links = tuple(replace(link, deviations=factor * link.deviations) for link in objective.links)
         values = minimise(replace(objective, links=links), values, held).values
     return values[: len(problem.start)]
 
 
-def _minimum_of_determined(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
-    """The minimum with undetermined unknowns held, and the indices of these."""
-    held = objective.null_space(start).dependent
+def _minimum_with_undetermined_held(objective: Objective, start: Floats) -> tuple[Minimum, tuple[int, ...]]:
+    """Minimum with as many unknowns held as are undetermined, and their indices."""
+    held = objective.null_space(start).unknowns_to_hold
     while True:
         minimum = minimise(objective, start, held)
-        fewer = objective.null_space(minimum.values).dependent
+        fewer = objective.null_space(minimum.values).unknowns_to_hold
         if len(fewer) >= len(held):
             return minimum, tuple(held)
         start, held = minimum.values, fewer
@@ -103,12 +98,12 @@ def _minimum_of_determined(objective: Objective, start: Floats) -> tuple[Minimum
 def _estimate_with_residual_noise(
     problem: FittingProblem, minimum: Minimum, levels: Sequence[Floats]
 ) -> ParameterEstimate:
-    """Estimate repeated with its own step sizes and noise until neither changes any more."""
+    """Estimate with step sizes and noise of its own, repeated until neither changes."""
     rounds = 0
     while True:
         rounds += 1
         objective = problem.objective(minimum.values, levels)
-        before, (minimum, held) = minimum, _minimum_of_determined(objective, minimum.values)
+        before, (minimum, held) = minimum, _minimum_with_undetermined_held(objective, minimum.values)
         estimate = _moved_to_bounds(ParameterEstimate(objective, minimum, held))
         scales = np.fmax(np.abs(minimum.values), estimate.standard_errors)
         settled = np.all(np.abs(minimum.values - before.values) <= _CONVERGED * scales)
@@ -140,7 +135,7 @@ def _residual_noise(estimate: ParameterEstimate) -> tuple[Floats, ...]:
     """Standard deviations estimated from residuals, one for each signal, by experiment."""
     problem, columns = estimate.problem, {}
     experiments = estimate.objective.experiments
-    for experiment, fitted in zip(experiments, estimate.fitted, strict=True):
+    for experiment, fitted in zip(experiments, estimate.fitted_signals, strict=True):
         data = experiment.measurements
         for name, r, signal in zip(data.signals, data.values - fitted, fitted, strict=True):
             columns.setdefault(name, []).append((r[np.isfinite(r)], ROUNDING * np.abs(signal).max()))

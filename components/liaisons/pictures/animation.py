@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import finite
+from liaisons.base.arrays import Floats
 from liaisons.base.files import replacing
 from liaisons.base.progress import progress_bar
 from liaisons.errors import SimulationError
 from liaisons.pictures.declared import Picture
-from liaisons.pictures.frames import RATE, Frames, frames
+from liaisons.pictures.frames import RATE, Frames, picture_frames
 from liaisons.pictures.gltf import glb_file
 from liaisons.pictures.inline import inlined_page
 from liaisons.pictures.openmodelica import openmodelica_files
@@ -36,7 +37,7 @@ _KINDS = (*_DRAWN, ".glb", ".html", _VISUAL)
 
 _BYTES = 6  # of a number in a page: single precision in base64
 
-Values = Mapping[str, NDArray[np.float64]]
+Values = Mapping[str, Floats]
 
 
 class Scene(Protocol):
@@ -55,7 +56,7 @@ class Scene(Protocol):
 def animate(
     path: Path,
     scene: Scene,
-    time: NDArray[np.float64],
+    time: Floats,
     signals: Values,
     *,
     title: str,
@@ -63,7 +64,7 @@ def animate(
     against: Mapping[str, ArrayLike] | None = None,
     turns: float = 0.0,
 ) -> float:
-    """Write a motion in the format of the suffix of the path; return its speed.
+    """Write a motion in the format of the path's suffix, and return its speed.
 
     :param time: of the signals [s].
     :param speed: seconds of motion a second; real time unless that takes longer than :data:`LONGEST`.
@@ -83,7 +84,7 @@ def animate(
         raise SimulationError(f"{path}: films need imageio-ffmpeg; pip install 'liaisons[film]', or write a .gif")
     if not scene.picture.shapes:
         raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
-    speed = _default_speed(time) if speed is None else _checked_speed(speed, time, scene.picture.count)
+    speed = _default_speed(time) if speed is None else _checked_speed(speed, time, scene.picture.point_count)
     finite("turns", turns)
     step = speed / RATE
     shown = motion_frames(scene, time, signals, step, title)
@@ -115,8 +116,8 @@ def animate(
     return speed
 
 
-def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, title: str, most: int) -> bytes:
-    """Return the motion as a page of HTML; empty if there is nothing to draw.
+def motion_page(scene: Scene, time: Floats, signals: Values, *, title: str, most: int) -> bytes:
+    """HTML page that plays a motion; empty if there is nothing to draw.
 
     :param most: bytes of all frames; a picture of many variables has fewer frames a second.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
@@ -132,7 +133,10 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
 
 
 def _player_page(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
-    """Return a page that plays frames."""
+    """HTML page that plays frames.
+
+    :param rate: frames a second.
+    """
     plan = {
         "picture": picture.document,
         "signals": picture.variables,
@@ -149,31 +153,31 @@ def _player_page(picture: Picture, shown: Frames, *, title: str, speed: float, r
 
 def motion_frames(
     scene: Scene,
-    time: NDArray[np.float64],
+    time: Floats,
     signals: Mapping[str, ArrayLike],
     step: float,
     title: str,
     *,
     shifts: Sequence[float] | None = None,
 ) -> Frames:
-    """Return the shapes of the picture at every step [s].
+    """Frames of a picture at every step [s] of a motion.
 
-    :param shifts: as in :func:`liaisons.pictures.frames.frames`.
+    :param shifts: as in :func:`liaisons.pictures.frames.picture_frames`.
     :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
     """
     count = int(float(time[-1] - time[0]) / step + 1e-9) + 1
     instants = time[0] + np.arange(count) * step
     between = {name: _interpolated(time, np.asarray(values, dtype=float), instants) for name, values in signals.items()}
-    return frames(scene.picture, instants, scene.values(between).__getitem__, title=title, shifts=shifts)
+    return picture_frames(scene.picture, instants, scene.values(between).__getitem__, title=title, shifts=shifts)
 
 
-def _default_speed(time: NDArray[np.float64]) -> float:
-    """Return seconds of motion a second: 1, unless the film takes longer than :data:`LONGEST` so."""
+def _default_speed(time: Floats) -> float:
+    """Seconds of motion a second: 1, or more for a motion longer than :data:`LONGEST`."""
     return max(1.0, float(time[-1] - time[0]) / LONGEST)
 
 
-def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> float:
-    """Return the speed unless it is not positive or takes too many frames."""
+def _checked_speed(speed: float, time: Floats, points: int) -> float:
+    """Speed; a SimulationError unless it is positive and takes few enough frames."""
     finite("speed", speed)
     most = min(_MOST, _MOST_POINTS // points)
     least = float(time[-1] - time[0]) * RATE / most
@@ -184,11 +188,9 @@ def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> floa
     return speed
 
 
-def _interpolated(
-    time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return values between communication points, by Akima's curves, which do not overshoot at jumps."""
-    if len(time) < 3 or not np.isfinite(values).all():  # frames() names it
+def _interpolated(time: Floats, values: Floats, instants: Floats) -> Floats:
+    """Values at instants between communication points, by Akima's interpolation, which does not overshoot at jumps."""
+    if len(time) < 3 or not np.isfinite(values).all():  # picture_frames() names it
         return np.interp(instants, time, values)
     from scipy.interpolate import Akima1DInterpolator
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -43,8 +43,8 @@ class Picture:
     shapes: tuple[Shape, ...]
 
     @classmethod
-    def of(cls, text: bytes, owner: str) -> Picture:
-        """Read the picture of an FMU.
+    def from_json(cls, text: bytes, owner: str) -> Picture:
+        """Picture of an FMU, from the text of its file.
 
         :param owner: for messages.
         :raises SimulationError: if it has another version, or is no picture.
@@ -68,8 +68,8 @@ class Picture:
         return cls(tuple(shapes))
 
     @classmethod
-    def of_points(cls, names: Iterable[str]) -> Picture:
-        """Return balls and trails of points whose coordinates are variables, ``bob_x``, ``bob_z``."""
+    def from_points(cls, names: Iterable[str]) -> Picture:
+        """Picture with a ball and a trail for each point whose coordinates are variables, ``bob_x``, ``bob_z``."""
         ordered = dict.fromkeys(sorted(names))
         points = dict.fromkeys(name[:-2] for name in ordered if name[-2:] in {"_x", "_y", "_z"})
         triples = [[name if (name := f"{point}_{axis}") in ordered else 0.0 for axis in "xyz"] for point in points]
@@ -77,25 +77,29 @@ class Picture:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The content of the file."""
+        """Content of the file, as a dictionary for JSON."""
         return {"version": "1.0", "shapes": list(self.shapes)}
 
     @property
-    def count(self) -> int:
+    def point_count(self) -> int:
         """Number of points of all shapes."""
         return sum(1 for shape in self.shapes for _ in _point_coordinates(shape))
 
     @property
     def variables(self) -> list[str]:
-        """Names of its variables, each once."""
+        """Names of the variables in coordinates, each once."""
         names: dict[str, None] = {}
         self.renamed(lambda name: names.setdefault(name) or name)
         return list(names)
 
-    def renamed(self, rename: Any) -> Picture:
-        """Return the picture with other names of variables."""
+    def renamed(self, rename: Callable[[str], str]) -> Picture:
+        """Picture with other names of variables.
+
+        :param rename: old name -> new one.
+        """
 
         def coordinates(value: Any) -> Any:
+            """Coordinates, nested as they are, with names replaced and numbers as floats."""
             if isinstance(value, str):
                 return rename(value)
             return [coordinates(item) for item in value] if isinstance(value, list) else float(value)
@@ -107,7 +111,7 @@ class Picture:
 
     @property
     def plane(self) -> str | None:
-        """Plane of the picture, ``"xz"``, ``"xy"`` or ``"yz"``; None: it is spatial."""
+        """Plane that all points are in, ``"xz"``, ``"xy"`` or ``"yz"``; None for a spatial picture."""
         points = [point for shape in self.shapes for point in _point_coordinates(shape)]
         for plane, across in (("xz", 1), ("xy", 2), ("yz", 0)):
             if points and len({str(point[across]) for point in points}) == 1 and not isinstance(points[0][across], str):
@@ -116,16 +120,13 @@ class Picture:
 
 
 def _point_coordinates(shape: Shape) -> Iterator[list[float | str]]:
-    """Yield the points of a shape."""
+    """Yield the three coordinates of each point of a shape."""
     yield from (shape[member] for member in _POINTS if member in shape)
     yield from shape.get("points", ())
 
 
 def _check_shape(shape: Shape) -> None:
-    """Check that points and axes are triples, as many as a shape needs, of names and numbers that can be drawn.
-
-    :raises ValueError: if they are not.
-    """
+    """Raise a ValueError unless points and axes are triples, as many as a shape needs, of names and finite numbers."""
     for member, least, most in (("points", 2, math.inf), ("axes", 3, 3)):
         if member in shape and not (isinstance(shape[member], list) and least <= len(shape[member]) <= most):
             raise ValueError(f"{member} of a {shape['shape']} are {shown(shape[member])}: {least} triples are needed")
@@ -148,7 +149,7 @@ def _check_shape(shape: Shape) -> None:
 
 
 def combined_pictures(pictures: Mapping[str, Picture], groups: Iterable[Collection[int]] = ()) -> Picture:
-    """Return the pictures of the parts of a system in one.
+    """Picture of a system, from the pictures of its parts.
 
     :param pictures: prefix of a part's variables -> its picture.
     :param groups: numbers of the parts that are drawn together, each group beside the others; none: all in one.

@@ -19,7 +19,7 @@ from liaisons.pictures.stage import COLOURS, Face, Stage
 
 
 def add_empty_polygons(stage: Stage, axes: Axes) -> PolyCollection:
-    """Hide the axes, and add and return an empty collection of polygons."""
+    """Hide the axes, add an empty collection of polygons, and return it."""
     axes.set_axis_off()
     axes.set(xlim=(-stage.half[0], stage.half[0]), ylim=(-stage.half[1], stage.half[1]), aspect="equal")
     polygons = PolyCollection([], linewidths=0.4)
@@ -27,18 +27,18 @@ def add_empty_polygons(stage: Stage, axes: Axes) -> PolyCollection:
     return polygons
 
 
-def draw(polygons: PolyCollection, faces: list[Face]) -> None:
-    """Replace the polygons of a collection."""
+def draw_faces(polygons: PolyCollection, faces: list[Face]) -> None:
+    """Replace the polygons of a collection by faces."""
     polygons.set_verts([face.corners for face in faces])
     colours: Any = np.array([face.colour for face in faces])
     polygons.set_facecolor(colours)
     polygons.set_edgecolor(colours)
 
 
-def pixels(
+def frame_images(
     stage: Stage, *, turns: float = 0.0, width: int = 480, first: int = 0, ratio: float | None = None
 ) -> Iterator[NDArray]:
-    """Yield the frames, (height, width, 3) of bytes; even numbers, as films want.
+    """Yield the frames as images, (height, width, 3) of bytes, with even sizes as films need them.
 
     :param turns: how often the camera goes round a spatial mechanism.
     :param first: index of the first frame.
@@ -50,17 +50,17 @@ def pixels(
     canvas = FigureCanvasAgg(figure)
     count = len(stage.frames.time)
     for k in range(first, count):
-        draw(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
+        draw_faces(polygons, stage.faces(k, 2 * np.pi * turns * k / count))
         canvas.draw()
         yield np.array(canvas.buffer_rgba())[..., :3]
 
 
 def write_gif(stage: Stage, path: Path, *, turns: float, progress: Callable[[], None]) -> None:
-    """Write an animated GIF."""
+    """Write the frames as an animated GIF."""
     from PIL import Image
 
     images: list[Image.Image] = []
-    for frame in pixels(stage, turns=turns):
+    for frame in frame_images(stage, turns=turns):
         image = Image.fromarray(frame)
         images.append(image.quantize(palette=images[0], dither=Image.Dither.NONE) if images else image.quantize(64))
         progress()
@@ -71,10 +71,10 @@ def write_gif(stage: Stage, path: Path, *, turns: float, progress: Callable[[], 
 
 
 def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[], None]) -> None:
-    """Write an MP4."""
+    """Write the frames as an MP4 film."""
     import imageio_ffmpeg
 
-    images = pixels(stage, turns=turns, width=720)
+    images = frame_images(stage, turns=turns, width=720)
     first = next(images)
     film = imageio_ffmpeg.write_frames(str(path), first.shape[1::-1], fps=RATE, output_params=["-f", "mp4"])
     film.send(None)
@@ -85,11 +85,11 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
 
 
 def write_strip(stage: Stage, path: Path, **_: object) -> None:
-    """Write evenly spaced instants side by side as a PNG; the camera stands still."""
+    """Write evenly spaced instants side by side as a PNG."""
     time, count = stage.frames.time, 6
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     instants = np.linspace(0, len(time) - 1, count).round().astype(int)
     for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):
-        draw(add_empty_polygons(stage, axes), stage.faces(k))
+        draw_faces(add_empty_polygons(stage, axes), stage.faces(k))
         axes.set_title(f"{time[k]:.3g} s", fontsize=9, color=COLOURS["rod"])
     figure.savefig(path, format="png")

@@ -33,7 +33,7 @@ Signal = Callable[[str], NDArray]
 
 @final
 @dataclass(frozen=True, eq=False)
-class Moving:
+class ShapeMotion:
     """One shape at n frames.
 
     :param kind: ``"rod"``, ``"ball"``, ``"box"``, ``"wire"``, ``"spring"``, ``"trail"``, ``"floor"`` or ``"flash"``; a
@@ -52,8 +52,8 @@ class Moving:
     closed: bool = False
 
     @cached_property
-    def path(self) -> NDArray:
-        """The points, (n, k, 3), the first again at the end if it is closed."""
+    def closed_points(self) -> NDArray:
+        """Points, (n, k, 3), with the first again at the end of a closed wire."""
         return np.concatenate([self.points, self.points[:, : int(self.closed)]], axis=1)
 
     @property
@@ -70,7 +70,7 @@ class Frames:
     """Shapes at the times of n frames [s]."""
 
     time: NDArray
-    shapes: tuple[Moving, ...]
+    shapes: tuple[ShapeMotion, ...]
     plane: str | None
     values: NDArray  # (n, variables), in the order of the picture's
     shifts: Sequence[float]  # of each shape along x [m], contained in its points, not in values
@@ -81,10 +81,10 @@ class Frames:
         return np.concatenate([points for shape in self.shapes for points in (shape.points, shape.corners)], axis=1)
 
 
-def frames(
+def picture_frames(
     picture: Picture, time: NDArray, signal: Signal, *, title: str, shifts: Sequence[float] | None = None
 ) -> Frames:
-    """Return the shapes of a picture at some times; groups of shapes are moved apart.
+    """Frames of a picture at some times, in which groups of shapes are moved apart.
 
     :param title: for messages.
     :param shifts: of each shape along x [m]; None: what places the groups side by side at the first time.
@@ -116,8 +116,8 @@ def frames(
     return Frames(time, tuple(shifted), picture.plane, values, shifts)
 
 
-def _group_shifts(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[float]:
-    """Return shifts of shapes along x that place their groups side by side, with room to swing."""
+def _group_shifts(shapes: Sequence[ShapeMotion], groups: Sequence[int]) -> Sequence[float]:
+    """Shifts of shapes along x [m] that put their groups side by side, with room to swing."""
     right, shifts = None, {}
     for group in dict.fromkeys(groups):
         members = [shape for shape, number in zip(shapes, groups, strict=True) if number == group]
@@ -129,25 +129,25 @@ def _group_shifts(shapes: Sequence[Moving], groups: Sequence[int]) -> Sequence[f
     return [shifts[group] for group in groups]
 
 
-def _shape_motion(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
-    """Return the points of a declared shape at all frames."""
+def _shape_motion(shape: Mapping[str, Any], count: int, signal: Signal) -> ShapeMotion:
+    """Motion of a declared shape over all frames."""
 
     def columns(coordinates: list[float | str]) -> NDArray:
-        """Return the values of coordinates, (n, k)."""
+        """Values of coordinates at the frames, (n, k)."""
         return np.stack([signal(x) if isinstance(x, str) else np.full(count, float(x)) for x in coordinates], axis=-1)
 
     ends = [shape[member] for member in ("from", "to", "at") if member in shape] or shape["points"]
     points = np.stack([columns(point) for point in ends], axis=1)
     if shape["shape"] == "rope":
-        return Moving("wire", _rope_points(points, columns([shape["length"]])))
+        return ShapeMotion("wire", _rope_points(points, columns([shape["length"]])))
     if shape["shape"] == "floor":
         axes = _axes_along(columns(shape["normal"]))
         edges = columns([shape["width"]]) * (1, 1, THICKNESS)
-        return Moving("floor", points - axes[:, 2:] * edges[:, None, 2:] / 2, axes, edges)
+        return ShapeMotion("floor", points - axes[:, 2:] * edges[:, None, 2:] / 2, axes, edges)
     if shape["shape"] == "flash":
-        return Moving("flash", points, size=_flash_strength(columns([shape["count"]])))
+        return ShapeMotion("flash", points, size=_flash_strength(columns([shape["count"]])))
     size = shape.get("size") or ([shape["radius"]] if "radius" in shape else None)
-    return Moving(
+    return ShapeMotion(
         shape["shape"],
         points,
         axes=np.stack([columns(axis) for axis in shape["axes"]], axis=1) if "axes" in shape else None,
@@ -157,7 +157,7 @@ def _shape_motion(shape: Mapping[str, Any], count: int, signal: Signal) -> Movin
 
 
 def _rope_points(ends: NDArray, length: NDArray) -> NDArray:
-    """Return points (n, 17, 3) of a rope of a length (n, 1): a parabola below the line of its ends (n, 2, 3)."""
+    """Points (n, 17, 3) of a rope of a length (n, 1), a parabola below the line between its ends (n, 2, 3)."""
     part = np.linspace(0, 1, 17)[:, None]
     straight = ends[:, :1] + part * (ends[:, 1:] - ends[:, :1])
 
@@ -173,7 +173,7 @@ def _rope_points(ends: NDArray, length: NDArray) -> NDArray:
 
 
 def _axes_along(normal: NDArray) -> NDArray:
-    """Return axes (n, 3, 3), the third along a normal (n, 3)."""
+    """Orthonormal axes (n, 3, 3), the third along a normal (n, 3)."""
 
     def unit(vectors: NDArray) -> NDArray:
         return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
@@ -184,7 +184,7 @@ def _axes_along(normal: NDArray) -> NDArray:
 
 
 def _flash_strength(count: NDArray) -> NDArray:
-    """Return the strength of a flash, (n, 1): 1 where its count (n, 1) changes, 0 after :data:`FLASH` frames."""
+    """Strength of a flash, (n, 1), which falls from 1 where its count (n, 1) changes to 0 in :data:`FLASH` frames."""
     frame, whole = np.arange(len(count))[:, None], np.round(count)
     last = np.maximum.accumulate(np.where(np.diff(whole, axis=0, prepend=whole[:1]) != 0, frame, -FLASH))
     return np.maximum(1 - (frame - last) / FLASH, 0)

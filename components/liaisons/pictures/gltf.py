@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.pictures.frames import Frames, Moving
+from liaisons.pictures.frames import Frames, ShapeMotion
 from liaisons.pictures.stage import COLOURS, Stage, rgb
 
 _FLOAT, _SHORT = 5126, 5123
@@ -29,7 +29,7 @@ Mesh = tuple[NDArray, NDArray, NDArray]
 
 
 def glb_file(frames: Frames, name: str) -> bytes:
-    """Return the content of a .glb file.
+    """Content of a .glb file.
 
     :param name: of the scene.
     """
@@ -39,23 +39,25 @@ def glb_file(frames: Frames, name: str) -> bytes:
     return scene.file_content(name)
 
 
-def _add_shape(scene: _Scene, shape: Moving, stage: Stage) -> None:
+def _add_shape(scene: _Scene, shape: ShapeMotion, stage: Stage) -> None:
     """Add the nodes of a shape to a scene."""
     centre = shape.points[:, 0]
     if shape.axes is not None:
-        scene.add_node(shape.kind, scene.mesh_of(shape.kind), centre, _rotations_of_axes(shape.axes), shape.size)
+        scene.add_node(shape.kind, scene.shared_mesh(shape.kind), centre, _quaternions_of_axes(shape.axes), shape.size)
     elif shape.kind == "trail":
         if len(centre) > 1:
-            scene.add_node("trail", scene.append_primitive("trail", mode=_LINE_STRIP, POSITION=centre))
+            scene.add_node("trail", scene.append_mesh("trail", mode=_LINE_STRIP, POSITION=centre))
     elif shape.kind in ("ball", "flash"):
-        scene.add_node(shape.kind, scene.mesh_of(shape.kind), centre, scale=np.repeat(stage.radius(shape), 3, axis=1))
+        scene.add_node(
+            shape.kind, scene.shared_mesh(shape.kind), centre, scale=np.repeat(stage.radius(shape), 3, axis=1)
+        )
     else:
         radius = stage.radius(shape)
-        for start, end in pairwise(np.moveaxis(shape.path, 1, 0)):
+        for start, end in pairwise(np.moveaxis(shape.closed_points, 1, 0)):
             along = end - start
             length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
             scale = np.hstack([radius, radius, length])
-            scene.add_node(shape.kind, scene.mesh_of(shape.kind), start, _rotations_from_z(along / length), scale)
+            scene.add_node(shape.kind, scene.shared_mesh(shape.kind), start, _quaternions_from_z(along / length), scale)
 
 
 class _Scene:
@@ -100,16 +102,16 @@ class _Scene:
             max=table.max(axis=0).tolist(),
         )
 
-    def mesh_of(self, kind: str) -> int:
-        """Return the index of the mesh of a kind of shape, which is added once."""
+    def shared_mesh(self, kind: str) -> int:
+        """Index of the mesh that all shapes of a kind share, appended if it is missing."""
         if kind not in self.meshes:
             positions, normals, triangles = _MESHES[kind]()
             indices = self.append_accessor(triangles.ravel(), target=_ELEMENT_ARRAY_BUFFER)
-            self.meshes[kind] = self.append_primitive(kind, indices=indices, POSITION=positions, NORMAL=normals)
+            self.meshes[kind] = self.append_mesh(kind, indices=indices, POSITION=positions, NORMAL=normals)
         return self.meshes[kind]
 
-    def append_primitive(self, kind: str, *, mode: int = 4, indices: int | None = None, **attributes: NDArray) -> int:
-        """Add a mesh of one primitive, by default of triangles; return its index."""
+    def append_mesh(self, kind: str, *, mode: int = 4, indices: int | None = None, **attributes: NDArray) -> int:
+        """Append a mesh of one primitive, by default of triangles; return its index."""
         accessors = {name: self.append_accessor(values, target=_ARRAY_BUFFER) for name, values in attributes.items()}
         primitive = {"attributes": accessors, "mode": mode, "material": list(COLOURS).index(kind)}
         return self.append_item(
@@ -124,7 +126,7 @@ class _Scene:
         rotation: NDArray | None = None,
         scale: NDArray | None = None,
     ) -> None:
-        """Add a mesh, moved, rotated and scaled; constants have no keyframes."""
+        """Add a node that moves, rotates and scales a mesh, with keyframes for what is not constant."""
         node = self.append_item("nodes", name=name, mesh=mesh)
         for path, values in {"translation": translation, "rotation": rotation, "scale": scale}.items():
             if values is None:
@@ -136,7 +138,10 @@ class _Scene:
                 self.samplers.append({"input": self.time, "output": output, "interpolation": "LINEAR"})
 
     def file_content(self, name: str) -> bytes:
-        """Return the file, all nodes under a root."""
+        """Content of the file, in which all nodes are children of a root node.
+
+        :param name: of the scene.
+        """
         children = list(range(len(self.document["nodes"])))
         root = self.append_item("nodes", name=name, rotation=[-sqrt(0.5), 0.0, 0.0, sqrt(0.5)], children=children)
         animation = {"name": "motion", "samplers": self.samplers, "channels": self.channels}
@@ -155,7 +160,7 @@ class _Scene:
 
 
 def _material(kind: str) -> dict[str, Any]:
-    """Return the material of a kind of shape."""
+    """glTF material of a kind of shape."""
     colour = ((np.array(rgb(kind)) + 0.055) / 1.055) ** 2.4  # from sRGB to linear
     properties = {"baseColorFactor": [*colour.tolist(), 1.0], "metallicFactor": 0.1, "roughnessFactor": 0.55}
     return {"name": kind, "pbrMetallicRoughness": properties}
@@ -164,22 +169,22 @@ def _material(kind: str) -> dict[str, Any]:
 # ---- rotations ----------------------------------------------------------------------------------------------------
 
 
-def _rotations_from_z(unit: NDArray) -> NDArray:
-    """Return quaternions (n, 4), scalar last, of the shortest rotations from z to directions."""
+def _quaternions_from_z(unit: NDArray) -> NDArray:
+    """Quaternions (n, 4), scalar last, of the shortest rotations from z to unit vectors (n, 3)."""
     quaternions = np.column_stack([-unit[:, 1], unit[:, 0], 0 * unit[:, 0], 1 + unit[:, 2]])
     quaternions[1 + unit[:, 2] < 1e-9] = (1.0, 0.0, 0.0, 0.0)  # straight down: about x
     return _with_continuous_signs(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
-def _rotations_of_axes(axes: NDArray) -> NDArray:
-    """Return quaternions (n, 4), scalar last, of axes (n, 3, 3)."""
+def _quaternions_of_axes(axes: NDArray) -> NDArray:
+    """Quaternions (n, 4), scalar last, of the rotations to axes (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return _with_continuous_signs(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat())
 
 
 def _with_continuous_signs(quaternions: NDArray) -> NDArray:
-    """Return quaternions with signs such that each is near the previous keyframe; q and -q are one rotation."""
+    """Quaternions with the signs, q or -q, that are nearest to the previous keyframe."""
     flips = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0)
     return quaternions * np.cumprod([1.0, *flips])[:, None]
 
@@ -188,7 +193,7 @@ def _with_continuous_signs(quaternions: NDArray) -> NDArray:
 
 
 def _grid_mesh(positions: NDArray, normals: NDArray) -> Mesh:
-    """Return a grid of points (rows, columns, 3) as triangles, without those that have no area."""
+    """Mesh of a grid of points (rows, columns, 3), without triangles that have no area."""
     rows, columns = positions.shape[:2]
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
     triangles = (first + np.array([0, 1, columns, 1, columns + 1, columns])).reshape(-1, 3)
@@ -198,7 +203,10 @@ def _grid_mesh(positions: NDArray, normals: NDArray) -> Mesh:
 
 
 def _revolved_mesh(profile: ArrayLike) -> Mesh:
-    """Return a surface about z, from rows upwards: radius and z of a point, and of its normal."""
+    """Mesh of a surface of revolution about z.
+
+    :param profile: from below, for each point its radius and z, and radius and z of its normal.
+    """
     angle = np.linspace(0, 2 * pi, 2 * _SIDES + 1)
     circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     points = [radius * circle + np.array([0.0, 0.0, z]) for radius, z in np.reshape(profile, (-1, 2))]
@@ -206,13 +214,13 @@ def _revolved_mesh(profile: ArrayLike) -> Mesh:
 
 
 def _sphere() -> Mesh:
-    """Return a sphere of radius 1."""
+    """Mesh of a sphere of radius 1."""
     latitude = np.linspace(-pi / 2, pi / 2, _SIDES + 1)
     return _revolved_mesh(np.column_stack(2 * [np.cos(latitude), np.sin(latitude)]))
 
 
 def _cylinder() -> Mesh:
-    """Return a cylinder of radius 1, from z = 0 to 1, with both discs."""
+    """Mesh of a cylinder of radius 1 from z = 0 to 1, with both discs."""
     bottom, side, top = (0, -1), (1, 0), (0, 1)
     return _revolved_mesh(
         [[(0, 0), bottom], [(1, 0), bottom], [(1, 0), side], [(1, 1), side], [(1, 1), top], [(0, 1), top]]
@@ -220,7 +228,7 @@ def _cylinder() -> Mesh:
 
 
 def _coil() -> Mesh:
-    """Return a helix of radius 1 from z = 0 to 1."""
+    """Mesh of a helix of radius 1 from z = 0 to 1."""
     z = np.linspace(0, 1, 24 * _COILS + 1)
     phase = 2 * pi * _COILS * z
     outward = np.column_stack([np.cos(phase), np.sin(phase), 0 * z])[:, None]
@@ -230,7 +238,7 @@ def _coil() -> Mesh:
 
 
 def _cube() -> Mesh:
-    """Return a cube of edge 1: six copies of the upper face and of its normal, rotated."""
+    """Mesh of a cube of edge 1: six copies of the upper face and of its normal, rotated."""
     face = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1], [0, 0, 2]]) / 2
     faces = np.array([np.roll(face * side, axis, axis=1) for side in ([1, 1, 1], [1, -1, -1]) for axis in range(3)])
     triangles = 4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])

@@ -11,13 +11,12 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from liaisons.pictures.camera import FACING
 from liaisons.pictures.frames import FLASH, THICKNESS
-from liaisons.pictures.stage import COILS, LIGHT, SIZES, TEETH
+from liaisons.pictures.stage import COILS, FACING, LIGHT, SIZES, TEETH
 
 
 def inlined_page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
-    """Return one HTML file with style, script and data; ``DRAWING`` in the script has the constants of all pictures.
+    """HTML file that contains its style, script and data; ``DRAWING`` in the script has the constants of pictures.
 
     :param template: name of the file of its body.
     :param modules: names of the ES modules, each after those that it imports.
@@ -49,7 +48,7 @@ def inlined_page(template: str, modules: Sequence[str], title: str, description:
 
 
 def _as_script(module: str) -> str:
-    """Return a JavaScript module without imports and exports: a file:// page loads no modules.
+    """Text of a JavaScript module as a script, without imports and exports, since a file:// page loads no modules.
 
     Without indentation, and without comments that have lines of their own, which mean nothing in JavaScript.
     """
@@ -57,5 +56,5 @@ def _as_script(module: str) -> str:
 
 
 def _policy_hash(text: str) -> str:
-    """Return the hash of a text in a content security policy."""
+    """Hash of a text in the form of a content security policy."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

@@ -26,7 +26,7 @@ Attributes = Mapping[str, object]
 
 
 def openmodelica_files(shown: Frames) -> tuple[bytes, bytes]:
-    """Return the description of the shapes, and the table of what moves."""
+    """Contents of both files: the description of the shapes, and the table of what moves."""
     root, columns = ElementTree.Element("visualization"), {"time": shown.time}
     for i, (kind, body_type, attributes) in enumerate(_body_descriptions(shown), 1):
         body = ElementTree.SubElement(root, "shape")
@@ -56,7 +56,7 @@ def _body_descriptions(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
     """Yield kind, type in OMEdit, and attributes of each body."""
     stage = Stage(shown)
     for shape in shown.shapes:
-        points = shape.path @ _UP.T
+        points = shape.closed_points @ _UP.T
         if shape.axes is not None:
             assert shape.size is not None
             rotation = (shape.axes @ _UP.T).reshape(-1, 9)
@@ -64,7 +64,7 @@ def _body_descriptions(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
         elif shape.kind in ("ball", "flash"):
             yield shape.kind, "sphere", _centred_body(points[:, 0], *3 * [2 * stage.radius(shape)])
         elif shape.kind == "spring":
-            wire = {"height": SIZES["wire"] * stage.extent, "extra": float(stage.coils(shape))}
+            wire = {"height": SIZES["wire"] * stage.extent, "extra": float(stage.coil_count(shape))}
             yield "spring", "spring", {**_body_between(points, stage.radius(shape)), **wire}
         elif shape.kind != "trail":
             for k in range(points.shape[1] - 1):
@@ -72,13 +72,13 @@ def _body_descriptions(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
 
 
 def _centred_body(centre: NDArray, length: NDArray, width: NDArray, height: NDArray) -> Attributes:
-    """Return the attributes of a body about its centre."""
+    """Attributes of a body about its centre."""
     start = -0.5 * length * np.array(_ALONG)
     return {"r": centre, "r_shape": start, "length": length, "width": width, "height": height}
 
 
 def _body_between(ends: NDArray, across: NDArray | float) -> Attributes:
-    """Return the attributes of a body from one end to the other."""
+    """Attributes of a body from one end to the other."""
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     return {"r": ends[:, 0], "lengthDir": along, "length": length, "width": across, "height": across}

@@ -11,7 +11,7 @@ from liaisons.base.unit_definitions import SAME, UnitDefinition
 from liaisons.cosim.description.fmu import Fmu, read_description
 from liaisons.cosim.description.variables import Array
 from liaisons.errors import SimulationError
-from liaisons.ssp.xml import path, tag, units
+from liaisons.ssp.xml import child_path, tag, unit_definitions
 
 Number = float | int | bool | str
 
@@ -20,15 +20,15 @@ Quantity = tuple[tuple[Number, ...], UnitDefinition | None]
 """Values of a parameter (several: an array), and their unit, if defined."""
 
 
-def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
-    """Names and values of the parameters of a set; a name may occur twice.
+def parameter_quantities(parameter_set: Element) -> list[tuple[str, Quantity]]:
+    """Names, values and units of the parameters in a set; a name may occur twice.
 
     :raises SimulationError: for a type that is not supported, or a value of another type.
     """
-    defined = units(parameter_set, "ssv:Units")
+    defined = unit_definitions(parameter_set, "ssv:Units")
     return [
         (name, (_parameter_values(name, element), defined.get(element.get("unit", ""))))
-        for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
+        for parameter in parameter_set.iterfind(child_path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
     ]
@@ -37,7 +37,10 @@ def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
 def mapped_parameters(
     listed: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str
 ) -> Iterator[tuple[str, Quantity]]:
-    """Yield the values, transformed by a mapping, with the names of their targets; without one, with their own."""
+    """Yield names and values of parameters, those in mapping entries transformed and with the names of their targets.
+
+    Without entries, names and values as they are listed.
+    """
     quantities = {f"{prefix}{name}": quantity for name, quantity in listed}
     if not entries:
         yield from quantities.items()
@@ -49,8 +52,8 @@ def mapped_parameters(
             yield target, (tuple(_transformed(target, value, entry) for value in values), None if suppressed else unit)
 
 
-def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
-    """Value of a parameter in the type and the unit of a variable.
+def value_for_variable(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
+    """Value of a parameter, converted to the type and the unit of a variable.
 
     :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
@@ -59,7 +62,7 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     if scalar.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(scalar.unit)) for v in values)
     elif scalar.type == "Enumeration" and any(isinstance(v, str) for v in values):
-        values = _item_values(f"{owner}.{variable}", fmu, scalar.name, values)
+        values = _enumeration_values(f"{owner}.{variable}", fmu, scalar.name, values)
     elif scalar.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
     if isinstance(entry, Array) and len(values) == entry.size:
@@ -84,8 +87,8 @@ def _parameter_values(name: str, element: Element) -> tuple[Number, ...]:
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
 
 
-def _item_values(label: str, fmu: Fmu, variable: str, values: Iterable[Number]) -> tuple[Number, ...]:
-    """Values of items of a variable's enumeration type, which go by their names; numbers are themselves."""
+def _enumeration_values(label: str, fmu: Fmu, variable: str, values: Iterable[Number]) -> tuple[Number, ...]:
+    """Values of a variable's enumeration type, given by names of its items or as numbers."""
     description = read_description(fmu.path)
     items = description.items.get(description.attributes.get(variable, {}).get("declaredType", ""), {})
     for value in values:
@@ -95,7 +98,7 @@ def _item_values(label: str, fmu: Fmu, variable: str, values: Iterable[Number]) 
 
 
 def _transformed(name: str, value: Number, entry: Element) -> Number:
-    """A value after the transformation of a mapping entry."""
+    """Value after the transformation of a mapping entry."""
     for child in entry:
         kind = child.tag.rpartition("}")[2]
         if kind == "LinearTransformation" and not isinstance(value, str):
@@ -117,7 +120,7 @@ _MAPPINGS: Mapping[str, Callable[[str], Number]] = {
 
 
 def _converted(label: str, value: Number, unit: UnitDefinition | None, target: UnitDefinition | None) -> Number:
-    """A value converted to another unit of the same dimension; unchanged where a unit is not defined."""
+    """Value in another unit of the same dimension; unchanged where a unit is not defined."""
     if isinstance(value, str) or unit is None or target is None:
         return value
     if unit.exponents != target.exponents:

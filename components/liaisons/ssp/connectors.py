@@ -25,8 +25,8 @@ _SHOWN = {"input": ("Real",), "output": ("Real", "Integer", "Boolean")}
 _FULL = {"Real": "Float64", "Integer": "Int32"}  # of FMI 2.0; FMI 3.0 and SSP 2.0 have the same names
 
 
-def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
-    """Return the scalar or FMI 3.0 array of a variable, and the index of the variable in it; () for all of it."""
+def connector_entry(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
+    """Scalar or FMI 3.0 array that a variable belongs to, and its index in that; () for all of it."""
     array = part.fmu.variables.whole(variable)
     if array is None:
         return part.fmu.variables[variable], ()
@@ -37,20 +37,20 @@ def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
 def component_connectors(
     part: SystemComponent, connections: Iterable[Connection], shown: Iterable[VariableReference]
 ) -> dict[str, Entry]:
-    """Connectors of a component by name: those connected to other components, and those exposed by the system."""
+    """Connectors of a component by name: those with connections, and those that are shown."""
     ends = (end.place for connection in connections for end in (connection.source, connection.target))
-    entries = (connector(part, name)[0] for owner, name in (*ends, *shown) if owner == part.name)
+    entries = (connector_entry(part, name)[0] for owner, name in (*ends, *shown) if owner == part.name)
     return {entry.like.name: entry for entry in entries}
 
 
 def system_connectors(
     parts: Iterable[SystemComponent], connections: Collection[Connection]
 ) -> dict[VariableReference, Entry]:
-    """Connectors of the system: outputs, and inputs without a source inside; no lists of thousands of scalars."""
+    """Connectors of the system: outputs of its components, inputs without a source, but no long lists of scalars."""
     targets = (connection.target for connection in connections)
-    fed = {(target.part.name, connector(target.part, target.name)[0].like.name) for target in targets}
+    fed = {(target.part.name, connector_entry(target.part, target.name)[0].like.name) for target in targets}
     return {
-        (part.name, name): connector(part, name)[0]
+        (part.name, name): connector_entry(part, name)[0]
         for part in parts
         for key, entry in part.fmu.variables.entries.items()
         if entry.like.type in _SHOWN.get(entry.like.causality, ())
@@ -69,10 +69,10 @@ def add_connectors(parent: Element, connectors: Mapping[str, Entry], units: Unit
     for name, entry in connectors.items():
         element = SubElement(group, tag("ssd:Connector"), name=name, kind=entry.like.causality)
         add_type(element, "ssc", entry.like, units, form)
-        add_sizes(element, entry)
+        add_dimensions(element, entry)
 
 
-def add_sizes(parent: Element, entry: Entry) -> None:
+def add_dimensions(parent: Element, entry: Entry) -> None:
     """Add the dimensions of an array."""
     for size in entry.shape:
         SubElement(parent, tag("ssc:Dimension"), size=str(size))
@@ -88,7 +88,7 @@ def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form:
 
 
 def units_of(parts: Iterable[SystemComponent]) -> dict[str, UnitDefinition]:
-    """The units of components, without those that two of them define differently."""
+    """Units of all components by name, without those that two of them define differently."""
     definitions: dict[str, UnitDefinition] = {}
     contradictory: set[str] = set()
     for part in parts:
@@ -99,7 +99,10 @@ def units_of(parts: Iterable[SystemComponent]) -> dict[str, UnitDefinition]:
 
 
 def add_units(parent: Element, name: str, units: Units) -> None:
-    """Add an element of this name with unit definitions."""
+    """Add an element with unit definitions.
+
+    :param name: of the element, as ``"ssd:Units"``.
+    """
     if not units:
         return
     group = SubElement(parent, tag(name))

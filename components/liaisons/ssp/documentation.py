@@ -34,7 +34,7 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 def system_page(
     name: str, parts: Iterable[SystemComponent], connections: Iterable[Connection], experiment: DefaultExperiment
 ) -> str:
-    """HTML page of a system."""
+    """HTML page of a system: components with start values, connections, experiment."""
     times = [f"starts at t = {experiment.start_time:g} s"]
     if experiment.stop_time is not None:
         times.append(f"stops at t = {experiment.stop_time:g} s")
@@ -44,17 +44,17 @@ def system_page(
         title=escape(name),
         experiment=f"The experiment {', '.join(times)}.",
         parts="\n".join(
-            _table_row(c.name, f"{c.fmu.model_name} (FMI {c.fmu.version}.0)", ", ".join(_start_texts(c))) for c in parts
+            _table_row(
+                c.name,
+                f"{c.fmu.model_name} (FMI {c.fmu.version}.0)",
+                ", ".join(f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in c.starts.items()),
+            )
+            for c in parts
         ),
         connections="\n".join(
             _table_row(*str(connection).split(" -> "), connection.source.variable.unit) for connection in connections
         ),
     )
-
-
-def _start_texts(part: SystemComponent) -> list[str]:
-    """Start values of a component in words."""
-    return [f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in part.starts.items()]
 
 
 def _table_row(*cells: str) -> str:

@@ -24,34 +24,35 @@ from liaisons.base.compiler import INSTALLATION
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
-from liaisons.ssp.parameters import parameter_starts, value_text
+from liaisons.ssp.parameters import starts_by_parameter, value_text
 
 _STARTS = "resources/starts.txt"
 _PYTHON = "resources/component.json"
 STARTS, ZEROS = b"/starts.txt", b" = 0 before the first step: it stays "
+"""In binaries that read start values, and in those that skip zeros."""
 _DESCRIPTION = "modelDescription.xml"
 
 
 def contains_mark(part: SystemComponent, mark: bytes) -> bool:
-    """Whether the code of an FMU has a mark: it reads start values (:data:`STARTS`), or skips zeros (:data:`ZEROS`)."""
+    """Whether the binary of an FMU contains the text that shows a capability, :data:`STARTS` or :data:`ZEROS`."""
     with ZipFile(part.fmu.path) as archive:
         modules = [name for name in archive.namelist() if name.startswith("resources/liaisons_runtime_")]
         return any(mark in archive.read(name) for name in (part.fmu.binary, *modules))
 
 
 def fmu_with_starts(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
-    """Contents of the FMU file with the start values of a component.
+    """Content of a component's FMU file, with the component's start values embedded.
 
     :param ignore_zeros: prescribed coordinates that must not be 0 keep their start values where an importer sets 0
         before the first step.
     """
-    values = parameter_starts(part)
+    values = starts_by_parameter(part)
     lines = [_start_line(part, *item) for item in values.items()]
     return _fmu_with_start_lines(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
 
 
 def fmu_with_table(path: Path, table: Floats) -> bytes:
-    """Contents of the FMU file with another embedded table.
+    """Content of an FMU file, with another table embedded.
 
     :param table: shape (columns, rows).
     :raises SimulationError: if the FMU is of the Python back end.
@@ -59,7 +60,7 @@ def fmu_with_table(path: Path, table: Floats) -> bytes:
     with ZipFile(path) as archive:
         if _PYTHON in archive.namelist():
             raise SimulationError(f"{path.name}: {table.shape[1]} knots need a native FMU; {INSTALLATION}")
-    return _fmu_with_start_lines(path, [f"t 0 {table.size} {_hexadecimal('>d', table.ravel())} table\n"], {})
+    return _fmu_with_start_lines(path, [f"t 0 {table.size} {_hexadecimal_bits('>d', table.ravel())} table\n"], {})
 
 
 def has_table(path: Path) -> bool:
@@ -69,7 +70,7 @@ def has_table(path: Path) -> bool:
 
 
 def _fmu_with_start_lines(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
-    """Return the bytes of an FMU file with further lines of start values, which its model description has, too."""
+    """Content of an FMU file with further lines in its file of start values, and start values in its description."""
     target = io.BytesIO()
     with ZipFile(path) as old, ZipFile(target, "w") as new:
         before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""
@@ -85,20 +86,23 @@ def _fmu_with_start_lines(path: Path, lines: Iterable[str], values: Mapping[str,
 
 
 def _start_line(part: SystemComponent, name: str, value: Value) -> str:
-    """Line of a variable in the file of start values."""
+    """Line with the start value of a variable, for ``starts.txt``."""
     scalar = part.fmu.variables.entry(name).like
     kind, form = ("r", ">d") if scalar.type == "Real" else ("i", ">q")
     numbers = value if isinstance(value, tuple) else (value,)
-    return f"{kind} {scalar.reference} {len(numbers)} {_hexadecimal(form, numbers)} {name}\n"
+    return f"{kind} {scalar.reference} {len(numbers)} {_hexadecimal_bits(form, numbers)} {name}\n"
 
 
-def _hexadecimal(form: str, numbers: Iterable[object]) -> str:
-    """Numbers as hexadecimal digits of their bits."""
-    return " ".join(struct.pack(form, number).hex() for number in numbers)
+def _hexadecimal_bits(struct_format: str, numbers: Iterable[object]) -> str:
+    """Bits of numbers in hexadecimal digits, separated by spaces."""
+    return " ".join(struct.pack(struct_format, number).hex() for number in numbers)
 
 
 def _description_with_starts(description: bytes, values: Mapping[str, Value], starts: str) -> bytes:
-    """Model description with other start values, and a GUID of its own that the library accepts."""
+    """Model description with other start values, and with a GUID that depends on them.
+
+    :param starts: content of ``starts.txt``.
+    """
     root = ElementTree.fromstring(description)
     name = "guid" if "guid" in root.attrib else "instantiationToken"
     # a minus, which a URI takes as it is: libcosim makes a directory of the GUID and does not encode it again

@@ -9,7 +9,7 @@ from liaisons.base.arguments import finite
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import DefaultExperiment, usable
 from liaisons.cosim.structure.simulation import common_experiment
-from liaisons.ssp.xml import path, tag
+from liaisons.ssp.xml import child_path, tag
 
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself
 
@@ -20,7 +20,7 @@ def effective_experiment(
     stop_time: float | None = None,
     step_size: float | None = None,
 ) -> DefaultExperiment:
-    """Return start, stop and step: of the arguments, else of the last run, else of the FMUs.
+    """Start, stop and step size: those given, else those of the last run, else those of the FMUs.
 
     :raises SimulationError: for what is no finite number.
     """
@@ -40,13 +40,13 @@ def effective_experiment(
 
 
 def _without_rounding(time: float) -> float:
-    """The time without the rounding errors of summed steps: 2 for 2.000000000000001."""
+    """Time without the rounding errors of summed steps: 2 for 2.000000000000001."""
     few = float(f"{time:.14g}")
     return few if abs(few - time) <= 4 * math.ulp(time) else time
 
 
 def add_simulation_information(system: Element, experiment: DefaultExperiment) -> None:
-    """Add the step size for OMSimulator, as the last child of the system."""
+    """Add the annotation of the step size that OMSimulator reads, as the last child of the system."""
     if experiment.step_size is None:
         return
     annotation = _add_annotation(system, "org.openmodelica")
@@ -62,7 +62,7 @@ def add_simulation_information(system: Element, experiment: DefaultExperiment) -
 
 
 def add_experiment(root: Element, experiment: DefaultExperiment) -> None:
-    """Add the default experiment, with the step size for libcosim."""
+    """Add the default experiment, with the annotation of the step size that libcosim reads."""
     times = {"startTime": experiment.start_time, "stopTime": experiment.stop_time}
     attributes = {name: repr(float(value)) for name, value in times.items() if value is not None}
     element = SubElement(root, tag("ssd:DefaultExperiment"), attributes)
@@ -72,26 +72,30 @@ def add_experiment(root: Element, experiment: DefaultExperiment) -> None:
 
 
 def read_experiment(root: Element) -> DefaultExperiment:
-    """Return the default experiment of a structure.
+    """Default experiment of a structure, with the step size of its annotations.
 
     :raises ValueError: for a number that is none.
     """
     element = root.find(tag("ssd:DefaultExperiment"))
-    stop = None if element is None else element.get("stopTime")
+    attributes = {} if element is None else element.attrib
+    stop = attributes.get("stopTime")
     steps = [
         step
         for name, attribute in (("osp:FixedStepAlgorithm", "baseStepSize"), ("oms:FixedStepMaster", "stepSize"))
         for algorithm in root.iter(tag(name))
         if (step := algorithm.get(attribute)) is not None
     ]
-    start = 0.0 if element is None else float(element.get("startTime", 0.0))
+    start = float(attributes.get("startTime", 0.0))
     span = usable(start, None if stop is None else float(stop), float(steps[0]) if steps else None)
     return DefaultExperiment(start if math.isfinite(start) else 0.0, *span)
 
 
 def _add_annotation(parent: Element, kind: str) -> Element:
-    """Add and return an annotation of a kind."""
-    annotations = parent.find(path("ssd:Annotations"))
+    """Add an annotation, and return its element.
+
+    :param kind: domain of its author, as ``"org.openmodelica"``.
+    """
+    annotations = parent.find(child_path("ssd:Annotations"))
     if annotations is None:
         annotations = SubElement(parent, tag("ssd:Annotations"))
     return SubElement(annotations, tag("ssc:Annotation"), type=kind)

@@ -8,17 +8,17 @@ from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.structure.components import SystemComponent
-from liaisons.ssp.connectors import Form, Units, add_sizes, add_type, add_units
-from liaisons.ssp.xml import document, tag
+from liaisons.ssp.connectors import Form, Units, add_dimensions, add_type, add_units
+from liaisons.ssp.xml import tag, xml_content
 
-Listed = tuple[str, SystemComponent, str, Value]
+ParameterEntry = tuple[str, SystemComponent, str, Value]
 """Name of a parameter, its component and variable, and its value."""
 
 _INITIAL = "initialValues"  # the set that OSP's masters read
 
 
-def parameter_starts(part: SystemComponent) -> dict[str, Value]:
-    """Start values by name: those of FMI 2.0 arrays by elements, those of FMI 3.0 arrays as a whole."""
+def starts_by_parameter(part: SystemComponent) -> dict[str, Value]:
+    """Start values by the names of SSP parameters: elements of FMI 2.0 arrays, and whole FMI 3.0 arrays."""
     values: dict[str, Value] = {}
     for name, value in part.starts.items():
         is_whole = part.fmu.variables.whole(name) is not None
@@ -26,8 +26,8 @@ def parameter_starts(part: SystemComponent) -> dict[str, Value]:
     return values
 
 
-def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
-    """Contents of a parameter set file (SSV)."""
+def parameter_set(listed: Iterable[ParameterEntry], units: Units, form: Form) -> bytes:
+    """Content of a parameter set file (SSV)."""
     root = Element(tag("ssv:ParameterSet"), version="1.0" if form == "portable" else "2.0", name=_INITIAL)
     group = SubElement(root, tag("ssv:Parameters"))
     used: dict[str, None] = {}
@@ -37,28 +37,31 @@ def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
         element = add_type(parameter, "ssv", entry.like, units, form)
         element.attrib = {"value": value_text(value), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
-        add_sizes(parameter, entry)
+        add_dimensions(parameter, entry)
     add_units(root, "ssv:Units", {unit: units[unit] for unit in used})
-    return document(root)
+    return xml_content(root)
 
 
-def parameter_mapping(listed: Iterable[Listed]) -> bytes:
-    """Contents of a mapping file (SSM) from the parameters of a set to variables of components."""
+def parameter_mapping(listed: Iterable[ParameterEntry]) -> bytes:
+    """Content of a mapping file (SSM), from parameters of a set to variables of components."""
     root = Element(tag("ssm:ParameterMapping"), version="2.0")
     for name, part, variable, _ in listed:
         SubElement(root, tag("ssm:MappingEntry"), source=name, target=f"{part.name}.{variable}")
-    return document(root)
+    return xml_content(root)
 
 
 def add_binding(element: Element, values: str, names: str | None = None) -> None:
-    """Add the binding of a parameter set, and of a mapping, to a component or system."""
+    """Add a parameter binding to a component or system.
+
+    :param values: file of the parameter set; ``names``: file of its mapping.
+    """
     binding = SubElement(SubElement(element, tag("ssd:ParameterBindings")), tag("ssd:ParameterBinding"), source=values)
     if names is not None:
         SubElement(binding, tag("ssd:ParameterMapping"), source=names)
 
 
 def value_text(value: Value) -> str:
-    """A start value as XML text."""
+    """Text of a start value in XML."""
     if isinstance(value, tuple):
         return " ".join(map(value_text, value))
     if isinstance(value, bool):

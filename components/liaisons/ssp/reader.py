@@ -25,10 +25,10 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect_scalars
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
-from liaisons.ssp.assignment import Quantity, fitted, mapped_parameters, parameters
+from liaisons.ssp.assignment import Quantity, mapped_parameters, parameter_quantities, value_for_variable
 from liaisons.ssp.experiment import read_experiment
 from liaisons.ssp.structure import ElementPath, Pin, Structure, read_structure
-from liaisons.ssp.xml import STRUCTURE, path, tag, with_declared_prefixes
+from liaisons.ssp.xml import STRUCTURE, child_path, tag, with_declared_prefixes
 
 _VERSIONS = ("1.0", "2.0")
 
@@ -37,7 +37,7 @@ S = TypeVar("S", bound=System)
 
 
 def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object] | None = None) -> S:
-    """Read an archive; its FMUs are unpacked into a directory that lives as long as the system.
+    """System in an archive, whose FMUs are unpacked into a folder that lives as long as the system.
 
     :param make: creates a system of a name.
     :param starts: start values that override those of the archive, by ``"component.variable"``.
@@ -60,10 +60,10 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
     return system
 
 
-def _name_of(archive: Archive, source: str, owner: str) -> str:
-    """Name of a file in the archive from its relative URI, checked to be there.
+def _member_name(archive: Archive, source: str, owner: str) -> str:
+    """Name of the file in the archive at a relative URI; a SimulationError if there is none.
 
-    :param owner: of the URI, for messages.
+    :param owner: of the file, for messages.
     """
     if ":" in source or source.startswith("/") or ".." in PurePosixPath(unquote(source)).parts:
         raise SimulationError(f"{owner} lies at {source!r}, outside the archive; put it inside")
@@ -74,8 +74,8 @@ def _name_of(archive: Archive, source: str, owner: str) -> str:
 
 
 def _xml_root(archive: Archive, source: str, owner: str, root: str) -> Element:
-    """Root element of an XML file in the archive, checked by its name."""
-    name = _name_of(archive, source, owner)
+    """Root element of an XML file in the archive; a SimulationError unless its name is ``root``."""
+    name = _member_name(archive, source, owner)
     try:
         with archive.open(name) as file:
             try:
@@ -96,7 +96,10 @@ def _xml_root(archive: Archive, source: str, owner: str, root: str) -> Element:
 
 
 def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
-    """The system in an opened archive, its FMUs unpacked."""
+    """System in an opened archive, whose FMUs are unpacked into a directory.
+
+    :param further: start values that override those of the archive.
+    """
     if STRUCTURE not in archive.names:  # a truncated archive can end in the whole archive of an FMU
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
     root = _xml_root(archive, STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
@@ -108,7 +111,7 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
     fmus = _unpack(archive, structure, directory)
     starts = _start_values(archive, structure, fmus)
-    owners = {_joined_name(component): component for component in fmus}
+    owners = {_component_name(component): component for component in fmus}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
         if owner not in owners:
@@ -119,7 +122,7 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
         starts[owners[owner]][variable] = value
     system = make(structure.name)
     parts = {
-        component: system.add(_joined_name(component), fmu.path, start_values=starts[component])
+        component: system.add(_component_name(component), fmu.path, start_values=starts[component])
         for component, fmu in fmus.items()
     }
     system.join(_connections(structure, parts))
@@ -127,18 +130,18 @@ def _read_system(archive: Archive, directory: Path, make: Callable[[str], S], fu
     return system
 
 
-def _joined_name(element: ElementPath) -> str:
-    """Names of nested elements, joined by underscores: the name of a component."""
+def _component_name(element: ElementPath) -> str:
+    """Name of a component from those of nested elements, joined by underscores."""
     return "_".join(element).replace(".", "_")  # names of components have no dots
 
 
 def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[ElementPath, Fmu]:
-    """Unpack the FMUs, and return them by component."""
+    """Unpack the FMUs into a directory, and return them by component."""
     fmus: dict[str, Fmu] = {}
     size = archive.size
     for component, source in structure.sources.items():
         if source not in fmus:
-            name = _name_of(archive, source, f"the FMU of component {'.'.join(component)}")
+            name = _member_name(archive, source, f"the FMU of component {'.'.join(component)}")
             path = directory / str(len(fmus)) / PurePosixPath(name).name
             archive.copy(name, path)
             try:
@@ -154,27 +157,29 @@ def _unpack(archive: Archive, structure: Structure, directory: Path) -> dict[Ele
 def _start_values(
     archive: Archive, structure: Structure, fmus: dict[ElementPath, Fmu]
 ) -> dict[ElementPath, dict[str, Any]]:
-    """Start values of each component, from all parameter bindings."""
+    """Start values of each component by variable, from all parameter bindings."""
     starts: dict[ElementPath, dict[str, Any]] = {component: {} for component in fmus}
     for element, binding in structure.bindings:
         for name, quantity in _bound_parameters(archive, element, binding):
-            targets = structure.targets(element, name)
+            targets = structure.parameter_targets(element, name)
             if not targets:
                 logger.warning("%s: parameter %s fits nothing and is ignored", archive.path, name)
             for component, variable in targets:
                 fmu = fmus[component]
                 if variable in fmu.arrays or variable in fmu.variables:
                     starts[component].pop(variable, None)  # later values override
-                    starts[component][variable] = fitted(_joined_name(component), fmu, variable, quantity)
+                    starts[component][variable] = value_for_variable(
+                        _component_name(component), fmu, variable, quantity
+                    )
                 else:
                     logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
     return starts
 
 
 def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) -> Iterable[tuple[str, Quantity]]:
-    """Names and values of the parameters of one binding."""
+    """Names, values and units of the parameters that a binding assigns to an element."""
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
-    source, values = binding.get("source"), binding.find(path("ssd:ParameterValues", "ssv:ParameterSet"))
+    source, values = binding.get("source"), binding.find(child_path("ssd:ParameterValues", "ssv:ParameterSet"))
     if source is not None:
         values = _xml_root(archive, source, owner, "ssv:ParameterSet")
     if values is None:
@@ -187,15 +192,15 @@ def _bound_parameters(archive: Archive, element: ElementPath, binding: Element) 
             inner = _xml_root(archive, source, f"the mapping of {owner}", "ssm:ParameterMapping")
         entries += [] if inner is None else inner.findall(tag("ssm:MappingEntry"))
     try:
-        return list(mapped_parameters(parameters(values), entries, prefix=binding.get("prefix", "")))
+        return list(mapped_parameters(parameter_quantities(values), entries, prefix=binding.get("prefix", "")))
     except (ValueError, OverflowError) as error:
         raise SimulationError(f"{owner} cannot be read: {error}") from None
 
 
 def _connections(structure: Structure, parts: dict[ElementPath, SystemComponent]) -> list[Connection]:
-    """Connections from scalar to scalar."""
+    """Connections of components, from scalar to scalar."""
     joined: list[Connection] = []
-    for chain in structure.connections():
+    for chain in structure.connection_chains():
         start, end = chain[0].start, chain[-1].end
         try:
             sources, targets = (_scalar_ports(pin, parts) for pin in (start, end))

@@ -12,10 +12,12 @@ from xml.etree.ElementTree import Element
 from liaisons.base.array_names import Shape
 from liaisons.base.unit_definitions import SAME, Conversion, UnitDefinition
 from liaisons.errors import ConnectError, SimulationError, suggestion
-from liaisons.ssp.xml import path, tag, units
+from liaisons.ssp.xml import child_path, tag, unit_definitions
 
 ElementPath = tuple[str, ...]
 """Names of nested elements; () is the root system."""
+Connector = tuple[ElementPath, str]
+"""Element and name of its connector, or of its parameter or variable."""
 
 _IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
 _FMU = "application/x-fmu-sharedlibrary"
@@ -63,10 +65,10 @@ class Structure:
     sources: dict[ElementPath, str] = field(default_factory=dict)
     bindings: list[tuple[ElementPath, Element]] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
-    shown: dict[tuple[ElementPath, str], UnitDefinition | None] = field(default_factory=dict)
+    shown: dict[Connector, UnitDefinition | None] = field(default_factory=dict)
 
-    def connections(self) -> Iterator[list[Edge]]:
-        """Yield chains of connections that lead from component to component through connectors of systems.
+    def connection_chains(self) -> Iterator[list[Edge]]:
+        """Yield chains of edges from component to component through connectors of systems.
 
         :raises SimulationError: if an input has several sources, or connections form a cycle without a component.
         """
@@ -75,7 +77,7 @@ class Structure:
                 yield chain
 
     def _chain_to(self, last: Edge) -> list[Edge] | None:
-        """The chain from an output of a component to the end of an edge; None if its start is not connected."""
+        """Chain of edges from an output of a component to the end of the last edge; None if no output leads there."""
         chain, node = [last], last.start
         seen = {node}
         while node.element not in self.sources:
@@ -114,10 +116,10 @@ class Structure:
             unit = unit if next_unit is None and not edge.as_is and edge.conversion == SAME else next_unit
         return total
 
-    def targets(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
-        """Components and variables that a parameter of an element sets."""
-        variables: dict[tuple[ElementPath, str], None] = {}
-        seen: set[tuple[ElementPath, str]] = set()
+    def parameter_targets(self, system: ElementPath, name: str) -> list[Connector]:
+        """Components and variables to which a parameter of a system or component leads."""
+        variables: dict[Connector, None] = {}
+        seen: set[Connector] = set()
         waiting = [(system, name)]
         while waiting:
             connector = waiting.pop()
@@ -136,8 +138,8 @@ class Structure:
                 waiting += self._split_parameter_name(*connector)
         return list(variables)
 
-    def _split_parameter_name(self, system: ElementPath, name: str) -> list[tuple[ElementPath, str]]:
-        """Element that a dotted name of a parameter begins with, and the rest of the name."""
+    def _split_parameter_name(self, system: ElementPath, name: str) -> list[Connector]:
+        """Element with whose name the dotted name of a parameter begins, and the rest; none if there is no such one."""
         dot = len(name)
         while (dot := name.rfind(".", 0, dot)) > 0:  # the longest name of an element wins
             child = (*system, name[:dot])
@@ -146,13 +148,13 @@ class Structure:
         return []
 
     @cached_property
-    def _edges_into(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
-        """Connections by the connector that they end at."""
+    def _edges_into(self) -> Mapping[Connector, list[Edge]]:
+        """Edges by the connector at their end."""
         return _by_connector((edge.end, edge) for edge in self.edges)
 
     @cached_property
-    def _edges_from(self) -> Mapping[tuple[ElementPath, str], list[Edge]]:
-        """Connections by the connector that they start from."""
+    def _edges_from(self) -> Mapping[Connector, list[Edge]]:
+        """Edges by the connector at their start."""
         return _by_connector((edge.start, edge) for edge in self.edges)
 
     @cached_property
@@ -161,15 +163,16 @@ class Structure:
         return {component[:depth] for component in self.sources for depth in range(1, len(component) + 1)}
 
 
-def _by_connector(ends: Iterable[tuple[Pin, Edge]]) -> dict[tuple[ElementPath, str], list[Edge]]:
-    grouped: dict[tuple[ElementPath, str], list[Edge]] = {}
+def _by_connector(ends: Iterable[tuple[Pin, Edge]]) -> dict[Connector, list[Edge]]:
+    """Edges grouped by the connector of their pin."""
+    grouped: dict[Connector, list[Edge]] = {}
     for pin, edge in ends:
         grouped.setdefault(pin[:2], []).append(edge)
     return grouped
 
 
 def read_structure(root: Element) -> Structure:
-    """Read a system structure description.
+    """Flattened system in a system structure description.
 
     :raises SimulationError: for elements that cannot be simulated here.
     """
@@ -177,8 +180,8 @@ def read_structure(root: Element) -> Structure:
     if system is None:
         raise SimulationError("its structure has no System")
     structure = Structure(root.get("name") or system.get("name") or "system")
-    reader = _Reader(structure, units(root, "ssd:Units"))
-    reader.read(system, (), {})
+    reader = _Reader(structure, unit_definitions(root, "ssd:Units"))
+    reader.read_system(system, (), {})
     structure.bindings.sort(key=lambda binding: -len(binding[0]))  # outer bindings have priority
     return structure
 
@@ -193,19 +196,19 @@ class _Reader:
 
     structure: Structure
     units: Mapping[str, UnitDefinition]
-    kinds: dict[tuple[ElementPath, str], str] = field(default_factory=dict)
+    kinds: dict[Connector, str] = field(default_factory=dict)
 
-    def read(self, system: Element, parent: ElementPath, dictionaries: dict[str, ElementPath]) -> None:
+    def read_system(self, system: Element, parent: ElementPath, dictionaries: dict[str, ElementPath]) -> None:
         """Add a system and its nested systems to the structure."""
         structure = self.structure
-        structure.bindings.extend((parent, binding) for binding in _bindings(system))
+        structure.bindings.extend((parent, binding) for binding in system.iterfind(_BINDINGS))
         structure.shown.update(
             {(parent, name): self.units.get(unit) for name, unit in self._store_connectors(system, parent)}
         )
         own = {d.get("name", ""): (*parent, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
         dictionaries = dictionaries | own
         inside: dict[str, ElementPath] = {}
-        for element in system.iterfind(path("ssd:Elements") + "/*"):
+        for element in system.iterfind(child_path("ssd:Elements") + "/*"):
             name = _required(element, "name")
             if name in inside:
                 raise SimulationError(f"two elements are called {'.'.join(inside[name])}; a name stands for one")
@@ -214,29 +217,29 @@ class _Reader:
                 structure.sources[inside[name]] = _fmu_path(element, inside[name])
                 if len(structure.sources) > _MOST_COMPONENTS:
                     raise SimulationError(f"its structure has more than {_MOST_COMPONENTS} components; divide it")
-                structure.bindings.extend((inside[name], binding) for binding in _bindings(element))
+                structure.bindings.extend((inside[name], binding) for binding in element.iterfind(_BINDINGS))
                 self._store_connectors(element, inside[name])
             elif element.tag == tag("ssd:System"):
-                self.read(element, inside[name], dictionaries)
+                self.read_system(element, inside[name], dictionaries)
             elif element.tag == tag("ssd:SignalDictionaryReference"):  # all references of a dictionary are one element
                 dictionary = element.get("dictionary", "")
                 if dictionary not in dictionaries:
                     raise SimulationError(f"{name} refers to a signal dictionary {dictionary!r}, which is not there")
                 inside[name] = dictionaries[dictionary]
-        for connection in system.iterfind(path("ssd:Connections", "ssd:Connection")):
+        for connection in system.iterfind(child_path("ssd:Connections", "ssd:Connection")):
             structure.edges.append(self._edge(connection, parent, inside))
 
     def _store_connectors(self, element: Element, element_path: ElementPath) -> list[tuple[str, str]]:
-        """Store the kinds of an element's connectors, and return their names and units."""
+        """Store the kinds of an element's connectors; return their names and units."""
         units_by_name = []
-        for connector in element.iterfind(path("ssd:Connectors", "ssd:Connector")):
+        for connector in element.iterfind(child_path("ssd:Connectors", "ssd:Connector")):
             name = _required(connector, "name")
             self.kinds[element_path, name] = connector.get("kind", "")
             units_by_name.append((name, next((unit for child in connector if (unit := child.get("unit"))), "")))
         return units_by_name
 
     def _edge(self, connection: Element, parent: ElementPath, inside: dict[str, ElementPath]) -> Edge:
-        """The connection of an XML element, in the direction of signal flow."""
+        """Edge of a connection's XML element, in the direction of signal flow."""
         start, end = (_connection_end(connection, role, parent, inside) for role in ("start", "end"))
         kinds = self._is_source(start, parent), self._is_source(end, parent)
         if kinds in {(False, True), (False, None), (None, True)}:
@@ -253,7 +256,7 @@ class _Reader:
         return Edge(start, end, conversion, connection.get("suppressUnitConversion") in {"true", "1"})
 
     def _is_source(self, pin: Pin, parent: ElementPath) -> bool | None:
-        """Whether a connector is a source, as seen from inside the system; None if unspecified."""
+        """Whether signals come from a connector, seen from inside the system; None if its kind is unspecified."""
         kind = self.kinds.get((pin.element, pin.connector))
         if kind not in {*_INWARDS, *_OUTWARDS}:
             return None
@@ -262,11 +265,12 @@ class _Reader:
 
 _INWARDS = ("input", "parameter", "structuralParameter")
 _OUTWARDS = ("output", "calculatedParameter")
-_DICTIONARIES = path("ssd:SignalDictionaries", "ssd:SignalDictionary")
+_BINDINGS = child_path("ssd:ParameterBindings", "ssd:ParameterBinding")
+_DICTIONARIES = child_path("ssd:SignalDictionaries", "ssd:SignalDictionary")
 
 
 def _fmu_path(part: Element, component: ElementPath) -> str:
-    """Path in the archive of the FMU of a component."""
+    """Path of a component's FMU in the archive; a SimulationError for what is no FMU."""
     name, kind, source = ".".join(component), part.get("type", _FMU), part.get("source")
     if kind != _FMU:
         raise SimulationError(f"component {name} is of type {kind!r}; only FMUs ({_FMU}) can be simulated")
@@ -280,7 +284,7 @@ def _fmu_path(part: Element, component: ElementPath) -> str:
 
 
 def _connection_end(connection: Element, role: str, parent: ElementPath, inside: dict[str, ElementPath]) -> Pin:
-    """Connector at the start or the end of a connection."""
+    """Pin at the ``"start"`` or the ``"end"`` of a connection's XML element."""
     element, connector = connection.get(f"{role}Element"), _required(connection, f"{role}Connector")
     index = tuple(map(int, connection.get(f"{role}Indices", "").split()))
     if not element:  # some tools write an empty name for the system itself
@@ -292,13 +296,8 @@ def _connection_end(connection: Element, role: str, parent: ElementPath, inside:
     return Pin(inside[element], connector, index)
 
 
-def _bindings(element: Element) -> list[Element]:
-    """Parameter bindings of an element."""
-    return element.findall(path("ssd:ParameterBindings", "ssd:ParameterBinding"))
-
-
 def _required(element: Element, attribute: str) -> str:
-    """Value of an attribute that an element must have."""
+    """Value of an attribute; a SimulationError if the element has none."""
     value = element.get(attribute)
     if not value:
         raise SimulationError(f"its structure has a {element.tag.rpartition('}')[2]} without {attribute}")

@@ -38,15 +38,15 @@ from liaisons.ssp.connectors import (
     add_connectors,
     add_units,
     component_connectors,
-    connector,
+    connector_entry,
     system_connectors,
     units_of,
 )
 from liaisons.ssp.documentation import system_page
 from liaisons.ssp.embedded_starts import STARTS, ZEROS, contains_mark, fmu_with_starts
 from liaisons.ssp.experiment import add_experiment, add_simulation_information, effective_experiment
-from liaisons.ssp.parameters import add_binding, parameter_mapping, parameter_set, parameter_starts
-from liaisons.ssp.xml import STRUCTURE, document, tag
+from liaisons.ssp.parameters import add_binding, parameter_mapping, parameter_set, starts_by_parameter
+from liaisons.ssp.xml import STRUCTURE, tag, xml_content
 
 Files = dict[str, bytes | Path]
 
@@ -64,7 +64,7 @@ def write(
     stop_time: float | None = None,
     step_size: float | None = None,
 ) -> None:
-    """Write a system as an archive with its FMUs; it appears when it is complete.
+    """Write a system as an archive with its FMUs.
 
     The default experiment is that of the last run unless given, else the longest time and the shortest step of
     the FMUs' default experiments.
@@ -83,7 +83,7 @@ def write(
         name = _identifier(name)
         names = _unique_identifiers(parts)
         parts = _with_solved_loops(name, parts, connections, experiment.start_time or 0.0)
-        parts = {names[p.name]: replace(_extrapolating(p), name=names[p.name]) for p in parts.values()}
+        parts = {names[p.name]: replace(_with_extrapolated_inputs(p), name=names[p.name]) for p in parts.values()}
         connections = [
             replace(
                 link, source=_renamed_port(link.source, parts, names), target=_renamed_port(link.target, parts, names)
@@ -95,7 +95,7 @@ def write(
     whole = SubElement(root, tag("ssd:System"), name=name)
     units = units_of(parts.values())
     if form == "portable":
-        _check_scalars(path, parts.values(), connections)
+        _refuse_fmi3_arrays(path, parts.values(), connections)
         _add_portable(whole, parts.values(), connections, units, files)
     else:
         _add_full(whole, parts.values(), connections, units, files)
@@ -106,7 +106,7 @@ def write(
     if form == "full":
         SubElement(root, tag("ssc:MetaData"), kind="general", type="text/html", source=_PAGE)
     with replacing(path) as part, ZipFile(part, "w") as archive:
-        for file, content in {STRUCTURE: document(root), **files}.items():
+        for file, content in {STRUCTURE: xml_content(root), **files}.items():
             data = content.read_bytes() if isinstance(content, Path) else content
             # FMUs are compressed already; without a date, equal systems are equal files
             archive.writestr(ZipInfo(file), data, ZIP_STORED if file.endswith(".fmu") else ZIP_DEFLATED)
@@ -115,7 +115,9 @@ def write(
 def _with_solved_loops(
     name: str, parts: Mapping[str, SystemComponent], connections: Sequence[Connection], start_time: float
 ) -> dict[str, SystemComponent]:
-    """Components whose inputs in algebraic loops start from the solution: masters hand values on once or twice only.
+    """Components, with inputs in algebraic loops that start from the solution of the loops.
+
+    Other masters pass values on only once or twice.
 
     :param name: of the system.
     :param start_time: [s].
@@ -137,12 +139,12 @@ def _with_solved_loops(
 
 
 def _identifier(name: str) -> str:
-    """The name with underscores for characters that some importers refuse."""
+    """Identifier from a name, with underscores for characters that some importers refuse."""
     return re.sub(r"^(?=\d)|\W", "_", name, flags=re.ASCII) or "_"
 
 
 def _unique_identifiers(names: Iterable[str]) -> dict[str, str]:
-    """Unique identifiers by name."""
+    """Unique identifiers of components by their names."""
     identifiers: dict[str, str] = {}
     for name in sorted(names, key=lambda name: name != _identifier(name)):  # identifiers stay
         free, number = _identifier(name), 1
@@ -154,12 +156,15 @@ def _unique_identifiers(names: Iterable[str]) -> dict[str, str]:
 
 
 def _renamed_port(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str, str]) -> Port:
-    """The port of the renamed component."""
+    """Port of a component that has been renamed.
+
+    :param parts: by their new names; ``names``: old name -> new one.
+    """
     return Port(parts[names[port.part.name]], port.name)
 
 
-def _extrapolating(part: SystemComponent) -> SystemComponent:
-    """Component that extrapolates its inputs: other masters step all FMUs at once."""
+def _with_extrapolated_inputs(part: SystemComponent) -> SystemComponent:
+    """Component with inputs extrapolated, not interpolated, for masters that step all FMUs at once."""
     if not part.approximation.interpolates:
         return part
     return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
@@ -168,7 +173,7 @@ def _extrapolating(part: SystemComponent) -> SystemComponent:
 def _add_portable(
     system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
-    """Add the components, each with a parameter set of its own, and the connections between them."""
+    """Add components, each with a parameter set of its own, and connections between them, to a system."""
     elements = SubElement(system, tag("ssd:Elements"))
     # All outputs, since some importers record connectors only; no unconnected inputs, since some set them to 0.
     shown = [
@@ -177,20 +182,20 @@ def _add_portable(
         if entry.like.causality == "output" and not entry.shape
     ]
     for part in parts:
-        zeros = _starts_from_nonzero(part, connections) and contains_mark(part, ZEROS)
+        zeros = _has_nonzero_connected_start(part, connections) and contains_mark(part, ZEROS)
         bake = zeros or (bool(part.starts) and contains_mark(part, STARTS))
         content = fmu_with_starts(part, ignore_zeros=zeros) if bake else b""
         source = _add_file(files, f"{part.name}.fmu", content) if bake else _add_fmu(files, part)
         element = _add_component(elements, part.name, source)
         add_connectors(element, component_connectors(part, connections, shown), units, "portable")
         if part.starts:
-            listed = [(variable, part, variable, value) for variable, value in parameter_starts(part).items()]
+            listed = [(variable, part, variable, value) for variable, value in starts_by_parameter(part).items()]
             add_binding(element, _add_file(files, f"{part.name}.ssv", parameter_set(listed, units, "portable")))
     _add_connections(system, connections, {})
 
 
-def _starts_from_nonzero(part: SystemComponent, connections: Iterable[Connection]) -> bool:
-    """Whether a connected input starts from another value than 0, which some importers set before the first step."""
+def _has_nonzero_connected_start(part: SystemComponent, connections: Iterable[Connection]) -> bool:
+    """Whether a connected input has a start value other than 0, the value that some importers set before a step."""
     fed = (connection.target for connection in connections)
     starts = (end.variable.start for end in fed if end.part.name == part.name and end.variable.type == "Real")
     return any(start is not None and float(start) != 0 for start in starts)
@@ -199,13 +204,13 @@ def _starts_from_nonzero(part: SystemComponent, connections: Iterable[Connection
 def _add_full(
     system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
-    """Add connectors of the system, one parameter set with its mapping, components and connections."""
+    """Add connectors, one parameter set with its mapping, components and connections to a system."""
     shown = system_connectors(parts, connections)
     add_connectors(system, {"_".join(reference): entry for reference, entry in shown.items()}, units, "full")
     listed = [
         (f"{part.name}_{variable}", part, variable, value)
         for part in parts
-        for variable, value in parameter_starts(part).items()
+        for variable, value in starts_by_parameter(part).items()
     ]
     if listed:
         values = _add_file(files, "parameters.ssv", parameter_set(listed, units, "full"))
@@ -218,7 +223,7 @@ def _add_full(
 
 
 def _add_component(elements: Element, name: str, source: str) -> Element:
-    """Add and return a component of an FMU."""
+    """Add a component with an FMU, and return its element."""
     kind = "application/x-fmu-sharedlibrary"
     return SubElement(elements, tag("ssd:Component"), name=name, type=kind, source=source)
 
@@ -226,12 +231,12 @@ def _add_component(elements: Element, name: str, source: str) -> Element:
 def _add_connections(
     system: Element, connections: Iterable[Connection], shown: Mapping[VariableReference, Entry]
 ) -> None:
-    """Add connections between components, FMI 3.0 arrays element by element, and with the system's connectors."""
+    """Add connections between components, and between them and the connectors of the system that are shown."""
     group = SubElement(system, tag("ssd:Connections"))
     for connection in connections:
         attributes: dict[str, str] = {}
         for role, end in (("start", connection.source), ("end", connection.target)):
-            entry, index = connector(end.part, end.name)
+            entry, index = connector_entry(end.part, end.name)
             attributes |= {f"{role}Element": end.part.name, f"{role}Connector": entry.like.name}
             if index:
                 attributes[f"{role}Indices"] = " ".join(map(str, index))
@@ -253,7 +258,7 @@ def _add_connections(
 
 
 def _add_fmu(files: Files, part: SystemComponent) -> str:
-    """Add the FMU file of a component once, and return its name in the archive."""
+    """Add the FMU file of a component unless it is added already, and return its name in the archive."""
     part.fmu.require_library("an archive")
     path = part.fmu.path
     added = next((name for name, content in files.items() if content == path), None)
@@ -261,7 +266,7 @@ def _add_fmu(files: Files, part: SystemComponent) -> str:
 
 
 def _add_file(files: Files, name: str, content: bytes | Path) -> str:
-    """Add a resource, and return its unique name, which is safe in a URI."""
+    """Add a resource, and return its name in the archive, unique and safe in a URI."""
     stem, dot, suffix = re.sub(r"[^\w.\-]", "_", name, flags=re.ASCII).rpartition(".")
     number, free = 1, f"resources/{stem}{dot}{suffix}"
     while free in files:
@@ -271,7 +276,7 @@ def _add_file(files: Files, name: str, content: bytes | Path) -> str:
     return free
 
 
-def _check_scalars(path: Path, parts: Iterable[SystemComponent], connections: Iterable[Connection]) -> None:
+def _refuse_fmi3_arrays(path: Path, parts: Iterable[SystemComponent], connections: Iterable[Connection]) -> None:
     """Raise a SimulationError for FMI 3.0 arrays, which SSP 1.0 does not know."""
     used = [(end.part, end.name) for connection in connections for end in (connection.source, connection.target)]
     used += [(part, name) for part in parts for name in part.starts]

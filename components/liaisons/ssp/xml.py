@@ -26,37 +26,37 @@ for _prefix, _uri in _NAMESPACES.items():
 
 
 def tag(name: str) -> str:
-    """Name of an element as ElementTree writes it, from ``"ssd:System"``."""
+    """Name of an element with its namespace, in ElementTree's form, from ``"ssd:System"``."""
     prefix, _, local = name.partition(":")
     return f"{{{_NAMESPACES[prefix]}}}{local}"
 
 
-def path(*names: str) -> str:
-    """A path of child elements, for ``find`` methods."""
+def child_path(*names: str) -> str:
+    """Path of nested child elements for ElementTree's ``find`` methods, from ``"ssd:Elements", "ssd:System"``."""
     return "/".join(map(tag, names))
 
 
-def document(root: Element) -> bytes:
-    """Contents of the XML file of an element."""
+def xml_content(root: Element) -> bytes:
+    """Content of an XML file with a root element."""
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
-def units(root: Element, group: str) -> Mapping[str, UnitDefinition]:
-    """Definitions of units by name.
+def unit_definitions(root: Element, group: str) -> Mapping[str, UnitDefinition]:
+    """Unit definitions in a root element, by name.
 
     :param group: the element that lists them.
     """
     return {
         name: UnitDefinition.of(name, base.attrib)
-        for unit in root.iterfind(path(group, "ssc:Unit"))
+        for unit in root.iterfind(child_path(group, "ssc:Unit"))
         for name, base in [(unit.get("name", ""), unit.find(tag("ssc:BaseUnit")))]
         if base is not None
     }
 
 
 def with_declared_prefixes(text: bytes) -> tuple[bytes, list[str]]:
-    """Return the file with declarations of its undeclared prefixes, and these prefixes."""
+    """XML text with declarations added for its undeclared prefixes, and these prefixes."""
     used = {*re.findall(rb"</?([A-Za-z_][\w.-]*):", text), *re.findall(rb"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=", text)}
     missing = sorted(used - {b"xml", b"xmlns", *re.findall(rb"xmlns:([\w.-]+)\s*=", text)})
     names = [prefix.decode() for prefix in missing]

@@ -15,7 +15,7 @@ from liaisons.base.arguments import shown
 from liaisons.base.folders import passing_folder
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
-from liaisons.sweeps.study import Failure, Outcome, Study, failure_of
+from liaisons.sweeps.study import Failure, Outcomes, Study, failure_of
 from liaisons.sweeps.workers import Deliver, Pool
 
 Client = Any
@@ -86,15 +86,15 @@ class _Sweep:
                 self._submit(cases)
             while self._chunks:
                 future = next(self._finished)
-                self._handle(future, self._chunks.pop(future))
+                self._deliver_or_resubmit(future, self._chunks.pop(future))
         finally:
             self._client.cancel(list(self._chunks))
 
-    def _handle(self, future: Any, cases: list[int]) -> None:
-        """Deliver the outcomes of a future that is done, or submit its cases again."""
+    def _deliver_or_resubmit(self, future: Any, cases: list[int]) -> None:
+        """Deliver the outcomes of a finished future, or submit its cases again."""
         if future.status == "finished":
             try:
-                answer: dict[int, Outcome] | _Unable = future.result()
+                answer: Outcomes | _Unable = future.result()
             except CancelledError:
                 raise SweepError(_CANCELLED) from None
             if not isinstance(answer, _Unable):
@@ -116,7 +116,7 @@ class _Sweep:
                 self._submit([case])
 
     def _submit(self, cases: list[int]) -> None:
-        """Submit cases to the workers that can start."""
+        """Submit cases to the workers that have not failed to start."""
         workers = self._usable_workers() if self._failed_workers else None  # others where all of these are lost
         options = {"workers": workers, "allow_other_workers": bool(workers), "pure": False}
         future = self._client.submit(_simulate_on_worker, self._task, cases, **options)
@@ -130,7 +130,7 @@ class _Sweep:
 
 @contextmanager
 def connected_client(client: Client | str) -> Iterator[Client]:
-    """Yield a client of the scheduler at an address; a client itself is passed on and left open.
+    """Context of a client of the scheduler at an address; a client itself is yielded, and left open.
 
     :raises SweepError: if ``distributed`` is not installed, or no scheduler answers.
     """
@@ -157,20 +157,20 @@ def connected_client(client: Client | str) -> Iterator[Client]:
 
 
 def _worker_payload(*parts: Any) -> Any:
-    """Return, on a worker, the run's key, study and files, which other workers copy from there."""
+    """Key of a run, its study and its files: the result of a Dask task, which workers copy from each other."""
     return parts
 
 
 def _simulate_on_worker(
     task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
-) -> dict[int, Outcome] | _Unable:
-    """On a worker, simulate cases in the process of this thread, which stays for the next cases."""
+) -> Outcomes | _Unable:
+    """Outcomes of cases, simulated on a Dask worker in the process of this thread, which stays for the next cases."""
     (key, study, files), time_limit = task
     try:
         if (key, get_ident()) not in _pools:
             _start_pool(key, study, files, time_limit)
         pool, _ = _pools[key, get_ident()]
-        outcomes: dict[int, Outcome] = {}
+        outcomes: Outcomes = {}
         pool.run(cases, outcomes.update)
         return outcomes
     except Exception as error:  # noqa: BLE001 - whatever it is, another worker may do it
@@ -180,7 +180,7 @@ def _simulate_on_worker(
 
 
 def _start_pool(key: str, study: Study, files: Mapping[Path, bytes], time_limit: float | None) -> None:
-    """On a worker, write the files of a sweep and start the process of this thread."""
+    """Write the files of a sweep on a Dask worker, and start the process of this thread."""
     from cloudpickle import dumps  # comes with Dask; functions of scripts go by value
 
     _close_pools(thread=get_ident())  # of a sweep that was lost
@@ -189,13 +189,13 @@ def _start_pool(key: str, study: Study, files: Mapping[Path, bytes], time_limit:
         paths = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
         for path, content in files.items():
             paths[path].write_bytes(content)
-        moved = study.moved(paths)
+        moved = study.with_fmu_paths(paths)
         pool = Pool(dumps((moved, extracted(moved.fmus(), folder), str(folder))), folder, 1, time_limit)
         stack.callback(pool.close, 0.0)  # the worker's own loop waits for it
         _pools[key, get_ident()] = pool, stack.pop_all()
 
 
 def _close_pools(key: str = "", thread: int = 0) -> None:
-    """On a worker, end the processes of a sweep or of a thread."""
+    """End the processes of a sweep, or of a thread, on a Dask worker."""
     for owner in [owner for owner in _pools if key == owner[0] or thread == owner[1]]:
         _pools.pop(owner)[1].close()

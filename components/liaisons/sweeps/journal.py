@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, final
 
 from liaisons.errors import JournalError, SweepError
-from liaisons.sweeps.study import Completed, Failure, Outcome
+from liaisons.sweeps.study import Completed, Failure, Outcome, Outcomes
 
 _logger = logging.getLogger("liaisons.sweeps")
 
@@ -33,7 +33,7 @@ _LOCKED_BYTE = 2**31 - 1  # on Windows: behind the content, for a locked byte ca
 class Journal:
     """A journal as a context manager; its file is created if it does not exist.
 
-    :param key: :meth:`liaisons.sweeps.study.Study.key` of the sweep.
+    :param key: :meth:`liaisons.sweeps.study.Study.journal_key` of the sweep.
     :param cases: number of cases.
     :param columns: number of measures of a case.
     :param retry: simulate again also the cases that the model has refused.
@@ -69,7 +69,7 @@ class Journal:
             self._file.close()
 
     def add(self, outcomes: Mapping[int, Outcome]) -> None:
-        """Append cases.
+        """Append the outcomes of cases.
 
         :raises SweepError: if the file takes no more.
         """
@@ -93,8 +93,8 @@ class Journal:
                 raise JournalError(f"{self._path} is in use by another sweep; let that end, or choose another file")
             time.sleep(0.05)
 
-    def _read_outcomes(self, key: str) -> dict[int, Outcome]:
-        """Return the outcomes in the file, after removing an incomplete last line from it."""
+    def _read_outcomes(self, key: str) -> Outcomes:
+        """Remove an incomplete last line from the file, and return the outcomes in it."""
         self._file.seek(0)
         *lines, rest = self._file.read().split(b"\n")
         header = _checksummed_line({"liaisons sweep": key}, 0)
@@ -102,7 +102,7 @@ class Journal:
             self._check_header(lines[0], key)
         elif not header.startswith(rest):
             raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
-        outcomes: dict[int, Outcome] = {}
+        outcomes: Outcomes = {}
         damaged: list[int] = []
         for number, line in enumerate(lines[1:], start=2):
             content = _checked_content(line, self._seed)
@@ -135,7 +135,7 @@ class Journal:
             )
 
     def _parsed_outcome(self, content: Any, number: int) -> tuple[int, Outcome]:
-        """Case and outcome of a line, checked to be of this sweep."""
+        """Case and outcome of a line; a JournalError unless they are of this sweep."""
         match content:
             case {"case": int(case), **outcome} if 0 <= case < self._cases:
                 match outcome:
@@ -152,7 +152,7 @@ class Journal:
 
 
 def _case_record(case: int, outcome: Outcome) -> dict[str, object]:
-    """Content of the line of a case."""
+    """Content of the line of a case, as a dictionary for JSON."""
     if isinstance(outcome, Failure):
         return {"case": case, ("failure" if outcome.refused else "unfinished"): outcome.reason}
     warned = {"warnings": outcome.warnings} if outcome.warnings else {}
@@ -160,13 +160,13 @@ def _case_record(case: int, outcome: Outcome) -> dict[str, object]:
 
 
 def _checksummed_line(content: dict[str, object], seed: int) -> bytes:
-    """Line of JSON with its checksum."""
+    """Line of a journal: content as JSON with a checksum."""
     text = json.dumps(content).encode()
     return text[:-1] + f', "check": "{zlib.crc32(text, seed):08x}"}}\n'.encode()
 
 
 def _checked_content(line: bytes, seed: int) -> Any:
-    """Content of a line; None if its checksum is wrong."""
+    """Content of a line of a journal; None if its checksum is wrong."""
     check = _CHECK.search(line)
     text = line[: check.start()] + b"}" if check else b""
     if check is None or zlib.crc32(text, seed) != int(check[1], 16):
@@ -178,7 +178,7 @@ def _checked_content(line: bytes, seed: int) -> Any:
 
 
 def _try_to_lock(file: BufferedRandom) -> bool:
-    """Lock a file until it is closed or this process ends; False if another one has locked it."""
+    """Lock a file until it is closed or this process ends; return False if another process has locked it."""
     if sys.platform == "win32":
         import msvcrt
 

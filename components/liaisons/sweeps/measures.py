@@ -17,16 +17,18 @@ from liaisons.errors import SweepError, suggestion
 Measure: TypeAlias = str | Callable[[Result], float]
 """A signal's value at the end, ``"theta"``, ``"theta:max"``, ``"theta:min"``; or a function of the whole result."""
 
+Measures: TypeAlias = Mapping[str, Measure]
+"""Column of the table -> measure."""
+
 _MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max": np.max, "min": np.min}
 
 
-def checked_measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
-    """Return the measure of each column by its name, checked.
+def checked_measures(keep: str | Iterable[str] | Measures) -> Measures:
+    """Measures by the names of their columns, checked.
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
-    names = keep if isinstance(keep, Mapping) else listed("keep", keep, SweepError)
-    columns: dict[str, Measure] = {name: keep[name] if isinstance(keep, Mapping) else name for name in names}
+    columns = dict(keep) if isinstance(keep, Mapping) else {name: name for name in listed("keep", keep, SweepError)}
     if not columns:
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
     for name, measure in columns.items():
@@ -38,7 +40,7 @@ def checked_measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[
 
 
 def signal_and_kind(measure: str) -> tuple[str, str]:
-    """Signal of a measure, and which of its values: ``"final"``, ``"max"`` or ``"min"``."""
+    """Signal of a measure such as ``"theta:max"``, and which of its values: ``"final"``, ``"max"`` or ``"min"``."""
     signal, colon, word = measure.partition(":")
     if not signal:
         raise SweepError(f"keep {measure!r}: no signal is named; write SIGNAL, SIGNAL:max or SIGNAL:min")
@@ -47,27 +49,26 @@ def signal_and_kind(measure: str) -> tuple[str, str]:
     return signal, word or "final"
 
 
-def evaluate_measures(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
-    """Return the measures of a case, in the order of the columns.
+def evaluate_measures(keep: Measures, result: Result) -> tuple[float, ...]:
+    """Measures of a case from its result, in the order of the columns.
 
     :raises SweepError: if a function fails or returns no number.
     """
-
-    def value(name: str, measure: Measure) -> float:
-        """The measure of one column."""
+    values: list[float] = []
+    for name, measure in keep.items():
         if isinstance(measure, str):
             signal, word = signal_and_kind(measure)
-            return float(_MEASURES[word](result[signal]))
+            values.append(float(_MEASURES[word](result[signal])))
+            continue
         try:
-            return float(measure(result))
+            values.append(float(measure(result)))
         except Exception as error:
             raise SweepError(f"keep: the function of {name!r} fails: {type(error).__name__}: {error}") from error
-
-    return tuple(value(*column) for column in keep.items())
+    return tuple(values)
 
 
 def measure_identity(measure: Measure) -> bytes:
-    """Bytes that identify a measure in the key of a journal; of a function its code and the values it encloses."""
+    """Bytes that identify a measure in the key of a journal; for a function its code and the values in its closure."""
     if isinstance(measure, str):
         return measure.encode()
     code = getattr(measure, "__code__", None)

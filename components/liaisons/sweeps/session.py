@@ -31,7 +31,10 @@ SimulateCase: TypeAlias = Callable[[int, bool], Outcome]
 
 @contextmanager
 def case_simulator(task: Task) -> Iterator[SimulateCase]:
-    """Yield a function that simulates one case; its process may be killed at any time."""
+    """Context of a function that simulates one case, with FMUs that are loaded once.
+
+    The process may be killed at any time.
+    """
     study, folders, tempfile.tempdir = task
     logger.logger.propagate = False  # warnings go with the case
     logger.logger.addHandler(logging.NullHandler())
@@ -41,7 +44,7 @@ def case_simulator(task: Task) -> Iterator[SimulateCase]:
         def outcome(case: int, suspect: bool) -> Outcome:
             nonlocal run
             try:
-                parts = study.starts(case)
+                parts = study.case_components(case)
             except LiaisonsError as error:  # an invalid start value stays invalid
                 return Failure(str(error), refused=True)
             try:
@@ -63,7 +66,7 @@ def case_simulator(task: Task) -> Iterator[SimulateCase]:
 
 
 def _simulate_case(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> Completed:
-    """Simulate a case and return its measures and warnings."""
+    """Measures and warnings of a case, simulated in a run that exists."""
     with collected_warnings() as warned:
         try:
             run.start(parts)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, final
 
+from liaisons.base.arrays import Floats
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation, with_start_values
 from liaisons.errors import LiaisonsError, RefusedError
-from liaisons.sweeps.cases import Cases
-from liaisons.sweeps.measures import Measure, measure_identity
+from liaisons.sweeps.measures import Measures, measure_identity
 
 
 @final
@@ -23,21 +23,27 @@ class Study:
     """A simulation and its cases.
 
     :param varied: column of the cases -> variable.
+    :param cases: columns of values, of one length.
     :param keep: column of the result -> measure.
     """
 
     simulation: Simulation
     varied: Mapping[str, VariableReference]
-    cases: Cases
-    keep: Mapping[str, Measure]
+    cases: Mapping[str, Floats]
+    keep: Measures
 
-    def starts(self, case: int) -> dict[str, SystemComponent]:
-        """The components with the start values of one case.
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return len(next(iter(self.cases.values())))
+
+    def case_components(self, case: int) -> dict[str, SystemComponent]:
+        """Components with the start values of one case, by name.
 
         :raises SimulationError: if a value does not fit.
         """
-        run, values = self.simulation, self.cases.case(case)
-        starts = {name: self._typed_value(*self.varied[name], value) for name, value in values.items()}
+        run, columns = self.simulation, self.cases.items()
+        starts = {name: self._typed_value(*self.varied[name], float(column[case])) for name, column in columns}
         return with_start_values(run.title, run.parts, starts, single=run.single)
 
     def fmus(self) -> list[Fmu]:
@@ -50,16 +56,16 @@ class Study:
             fmu.require_library("a sweep with a journal, or on a cluster,")
         return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
 
-    def moved(self, paths: Mapping[Path, Path]) -> Study:
-        """A copy of the study whose FMUs lie at other paths: old path -> new one."""
+    def with_fmu_paths(self, paths: Mapping[Path, Path]) -> Study:
+        """Copy of the study whose FMUs are files at other paths: old path -> new path."""
         parts = {
             name: replace(part, fmu=replace(part.fmu, path=paths[part.fmu.path]))
             for name, part in self.simulation.parts.items()
         }
         return replace(self, simulation=replace(self.simulation, parts=parts))
 
-    def key(self) -> str:
-        """Hash of all that the outcomes depend on: contents of the FMUs and settings."""
+    def journal_key(self) -> str:
+        """Hash that identifies the study in a journal: of its FMUs, settings, cases and measures."""
         digest = hashlib.sha256()
 
         def add(*parts: object) -> None:
@@ -81,7 +87,7 @@ class Study:
         return digest.hexdigest()
 
     def _typed_value(self, owner: str, variable: str, value: float) -> object:
-        """A number as a value of the type of its variable; unchanged where it does not fit and will be refused."""
+        """Number in the type of its variable; unchanged where it does not fit, which is refused later."""
         kind = self.simulation.parts[owner].fmu.variables[variable].type
         if kind in {"Integer", "Enumeration"} and value.is_integer():
             return int(value)
@@ -112,10 +118,12 @@ class Completed:
 
 Outcome: TypeAlias = Completed | Failure
 """Measures of a case, or why it failed."""
+Outcomes: TypeAlias = dict[int, Outcome]
+"""Outcomes by the numbers of their cases."""
 
 
 def failure_of(error: Exception) -> Failure:
-    """Return the failure of a case that ended with this error: refused after Discard, Error or no convergence.
+    """Failure of a case that ended with an error; the model has refused it after Discard, Error or no convergence.
 
     Fatal is no refusal: the FMU may have run out of memory.
     """

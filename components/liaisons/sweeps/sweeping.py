@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.base.arguments import as_path, named, positive, whole
+from liaisons.base.arrays import Floats
 from liaisons.base.logs import Warnings, logger
 from liaisons.base.progress import progress_bar
 from liaisons.cosim import System
@@ -22,17 +23,17 @@ from liaisons.cosim.structure.simulation import SimulationSettings, checked, own
 from liaisons.errors import SimulationError, SweepError
 from liaisons.results import Result
 from liaisons.sweeps import cluster
-from liaisons.sweeps.cases import Cases
+from liaisons.sweeps.cases import checked_cases
 from liaisons.sweeps.journal import Journal
-from liaisons.sweeps.measures import Measure, checked_measures, signal_and_kind
-from liaisons.sweeps.study import Completed, Failure, Outcome, Study
+from liaisons.sweeps.measures import Measures, checked_measures, signal_and_kind
+from liaisons.sweeps.study import Completed, Failure, Outcomes, Study
 from liaisons.sweeps.workers import simulate_locally
 
 
 def sweep(
     subject: Path | str | System,
     cases: Mapping[str, ArrayLike],
-    keep: str | Iterable[str] | Mapping[str, Measure],
+    keep: str | Iterable[str] | Measures,
     *,
     stop_time: float | None = None,
     step_size: float | None = None,
@@ -85,9 +86,9 @@ def sweep(
     :raises JournalError: if the journal belongs to another sweep, is in use by one, or has a line of another sweep.
     """
     _check_settings(workers, client, time_limit, retry=retry, journal=journal)
-    study = _study(
+    study = _checked_study(
         subject,
-        Cases.of(cases),
+        checked_cases(cases),
         checked_measures(keep),
         named("start_values", {} if start_values is None else start_values, SweepError),
         SimulationSettings(
@@ -100,15 +101,19 @@ def sweep(
             record=record,
         ),
     )
-    shape = study.cases.count, len(study.keep)
-    book = nullcontext() if journal is None else Journal(as_path("journal", journal), study.key(), *shape, retry=retry)
+    shape = study.count, len(study.keep)
+    book = (
+        nullcontext()
+        if journal is None
+        else Journal(as_path("journal", journal), study.journal_key(), *shape, retry=retry)
+    )
     with book as opened:
-        outcomes: dict[int, Outcome] = {} if opened is None else dict(opened.done)
-        remaining = [case for case in range(study.cases.count) if case not in outcomes]
+        outcomes: Outcomes = {} if opened is None else dict(opened.done)
+        remaining = [case for case in range(study.count) if case not in outcomes]
         title = study.simulation.title if progress and remaining else ""
-        with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), study.cases.count) as show:
+        with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), study.count) as show:
 
-            def deliver(finished: Mapping[int, Outcome]) -> None:
+            def deliver(finished: Outcomes) -> None:
                 outcomes.update(finished)
                 if opened is not None:
                     opened.add(finished)
@@ -119,7 +124,7 @@ def sweep(
             elif remaining:
                 with cluster.connected_client(client) as connection:
                     cluster.simulate_on_cluster(study, remaining, connection, deliver, time_limit)
-    return _table(study, outcomes)
+    return _result_table(study, outcomes)
 
 
 def _check_settings(
@@ -133,17 +138,19 @@ def _check_settings(
     if time_limit is not None:
         positive("time_limit", time_limit, SweepError)
     if retry and journal is None:
-        raise SweepError("retry: there is no journal to find failures in; name that of the sweep to be done again")
+        raise SweepError(
+            "retry needs the journal of the sweep, where its failures are; give its file by journal or --journal"
+        )
 
 
-def _study(
+def _checked_study(
     subject: Path | str | System,
-    cases: Cases,
-    keep: Mapping[str, Measure],
+    cases: Mapping[str, Floats],
+    keep: Measures,
     starts: Mapping[str, float | bool | str],
     settings: SimulationSettings,
 ) -> Study:
-    """The study of a sweep, checked: names, settings, and the start values of the first case."""
+    """Study of a sweep, with checked names, settings, and start values of the first case."""
     _check_names(cases, keep, starts)
     single = not isinstance(subject, System)
     if not isinstance(subject, System):
@@ -159,7 +166,7 @@ def _study(
     simulation = checked(title, parts, connections, settings, single=single, also=signals)
 
     def scalar(name: str) -> VariableReference:
-        """Component and variable of a name, which must not be an array."""
+        """Component and variable of a name; a SimulationError for an array."""
         owner, variable = owned(title, parts, "the sweep of", name, single=single)
         if variable not in parts[owner].fmu.variables:
             raise SimulationError(f"{owner}: {parts[owner].fmu.unknown(variable)}")
@@ -170,11 +177,11 @@ def _study(
         if parts[owner].fmu.variables[variable].type == "String":
             raise SweepError(f"keep {name!r}: a sweep keeps numbers, and this is a string")
     study = Study(simulation, {name: scalar(name) for name in cases}, cases, keep)
-    study.starts(0)  # refuses, before any simulation, names that cannot be set
+    study.case_components(0)  # refuses, before any simulation, names that cannot be set
     return study
 
 
-def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str, float | bool | str]) -> None:
+def _check_names(cases: Iterable[str], keep: Measures, starts: Mapping[str, float | bool | str]) -> None:
     """Raise a SweepError for a name that is varied and also set, or varied and also kept."""
     for name in cases:
         if name in starts:
@@ -183,10 +190,10 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
             raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
 
 
-def _table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
-    """The table of a sweep: what was varied, what was kept, failures and warnings."""
+def _result_table(study: Study, outcomes: Outcomes) -> Result:
+    """Result of a sweep as a table of the cases: varied values, measures, failures and warnings."""
     done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
-    measured = np.full((len(study.keep), study.cases.count), np.nan)
+    measured = np.full((len(study.keep), study.count), np.nan)
     measured[:, list(done)] = np.reshape([outcome.values for outcome in done.values()], (-1, len(study.keep))).T
     parts = study.simulation.parts
     units = {name: parts[owner].fmu.variables[variable].unit for name, (owner, variable) in study.varied.items()}
@@ -206,7 +213,7 @@ def _table(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
 
 
 def _collect_warnings(done: Mapping[int, Completed]) -> tuple[str, ...]:
-    """Collect the warnings with the numbers of their cases, and log how many cases have any."""
+    """Log how many cases have warnings, and return all warnings with the numbers of their cases."""
     collected = Warnings()
     for case, outcome in done.items():
         for text in outcome.warnings:

@@ -19,7 +19,7 @@ import sys
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
 from multiprocessing.connection import Client, Connection, Listener, wait
 from multiprocessing.process import BaseProcess
@@ -36,16 +36,16 @@ from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
 from liaisons.sweeps.session import Task, case_simulator
-from liaisons.sweeps.study import Failure, Outcome, Study
+from liaisons.sweeps.study import Failure, Outcomes, Study
 
-Deliver = Callable[[Mapping[int, Outcome]], None]
+Deliver = Callable[[Outcomes], None]
 
 _logger = logging.getLogger("liaisons.sweeps")
 
 _REPORT_INTERVAL = 0.1  # [s] between two reports of a worker
 _PATIENCE = 5.0  # [s] for a worker to release its FMUs
 _MOST = 256  # cases of one portion
-_SERVE = "import sys; from liaisons.sweeps.workers import serve; serve(int(sys.argv[1]), sys.argv[2])"
+_SERVE = "import sys; from liaisons.sweeps.workers import serve_parent; serve_parent(int(sys.argv[1]), sys.argv[2])"
 _MOST_DEATHS = 2  # processes that may die over one case before it is a failure
 _LONG_CASE = 60.0  # [s] after which a warning says that a case still runs
 
@@ -90,11 +90,11 @@ class _Worker:
         file = folder / f"{uuid4().hex}.current"
         self.current = np.memmap(file, float, "w+", shape=(2,))
         self.current[:] = math.inf, 0.0
-        begun = _start_interpreter(task, file) if isinstance(task, bytes) else _fork(task, self.current)
+        begun = _start_interpreter(task, file) if isinstance(task, bytes) else _fork_worker(task, self.current)
         self.process, self.pipe = begun
 
     def send(self, cases: list[int], *, suspect: bool = False) -> None:
-        """Send the next cases; an empty list lets the process release its FMUs and end."""
+        """Send the next cases to the process; an empty list ends it after it has released its FMUs."""
         self.cases = cases
         with suppress(OSError):  # it has died, as its pipe will report
             self.pipe.send((cases, suspect))
@@ -149,14 +149,16 @@ class Pool:
             self._workers.append(self._start_worker())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
-            ready = wait([worker.pipe for worker in busy], self._time_to_first_limit(busy))
+            limit = self._time_limit or (_LONG_CASE if self._warns else None)
+            longest = max(worker.elapsed() for worker in busy)
+            ready = wait([worker.pipe for worker in busy], None if limit is None else max(0.01, limit - longest))
             for worker in busy:
                 if worker.pipe in ready and not self._receive(worker):
                     self._replace_dead(worker)
                 elif not worker.cases:
                     self._send_next(worker)
                 elif self._time_limit is not None and worker.elapsed() > self._time_limit:
-                    self._end_late(worker, self._time_limit)
+                    self._end_overdue(worker, self._time_limit)
                 elif self._warns and worker.elapsed() > _LONG_CASE:
                     self._warns = False
                     _logger.warning(
@@ -166,7 +168,7 @@ class Pool:
                     )
 
     def close(self, patience: float = _PATIENCE) -> None:
-        """Kill the busy processes; the idle ones have this time to release their FMUs [s]."""
+        """Kill the busy processes, and give the idle ones some time [s] to release their FMUs."""
         self._closed = True
         for worker in self._workers:
             if worker.cases:
@@ -185,7 +187,7 @@ class Pool:
         return worker
 
     def _send_next(self, worker: _Worker) -> None:
-        """Send a process the next portion of cases, or one case over which another process has died."""
+        """Send a process its next cases, or one case over which another process has died."""
         if self._suspects:
             worker.send([self._suspects.popleft()], suspect=True)
         elif self._waiting:
@@ -194,22 +196,17 @@ class Pool:
             worker.send([self._waiting.popleft() for _ in range(size)])
 
     def _receive(self, worker: _Worker) -> bool:
-        """Receive a report and deliver its outcomes; False if the process has died."""
+        """Receive outcomes from a process and deliver them; return False if it has died."""
         try:
-            outcomes: dict[int, Outcome] = worker.pipe.recv()
+            outcomes: Outcomes = worker.pipe.recv()
         except (EOFError, OSError):
             return False
         worker.cases = [case for case in worker.cases if case not in outcomes]
         self._deliver(outcomes)
         return True
 
-    def _time_to_first_limit(self, busy: list[_Worker]) -> float | None:
-        """Time until the first case may have taken too long [s]; None without a limit."""
-        limit = self._time_limit or (_LONG_CASE if self._warns else None)
-        return None if limit is None else max(0.01, limit - max(worker.elapsed() for worker in busy))
-
-    def _end_late(self, worker: _Worker, limit: float) -> None:
-        """End a process that takes too long; its case is a failure unless it has just finished."""
+    def _end_overdue(self, worker: _Worker, limit: float) -> None:
+        """End a process over its time limit, and deliver a failure of its case unless that has just finished."""
         start = worker.current[0]
         worker.end(0.0)
         while worker.pipe.poll() and self._receive(worker):
@@ -221,7 +218,7 @@ class Pool:
         self._replace(worker)
 
     def _replace_dead(self, worker: _Worker) -> None:
-        """Replace a process that has died; the only case that it had is suspected as the cause."""
+        """Replace a process that has died, with a failure for a case over which several have died."""
         code = worker.end(_PATIENCE)
         if len(worker.cases) == 1:
             (case,) = worker.cases
@@ -233,17 +230,17 @@ class Pool:
         self._replace(worker)
 
     def _replace(self, worker: _Worker) -> None:
-        """Start another process in the place of one that has ended; its cases are simulated one by one."""
+        """Replace a process that has ended by another one, and queue its cases to be simulated one by one."""
         self._suspects.extend(worker.cases)
         worker.pipe.close()
         self._workers[self._workers.index(worker)] = self._start_worker()
 
 
-def _fork(task: Task, current: Floats) -> tuple[BaseProcess, Connection]:
-    """Start a worker as a fork of this process, and return it with the pipe to it."""
+def _fork_worker(task: Task, current: Floats) -> tuple[BaseProcess, Connection]:
+    """Start a worker as a fork of this process; return its process and the pipe to it."""
     context = multiprocessing.get_context("fork")
     pipe, far = context.Pipe()
-    process = context.Process(target=_simulate_from, args=(far, current, task, os.getpid()), daemon=True)
+    process = context.Process(target=_simulate_piped_cases, args=(far, current, task, os.getpid()), daemon=True)
     with warnings.catch_warnings():
         # Python 3.12 warns of forks beside threads; ours use no locks of those.
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -253,7 +250,7 @@ def _fork(task: Task, current: Floats) -> tuple[BaseProcess, Connection]:
 
 
 def _start_interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[bytes], Connection]:
-    """Start a worker as a new interpreter, and return it with the connection to it."""
+    """Start a worker as a new interpreter; return its process and the connection to it."""
     key = secrets.token_bytes()
     process = subprocess.Popen(
         [sys.executable, "-c", _SERVE, str(os.getpid()), str(current)],
@@ -272,8 +269,8 @@ def _start_interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[byt
     return process, Client(("127.0.0.1", int(port)), authkey=key)
 
 
-def serve(parent: int, current: str) -> None:
-    """Connect to the parent and simulate its cases: the main function of a new interpreter.
+def serve_parent(parent: int, current: str) -> None:
+    """Simulate the cases of a parent process: the main function of a new interpreter.
 
     :param parent: process id of its parent.
     :param current: file of the current case.
@@ -285,18 +282,18 @@ def serve(parent: int, current: str) -> None:
         os.write(1, f"{port}\n".encode())
         os.dup2(2, 1)  # what an FMU prints is for the log
         pipe = listener.accept()
-    _simulate_from(pipe, np.memmap(current, float, "r+", shape=(2,)), pickle.loads(task), parent)
+    _simulate_piped_cases(pipe, np.memmap(current, float, "r+", shape=(2,)), pickle.loads(task), parent)
 
 
-def _simulate_from(pipe: Connection, current: Floats, task: Task, parent: int) -> None:
-    """Simulate cases from a pipe, until an empty list comes or the parent ends."""
+def _simulate_piped_cases(pipe: Connection, current: Floats, task: Task, parent: int) -> None:
+    """Simulate the cases that come through a pipe, until an empty list comes or the parent ends."""
     die_with_parent(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles interrupts
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not the inherited handler of the parent
     gc.freeze()  # else a collection would copy the memory of the parent
     with case_simulator(task) as outcome:
         while True:
-            outcomes: dict[int, Outcome] = {}
+            outcomes: Outcomes = {}
             reported = time.monotonic()
             cases, suspect = pipe.recv()
             if not cases:

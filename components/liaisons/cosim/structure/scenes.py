@@ -86,9 +86,9 @@ def picture_of(part: SystemComponent) -> Picture:
     path, variables = part.fmu.path, part.fmu.variables
     with Archive(path) as archive:
         if MEMBER not in archive.names:
-            return Picture.of_points(name for name in part.fmu.reals("output") if variables[name].unit == "m")
+            return Picture.from_points(name for name in part.fmu.reals("output") if variables[name].unit == "m")
         with archive.open(MEMBER) as file:
-            picture = Picture.of(file.read(), str(path))
+            picture = Picture.from_json(file.read(), str(path))
     for name in picture.variables:
         if name not in variables:
             raise SimulationError(f"{path}: {MEMBER}: {part.fmu.unknown(name)}")

@@ -14,7 +14,7 @@ from liaisons.fmu.reference_results import Trajectory
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 from liaisons.pictures import Picture
-from liaisons.pictures.frames import frames
+from liaisons.pictures.frames import picture_frames
 from liaisons.pictures.stage import Face, Stage
 
 _WIDTH, _HEIGHT = 640.0, 220.0
@@ -36,7 +36,7 @@ def picture(model: Model, results: Trajectory | None) -> list[str]:
     backwards = {name: np.broadcast_to(column, time.shape)[::-1] for name, column in values.items()}
     if not any(shape["shape"] == "trail" for shape in declared.shapes):
         time, backwards = time[:1], {name: column[-1:] for name, column in backwards.items()}
-    seen = frames(declared, time, backwards.__getitem__, title=model.name)  # a trail ends at the start
+    seen = picture_frames(declared, time, backwards.__getitem__, title=model.name)  # a trail ends at the start
     return _svg_polygons(Stage(seen).faces(len(seen.time) - 1), model.name)
 
 
