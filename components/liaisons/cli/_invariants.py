@@ -21,7 +21,7 @@ from liaisons.cosim import simulate
 from liaisons.cosim.description.fmu import DESCRIPTION, read, read_description
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
-from liaisons.cosim.running.run import performed
+from liaisons.cosim.running.run import run_to_end
 from liaisons.errors import LiaisonsError, SimulationError
 from liaisons.ssp.assignment import fitted, parameters
 
@@ -136,7 +136,7 @@ def _reference_verdict(fmu: Fmu, results: Path, beside: Mapping[str, Path]) -> V
     inputs = [str(beside["testcase"])] if "testcase" in beside else []
     tolerance = fmu.experiment.tolerance or 1e-6
     span = times[0], times[-1], times[1] - times[0], tolerance
-    run = performed(simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
+    run = run_to_end(simulation(str(fmu.path), starts, *span, inputs=inputs, record=names)[1])
     expected = zip(names, columns, strict=True)
     error = max(np.max(np.abs(run[name] - column)) / (np.max(np.abs(column)) or 1) for name, column in expected)
     claim = f"results as in {results.name} beside the largest of each column"

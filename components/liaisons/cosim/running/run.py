@@ -651,7 +651,7 @@ class Run:
     def result(self) -> Result:
         """The result so far, with all warnings."""
         with collected_warnings() as last:
-            result = self.concluded()
+            result = self.conclude()
         return add_warnings(result, (*self._warnings.texts, *last.texts))
 
     def recorded_result(self) -> Result:
@@ -685,7 +685,7 @@ class Run:
             warnings=simulation.warnings,
         )
 
-    def concluded(self) -> Result:
+    def conclude(self) -> Result:
         """Warn of values that are not finite, lost impulses and large coupling errors; returns the result."""
         result = self.recorded_result()
         warn_of_non_finite_values(result)
@@ -749,7 +749,7 @@ def _pause_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-def started(simulation: Simulation) -> Run:
+def start_run(simulation: Simulation) -> Run:
     """A run at its start time, to be closed.
 
     :raises SimulationError: if an FMU cannot be initialized.
@@ -763,7 +763,7 @@ def started(simulation: Simulation) -> Run:
     return run
 
 
-def performed(
+def run_to_end(
     simulation: Simulation, *, progress: bool = False, verify: bool = False, real_time: float | None = None
 ) -> Result:
     """Run a simulation from its start to its end, or until an FMU ends it.
@@ -797,7 +797,7 @@ def performed(
             if run.reached() is None:
                 raise
             failure = error
-        result = run.concluded()
+        result = run.conclude()
         if verify and failure is None:
             result = _with_differences(simulation, result, run.instants)
     result = add_warnings(result, warned.texts)
