@@ -12,7 +12,7 @@ import numpy as np
 from liaisons.cosim.arrays import as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.signals import curve
+from liaisons.cosim.coupling.signals import port_and_order
 from liaisons.cosim.instances.protocol import Instances
 from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
@@ -22,16 +22,16 @@ from liaisons.cosim.structure.schedule import OutputInput, VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 
-Gains = Mapping[OutputInput, int]
-"""Output and input -> column of the derivative on the bus."""
+GainColumns = Mapping[OutputInput, int]
+"""Output and input -> column of ∂(output)/∂(input) on the bus."""
 
 
-def initial_derivatives(
-    simulation: Simulation, instances: Instances, bus: Bus, solved: Gains
+def prepare_initial_gains(
+    simulation: Simulation, instances: Instances, bus: Bus, solved: GainColumns
 ) -> tuple[list[Call], dict[OutputInput, int]]:
-    """Calls that calculate derivatives of accelerations by inputs at the start, and the columns of these.
+    """Prepare the calls that calculate ∂(acceleration)/∂(input) at the start; returns them with the columns.
 
-    :param solved: those that Newton's method calculates.
+    :param solved: derivatives that Newton's method calculates.
     """
     calls: list[Call] = []
     gains: dict[OutputInput, int] = {}
@@ -40,7 +40,7 @@ def initial_derivatives(
         fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
         if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
             continue
-        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _acceleration(part, p[1]) is not None]
+        moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _rate_and_value(part, p[1]) is not None]
         variables = part.fmu.variables
         for input_ in fed:
             rows = [p for p in moving if simulation.depends(p, input_)]
@@ -53,7 +53,7 @@ def initial_derivatives(
 
 
 def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
-    """Components with contacts whose inputs are connected."""
+    """Mechanisms with contacts whose inputs are connected, by columns of the bus."""
     mechanisms: list[ContactMechanism] = []
     for name, contacts in contacts_of_fed(simulation).items():
         part, index = simulation.parts[name], bus.index
@@ -64,7 +64,7 @@ def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanis
 
 
 def contacts_of_fed(simulation: Simulation) -> dict[str, list[list[VariableReference]]]:
-    """Name of each component with contacts whose inputs are connected -> variables of its contacts."""
+    """Component with contacts and connected inputs -> variables of each contact."""
     fed = {name for name, _ in simulation.feeds}
     contacts = {name: contact_variables(part) for name, part in simulation.parts.items() if name in fed}
     return {name: variables for name, variables in contacts.items() if variables}
@@ -74,16 +74,16 @@ def input_reconstructions(
     simulation: Simulation,
     bus: Bus,
     slopes: Mapping[VariableReference, int],
-    gains: Gains,
+    gains: GainColumns,
     deviations: Mapping[VariableReference, tuple[int, int]],
 ) -> list[InputReconstruction]:
-    """Polynomials of all connected inputs within a step, but for those without an effect that can be estimated.
+    """Polynomials that connected inputs follow within a step; none for an input without an effect.
 
     :param slopes: columns of the derivatives of outputs that FMUs give.
     :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
         numbers the function returns.
     """
-    parts, effects = simulation.parts, _effects(simulation.parts, bus, gains)
+    parts, effects = simulation.parts, _effect_columns(simulation.parts, bus, gains)
     table = _PolynomialTable(simulation, bus, slopes, deviations)
     reconstructions: list[InputReconstruction] = []
     for target, source in simulation.feeds.items():
@@ -97,7 +97,8 @@ def input_reconstructions(
         shape, data, order = table.polynomial(target, source)
         if signal.continuous or shape in {"newest", "quintic", "cubic"}:  # others jump at communication points only
             answers = tuple(bus.index[output] for output in bus.outputs(target[0]))
-            name, own_effects = f"{_name(source)} -> {'.'.join(target)}", tuple(effects.get(target, ()))
+            origin = "a function of time" if source[0] == SIGNALS else ".".join(source)
+            name, own_effects = f"{origin} -> {'.'.join(target)}", tuple(effects.get(target, ()))
             reconstructions.append(
                 InputReconstruction(name, bus.index[target], tuple(data), order, shape, own_effects, answers)
             )
@@ -130,26 +131,26 @@ class _PolynomialTable:
 
     @cached_property
     def columns(self) -> dict[VariableReference, int]:
-        """Columns of outputs; those of functions of time are recorded as the inputs that they drive."""
+        """Column of each output on the bus; of a function of time, that of the input that it drives."""
         index, feeds = self.bus.index, self.simulation.feeds.items()
         return {**index, **{source: index[target] for target, source in feeds if source[0] == SIGNALS}}
 
     @cached_property
-    def late(self) -> set[VariableReference]:
-        """Inputs whose value at the end of a step is not known before it."""
+    def late_inputs(self) -> set[VariableReference]:
+        """Inputs whose value at the end of a step is unknown before it."""
         return set(schedule.late_inputs(self.bus.order, self.simulation.feeds, self.simulation.coupling))
 
     def polynomial(self, target: VariableReference, source: VariableReference) -> tuple[Shape, list[int], int]:
-        """Kind of polynomial that an input follows, its columns in the table, and the order of its derivative."""
+        """Polynomial that an input follows: shape, columns of its data, and which derivative of it the input is."""
         simulation, own, part = self.simulation, self.columns[source], self.simulation.parts[target[0]]
         approximation = part.approximation
         if target[0] in simulation.prescribed or not (simulation.iterates or approximation.interpolates):
-            return self._extrapolation(target, own)
+            return self._explicit_polynomial(target, own)
         if approximation.interpolates and Port(part, target[1]).curve()[0] is None:
             return "hermite", [own], 0
         if approximation.interface == "mean value":
             return "mean", [own], 0
-        references, order = curve(simulation.parts, simulation.feeds, source)
+        references, order = port_and_order(simulation.parts, simulation.feeds, source)
         port = [self.columns[reference] for reference in references if reference in self.columns]
         integral, numbers = self.deviations.get(target, (0, 0))
         integrals, is_driven = [integral, integral + 1], numbers == len(references)
@@ -157,18 +158,18 @@ class _PolynomialTable:
             return ("quintic", integrals, order) if is_driven else ("hermite", port, order)
         if is_driven:
             return "cubic", integrals, 0
-        return self._single_output(target, source, own)
+        return self._polynomial_without_port(target, source, own)
 
-    def _extrapolation(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
+    def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
         part = self.simulation.parts[target[0]]
         method, (triple, order) = part.approximation.method, Port(part, target[1]).curve()
-        if method is None and target not in self.late:
+        if method is None and target not in self.late_inputs:
             return "newest", [own], 0
         sources = [self.bus.source(port.place) for port in triple or ()] if method == 1 else []
         port = [source for source in sources if source is not None]
         return ("taylor", port, order) if port and len(port) == len(sources) else ("taylor", [own], 0)
 
-    def _single_output(
+    def _polynomial_without_port(
         self, target: VariableReference, source: VariableReference, own: int
     ) -> tuple[Shape, list[int], int]:
         simulation = self.simulation
@@ -182,24 +183,22 @@ class _PolynomialTable:
         return "hermite", [own], 0
 
 
-def _effects(parts: Components, bus: Bus, gains: Gains) -> dict[VariableReference, list[tuple[int, int, int]]]:
+def _effect_columns(
+    parts: Components, bus: Bus, gains: GainColumns
+) -> dict[VariableReference, list[tuple[int, int, int]]]:
     """Input -> columns of each ∂(acceleration)/∂(input), and of the rate and the value of that acceleration."""
     effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
     for (output, input_), column in gains.items():
-        motion = _acceleration(parts[output[0]], output[1])
-        if motion is not None:
-            rate, value = (bus.index.get(port.place, -1) for port in motion)
+        ports = _rate_and_value(parts[output[0]], output[1])
+        if ports is not None:
+            rate, value = (bus.index.get(port.place, -1) for port in ports)
             effects.setdefault(input_, []).append((column, rate, value))
     return effects
 
 
-def _acceleration(part: SystemComponent, name: str) -> tuple[Port, Port] | None:
-    """Rate and value of the port whose acceleration this output is; None for another variable."""
-    triple, order = Port(part, name).curve()
-    if triple is None or order != 2 or part.fmu.variables[name].causality != "output":
+def _rate_and_value(part: SystemComponent, acceleration: str) -> tuple[Port, Port] | None:
+    """Rate and value of the port of an acceleration; None for a variable that is no output acceleration."""
+    triple, order = Port(part, acceleration).curve()
+    if triple is None or order != 2 or part.fmu.variables[acceleration].causality != "output":
         return None
     return triple[1], triple[0]
-
-
-def _name(source: VariableReference) -> str:
-    return "a function of time" if source[0] == SIGNALS else ".".join(source)

@@ -102,7 +102,7 @@ def _in_fork(part: SystemComponent, directory: Path, begin: float, size: float) 
 
 
 def _in_interpreter(part: SystemComponent, directory: Path, begin: float, size: float) -> tuple[str, str]:
-    """The same in a new interpreter, where processes cannot be forked."""
+    """Start an FMU in a new interpreter; returns the last stage, and how the process crashed, if it did."""
     task = part, directory, begin, size
     done = subprocess.run(
         [sys.executable, "-P", "-c", f"from {__name__} import _print_stages; _print_stages()"],
