@@ -46,6 +46,16 @@ def driven_input(feeds: Feeds, drive: VariableReference) -> VariableReference:
     return next(target for target, source in feeds.items() if source == drive)
 
 
+def unit_numbers(parts: Components, feeds: Feeds, references: Iterable[VariableReference]) -> Indices:
+    """Number of the unit of each variable; a variable that is no Real has a number of its own."""
+    units: list[str] = []
+    for reference in references:
+        name, variable = driven_input(feeds, reference) if reference[0] == SIGNALS else reference
+        scalar = parts[name].fmu.variables[variable]
+        units.append(scalar.unit if scalar.type == "Real" else f"{name}.{variable}")
+    return np.unique(units, return_inverse=True)[1]
+
+
 @final
 @dataclass(frozen=True)
 class Curve:
@@ -155,7 +165,7 @@ class Signals:
         self.held[: self.count] = [not self._is_continuous(k) for k in range(self.count)]
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
         self.rates[: self.count] = [self._rate_index(reference) for reference in references]
-        self.kinds = self._unit_numbers()
+        self.kinds = unit_numbers(parts, feeds, references)
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
         self.memory = Memory([self.ends, self.earlier, self.since])
@@ -216,12 +226,6 @@ class Signals:
                     names.discard(name)
             if len(names) == len(self.sloped):
                 return self.sloped
-
-    def _unit_numbers(self) -> Indices:
-        """Number of the unit of each output."""
-        owners = [driven_input(self._feeds, r) if r[0] == SIGNALS else r for r in self.references]
-        units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
-        return np.unique(units, return_inverse=True)[1]
 
 
 @final

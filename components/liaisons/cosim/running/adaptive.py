@@ -17,7 +17,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from liaisons.cosim.arrays import Indices, Vector
+from liaisons.cosim.arrays import Vector
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.implicit import Coupled
@@ -228,14 +228,3 @@ def _attempt_steps(
         return ends, float(np.sum(steps.estimate.estimate_last(rows, times, count))), None
     except RefusedError as refusal:
         return [], math.inf, refusal
-
-
-def unit_numbers(simulation: Simulation, bus: Bus) -> Indices:
-    """Number of the unit of each value on the bus; a value that is no Real has a number of its own."""
-    variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
-
-    def kind(name: str, variable: str) -> str:
-        scalar = variables[name][variable] if name in variables else None
-        return scalar.unit if scalar is not None and scalar.type == "Real" else f"{name}.{variable}"
-
-    return np.unique([kind(*reference) for reference in bus.index], return_inverse=True)[1]

@@ -55,19 +55,13 @@ def prepare_initial_gains(
 def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
     """Mechanisms with contacts whose inputs are connected, by columns of the bus."""
     mechanisms: list[ContactMechanism] = []
-    for name, contacts in contacts_of_fed(simulation).items():
-        part, index = simulation.parts[name], bus.index
-        columns = as_indices([[index[variable] for variable in contact] for contact in contacts])
-        inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
-        mechanisms.append(ContactMechanism(name, columns, inputs))
+    for name, part in simulation.parts.items():
+        index, contacts = bus.index, contact_variables(part)
+        if contacts and bus.inputs[name]:
+            columns = as_indices([[index[variable] for variable in contact] for contact in contacts])
+            inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
+            mechanisms.append(ContactMechanism(name, columns, inputs))
     return mechanisms
-
-
-def contacts_of_fed(simulation: Simulation) -> dict[str, list[list[VariableReference]]]:
-    """Component with contacts and connected inputs -> variables of each contact."""
-    fed = {name for name, _ in simulation.feeds}
-    contacts = {name: contact_variables(part) for name, part in simulation.parts.items() if name in fed}
-    return {name: variables for name, variables in contacts.items() if variables}
 
 
 def input_reconstructions(

@@ -32,12 +32,12 @@ from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.explicit import CommunicationCalls, communication_calls
 from liaisons.cosim.coupling.implicit import Coupled
-from liaisons.cosim.coupling.signals import connected_port_outputs
+from liaisons.cosim.coupling.signals import connected_port_outputs, unit_numbers
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.instances.protocol import Loaded
 from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import add_warnings, logger, warn_of_non_finite_values
-from liaisons.cosim.running.adaptive import CommunicationSteps, adapt_steps, divide_steps, unit_numbers
+from liaisons.cosim.running.adaptive import CommunicationSteps, adapt_steps, divide_steps
 from liaisons.cosim.running.breaks import Breaks, Deviations
 from liaisons.cosim.running.contacts import (
     connections_without_impulses,
@@ -50,7 +50,6 @@ from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.impacts import Impacts, forces_through, impulse_sums, impulsive_ports
 from liaisons.cosim.running.input_reconstruction import (
     contact_mechanisms,
-    contacts_of_fed,
     input_reconstructions,
     prepare_initial_gains,
 )
@@ -127,9 +126,14 @@ class Run:
             order = schedule.execution_order([SIGNALS, *parts], simulation.feeds)
             through = impulsive_ports(simulation)
             self._sums = connections_without_impulses(simulation, forces_through(through))
-            contacts = [v for several in contacts_of_fed(simulation).values() for one in several for v in one]
-            contacts += [v for port in through for one in contact_variables(parts[port.mover]) for v in one]
-            contacts += [v for port in through for p in (port.mover, port.moved) for v in friction_directions(parts[p])]
+            fed = {name for name, _ in simulation.feeds}
+            contacts = [
+                variable
+                for name, part in parts.items()
+                if through or name in fed
+                for variables in (*contact_variables(part), friction_directions(part))
+                for variable in variables
+            ]
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             recorded += [variable for pair in impulse_sums(simulation, through).items() for variable in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
@@ -149,7 +153,7 @@ class Run:
                 self._deviations,
                 self._estimate,
             )
-            reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
+            reads_samples = any(parts[name].approximation.samples for name in fed)
             self._divides = self._breaks.divides and self._estimate.can_estimate and not reads_samples
             self._are_samples = self._breaks.are_samples and not (
                 self._estimate.can_estimate
@@ -717,7 +721,8 @@ class Run:
         calls, initial_gains = prepare_initial_gains(simulation, self._instances, bus, gains)
         slopes = {} if coupled is None else coupled.slope_columns
         inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial_gains}, self._deviations.columns)
-        return calls, Estimate(inputs, bus.index, unit_numbers(simulation, bus), contact_mechanisms(simulation, bus))
+        units = unit_numbers(simulation.parts, simulation.feeds, bus.index)
+        return calls, Estimate(inputs, bus.index, units, contact_mechanisms(simulation, bus))
 
 
 @contextmanager

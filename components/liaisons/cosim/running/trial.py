@@ -124,12 +124,7 @@ def _print_stages() -> None:
     die_with_parent(parent)
     try:
         for stage in _stages(partial(make, part.name, part.fmu, directory), part, begin, size):
-            _print_stage(stage)
+            os.write(1, f"\nSTAGE {stage}\n".encode())
     except SimulationError:
-        _print_stage("refused")
+        os.write(1, b"\nSTAGE refused\n")
     os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
-
-
-def _print_stage(stage: str) -> None:
-    sys.stdout.write(f"\nSTAGE {stage}\n")
-    sys.stdout.flush()
