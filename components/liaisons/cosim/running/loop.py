@@ -145,18 +145,12 @@ class Loop:
             self._addresses = self.times.ctypes.data, self.rows.ctypes.data
 
     def _advance_in_python(self, steps: int) -> None:
-        bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
-        values, start, size, end, calls = bus.values.data, bus.start, bus.size, bus.end, self._calls
-        offset = self.done * width
         for first, last in pairwise(self.times[self.done - 1 : self.done + steps].tolist()):
-            start.value = first  # Bus.set_step and Bus.perform written out: two Python calls less a step
-            size.value = last - first
-            end.value = last
-            for call in calls:
+            self._bus.set_step(first, last)
+            for call in self._calls:
                 if status := call():
                     self._raise_refusal(call, status)
-            flat[offset : offset + width] = values
-            offset += width
+            self.rows[self.done] = self._bus.values
             self.done += 1
 
     def _raise_refusal(self, call: Call, status: int) -> None:
