@@ -12,7 +12,7 @@ from typing import final
 import numpy as np
 
 from liaisons.base.unit_definitions import Conversion
-from liaisons.cosim.arrays import Vector
+from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Call
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.structure.schedule import Feeds, OutputInput, VariableReference
@@ -90,6 +90,10 @@ class Bus:
         """The values of variables that lie side by side, as a view."""
         first = self.index[references[0]] if references else 0
         return self.values[first : first + len(references)]
+
+    def columns(self, references: Iterable[VariableReference]) -> Indices:
+        """Columns of variables."""
+        return as_indices([self.index[reference] for reference in references])
 
     def source(self, input_: VariableReference) -> int | None:
         """Column of the output that feeds an input; None if none does."""

@@ -137,8 +137,8 @@ class _Node:
         self.inputs, self.outputs = np.zeros(len(places)), np.zeros(len(outputs))
         self.sums = np.zeros(len(places))  # of jumps and impulses so far; of rates nothing
         self.handed = np.zeros(len(moved))  # impulses of its operators that have been handed on
-        self._rates = as_indices([bus.index[variable] for variable in places[: len(moved)]])
-        self.impulses = as_indices([bus.index[variable] for variable in outputs[: len(moved)]])
+        self._rates = bus.columns(places[: len(moved)])
+        self.impulses = bus.columns(outputs[: len(moved)])
         self._is_sum = np.arange(len(places)) >= len(moved)
         self._bus = bus
         self._set = instance.setter([variables[variable] for _, variable in places], self.inputs)
@@ -168,8 +168,7 @@ class _Node:
     def respond(self, unknowns: Vector) -> Vector:
         """Increments of its outputs, in the units of the other side, when its inputs increase by the unknowns."""
         self.inputs[:] = self.starts + unknowns[self.increments]
-        same = self._is_sum & (self.inputs == self.starts)
-        if same.sum() == self._is_sum.sum():  # a sum that changes begins the impact
+        if np.array_equal(self.inputs[self._is_sum], self.starts[self._is_sum]):  # a sum that changes begins the impact
             first = int(np.argmax(self._is_sum))
             self.inputs[first] = np.nextafter(self.inputs[first], math.inf)
         self._bus.perform([self._restore, self._set, self._get])
@@ -193,20 +192,19 @@ class Impacts:
     def __init__(self, simulation: Simulation, ports: Sequence[ImpulsivePort], instances: Instances, bus: Bus) -> None:
         self._title, self._bus = simulation.title, bus
         names = dict.fromkeys(name for port in ports for name in (port.moved, port.mover))
-        self._nodes = [_Node(simulation.parts[name], ports, instances[name], bus) for name in names]
+        parts = [simulation.parts[name] for name in names]
+        self._nodes = [_Node(part, ports, instances[part.name], bus) for part in parts]
         self._count = len(ports)
         self.memory = Memory(array for node in self._nodes for array in (node.sums, node.handed))
         received = {port.impulse.target.place: port.impulse.target.force or "" for port in ports}
         ends = connections_that_stop_impulses(simulation, forces_through(ports), received)
         self._ends = [ends.get(port.impulse.target.place) for port in ports]
-        contacts = [contact for name in names for contact in contact_variables(simulation.parts[name])]
-        self._gaps, self._rates, self._closed = (as_indices([bus.index[c[k]] for c in contacts]) for k in range(3))
+        contacts = [contact for part in parts for contact in contact_variables(part)]
+        self._gaps, self._rates, self._closed = (bus.columns(c[k] for c in contacts) for k in range(3))
         sums = impulse_sums(simulation, ports)
-        self._sums, self._forces = (as_indices([bus.index[p] for p in places]) for places in (sums, sums.values()))
-        pushing = [force for name in names for force in contact_impulses(simulation.parts[name]).values()]
-        self._pushing = as_indices([bus.index[force] for force in pushing])
-        directions = [one for name in names for one in friction_directions(simulation.parts[name])]
-        self._directions = as_indices([bus.index[direction] for direction in directions])
+        self._sums, self._forces = map(bus.columns, (sums, sums.values()))
+        self._pushing = bus.columns(force for part in parts for force in contact_impulses(part).values())
+        self._directions = bus.columns(direction for part in parts for direction in friction_directions(part))
 
     def start(self) -> None:
         """Read the sums of impulses at the start time; warn of impacts there, which each FMU has resolved alone."""

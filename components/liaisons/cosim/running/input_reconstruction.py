@@ -9,7 +9,6 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim.arrays import as_indices
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.signals import port_and_order
@@ -58,7 +57,7 @@ def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanis
     for name, part in simulation.parts.items():
         index, contacts = bus.index, contact_variables(part)
         if contacts and bus.inputs[name]:
-            columns = as_indices([[index[variable] for variable in contact] for contact in contacts])
+            columns = np.array([bus.columns(contact) for contact in contacts])
             inputs = frozenset(index[place] for place in bus.inputs[name] if Port(part, place[1]).triple() is not None)
             mechanisms.append(ContactMechanism(name, columns, inputs))
     return mechanisms

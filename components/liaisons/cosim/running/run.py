@@ -137,7 +137,7 @@ class Run:
             recorded = [*simulation.recorded.values(), *self._sums, *contacts]
             recorded += [variable for pair in impulse_sums(simulation, through).items() for variable in pair]
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
-            self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
+            self._columns = self._bus.columns(simulation.recorded.values())
             self._initial, self._at_instant, step = self._prepare_calls()
             self._deviations = Deviations(simulation.drives, self._bus, simulation.step_tolerance)
             self._batch = 1  # steps for which functions of time are evaluated at once
