@@ -19,7 +19,6 @@ from liaisons.cosim.coupling.records import SignalHistoryRecord, StrongComponent
 from liaisons.cosim.coupling.signals import Curve, SignalHistory, Signals
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances.protocol import Instances
-from liaisons.cosim.structure.schedule import OutputInput, VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
 
@@ -32,6 +31,9 @@ class Coupled:
     """All strong components of a system; each step is repeated until inputs and outputs agree.
 
     :ivar memory: what a repeated step restores.
+    :ivar slope_columns: output -> column of its derivative by time on the bus.
+    :ivar gain_columns: output and input -> column of ∂(output)/∂(input) on the bus.
+    :ivar error_order: order in H of the error of a step: that of the coarsest polynomial.
     """
 
     def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
@@ -53,7 +55,10 @@ class Coupled:
             ]
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
         self._matrices = [matrix for component in self._components for matrix in component.newton_records]
-        self._nodes = [node for component in self._components for node in component.nodes]
+        all_nodes = [node for component in self._components for node in component.nodes]
+        self.slope_columns = {output: k for node in all_nodes for output, k in node.slope_columns.items()}
+        self.gain_columns = {pair: k for node in all_nodes for pair, k in node.gain_columns.items()}
+        self.error_order = min((node.error_order for node in all_nodes), default=6)
         component_of = simulation.group_number | {SIGNALS: len(groups)}
         leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
         for target, (source, _) in feeds.items():
@@ -113,21 +118,6 @@ class Coupled:
         self.signals.result[:] = 0.0
         for component in self._components:
             component.forget_derivatives()
-
-    @property
-    def slope_columns(self) -> dict[VariableReference, int]:
-        """Output -> column of its derivative by time on the bus."""
-        return {output: k for node in self._nodes for output, k in node.slope_columns.items()}
-
-    @property
-    def gain_columns(self) -> dict[OutputInput, int]:
-        """Output and input -> column of ∂(output)/∂(input) on the bus."""
-        return {pair: k for node in self._nodes for pair, k in node.gain_columns.items()}
-
-    @property
-    def error_order(self) -> int:
-        """Order in H of the error of a step: that of the coarsest polynomial."""
-        return min((node.error_order for node in self._nodes), default=6)
 
     def solve_at_instant(self, *, initial: bool) -> None:
         """Solve the equations at the present time, where a smooth piece starts.

@@ -196,10 +196,6 @@ class Signals:
         first = self.index[self._port_and_order(source)[0][0]]
         return self.zero if source[0] in cycle and self._is_continuous(first) else first
 
-    def lacks_slope(self, index: int) -> bool:
-        """Whether no FMU gives the slope of a value."""
-        return self.references[index][0] not in self.sloped
-
     def _is_continuous(self, index: int) -> bool:
         """Whether a value may change at any time; a discrete one jumps at communication points."""
         name, variable = self.references[index]
@@ -244,7 +240,7 @@ class SignalHistory:
 
     def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
         ports = {curve.data[0]: curve.data for curve in curves}.values()
-        made = [data[0] for data in ports if len(data) == 2 and signals.lacks_slope(data[0])]
+        made = [data[0] for data in ports if len(data) == 2 and signals.references[data[0]][0] not in signals.sloped]
         self.made = as_indices(made)
         n = len(made)
         self.memory = Memory([np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)])

@@ -134,6 +134,7 @@ class StrongComponent:
         self._kinds = signals.kinds[self._unknowns % signals.count]
         self._errors = np.empty(len(self._unknowns))
         self._implicit = simulation.coupling == "implicit"
+        self._newtons: list[Newton] = []
         depends, initially = simulation.depends, partial(simulation.depends, initially=True)
         self._equations: dict[Phase, _Equations] = {
             "step": self._prepare_equations("step", depends),
@@ -146,6 +147,7 @@ class StrongComponent:
         cyclic, newton = self._cyclic and phase != "crossing", None
         if cyclic and self._implicit:
             newton = Newton(self.nodes, self._signals, self._unknowns, depends, within_steps=phase == "step")
+            self._newtons.append(newton)
         calls, nodes = zip(*(node.program(phase) for node in self.nodes), strict=True)
         record = StrongComponentRecord(cyclic=cyclic, tolerance=self._tolerance, count=len(nodes))
         record.n, record.valued = len(self._unknowns), np.searchsorted(self._unknowns, self._signals.count)
@@ -162,15 +164,13 @@ class StrongComponent:
 
     def forget_derivatives(self) -> None:
         """Mark Newton's matrices as out of date; the next step calculates them again."""
-        for equations in self._equations.values():
-            if equations.newton is not None:
-                equations.newton.record.ready = False
+        for newton in self._newtons:
+            newton.record.ready = False
 
     @property
     def newton_records(self) -> list[Record]:
         """Matrices of Newton's method and their factors, which serve for several steps."""
-        newtons = [equations.newton for equations in self._equations.values() if equations.newton is not None]
-        return [record for newton in newtons for record in (newton.record, newton.elimination.record)]
+        return [record for newton in self._newtons for record in (newton.record, newton.elimination.record)]
 
     def read_start_values(self) -> None:
         """Read the outputs of a cycle at the start values of its inputs, the first guess of the iteration."""

@@ -124,6 +124,7 @@ class Estimate:
     :param columns: variable -> its column on the bus.
     :param kinds: number of the unit of each column, shape (width,).
     :param mechanisms: those with contacts.
+    :ivar can_estimate: whether any error can be estimated.
     :ivar worst: the largest error of a step; None if all are 0.
     """
 
@@ -144,6 +145,7 @@ class Estimate:
         targets, self._of, gains, once = as_indices(effects).reshape(-1, 4).T
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
         self._targets, self._starts = np.unique(targets, return_index=True)
+        self.can_estimate = len(self._targets) > 0
         self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
         self._answers = [as_indices(self._followed[self._of[j]].answers) for j in self._blind]
         self._kinds = kinds
@@ -162,11 +164,6 @@ class Estimate:
         """Forget all steps."""
         self._sizes = np.zeros(len(self._of_kind))
         self.worst: Worst | None = None
-
-    @property
-    def can_estimate(self) -> bool:
-        """Whether any error can be estimated."""
-        return len(self._targets) > 0
 
     def estimate(self, rows: Vector, times: Vector, crossing: Flags) -> Vector:
         """The error that each step adds, relative to the largest value of the signal's unit so far.

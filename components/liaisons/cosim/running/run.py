@@ -139,6 +139,7 @@ class Run:
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = self._bus.columns(simulation.recorded.values())
             self._initial, self._at_instant, step = self._prepare_calls()
+            self._chooses_steps = simulation.error_tolerance is not None or simulation.adapts
             self._deviations = Deviations(simulation.drives, self._bus, simulation.step_tolerance)
             self._batch = 1  # steps for which functions of time are evaluated at once
             self._initial_derivatives, self._estimate = self._prepare_estimate()
@@ -161,6 +162,8 @@ class Run:
                 or any(part.approximation.interpolates for part in parts.values())
             )
             self._impacts = Impacts(simulation, through, self._instances, self._bus) if through else None
+            memories = self._coupled, self._impacts and self._impacts.memory
+            self._state_owners = [self._deviations.memory, *simulation.drives, *filter(None, memories)]
             self._loop = Loop(step, self._bus, len(times) if math.isfinite(times[-1]) else _FEW_POINTS)
             self._free_inputs: dict[str, FreeInput] = {}
             self._readings: dict[str, Reading] = {}
@@ -253,11 +256,6 @@ class Run:
                 self._errors.append(point.error)
             if on_progress:
                 on_progress(point.time)
-
-    @property
-    def _chooses_steps(self) -> bool:
-        """Whether steps are as long as their errors allow."""
-        return self._simulation.error_tolerance is not None or self._simulation.adapts
 
     def _step_to_point(self, stop: int, on_progress: Callable[[float], None] | None = None) -> None:
         """Step until a number of communication points is reached, and to the breaks between them."""
@@ -451,13 +449,6 @@ class Run:
             free.values[:] = state.inputs.get(name, np.nan)
         self._points, self._end = state.points, ""
         self._breaks.find_next(state.time)
-
-    @property
-    def _state_owners(self) -> list[Any]:
-        """Objects with ``save`` and ``restore`` beside the FMUs, the bus and the loop."""
-        coupled = [] if self._coupled is None else [self._coupled]
-        impacts = [] if self._impacts is None else [self._impacts.memory]
-        return [self._deviations.memory, *self._simulation.drives, *coupled, *impacts]
 
     def reset(self, start_values: Mapping[str, ArrayLike] | None = None, /, **keywords: ArrayLike) -> None:
         """Begin again at the start time, without instantiating the FMUs again.
