@@ -98,14 +98,14 @@ def polynomial_arrays(curves: Sequence[Curve], zero: int, highest: int) -> tuple
     followed = curves if highest > 1 else [curve.straight_line() for curve in curves]
     ends = (0, zero + 1)
     signals: dict[tuple[int, int], int] = {}
-    for curve in followed:
-        for end in ends:
-            for i, index in enumerate(curve.data):
-                signals.setdefault((end + index, i), len(signals))
-    terms = tuple(tuple(signals[end + index, i] for end in ends for i, index in enumerate(c.data)) for c in followed)
-    orders, scaling = tuple(curve.order for curve in followed), tuple(i for _, i in signals)
-    own = {"signals": [index for index, _ in signals], "begun": [motions[k][order] for k, order in derivatives]}
-    return derivatives, {name: as_indices(own[name]) for name in own} | _shared_arrays(terms, orders, scaling, highest)
+    terms = tuple(
+        tuple(signals.setdefault((end + index, i), len(signals)) for end in ends for i, index in enumerate(curve.data))
+        for curve in followed
+    )
+    indices, scaling = zip(*signals, strict=True)
+    begun = as_indices([motions[k][order] for k, order in derivatives])
+    shared = _shared_arrays(terms, tuple(curve.order for curve in followed), scaling, highest)
+    return derivatives, {"signals": as_indices(indices), "begun": begun, **shared}
 
 
 @lru_cache(maxsize=1024)
