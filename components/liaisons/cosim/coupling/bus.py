@@ -5,7 +5,7 @@ The values lie in one array, so that a row of a recording is one copy of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from ctypes import c_double
 from typing import final
 
@@ -30,6 +30,8 @@ class Bus:
     :ivar connected_outputs: component -> variables that feed inputs; ``recorded_only`` variables that feed none;
         ``inputs`` connected inputs.
     :ivar index: variable -> its column in ``values``.
+    :ivar slope_columns: output -> column of its derivative by time.
+    :ivar gain_columns: output and input -> column of ∂(output)/∂(input).
     :ivar start: begin, ``size`` and ``end`` of the step [s], where foreign functions see them.
     """
 
@@ -55,6 +57,8 @@ class Bus:
         most += 2 * len(references)
         self._store = np.zeros(len(references) + most)  # with room for slopes, derivatives by inputs, integrals
         self.values = self._store[: len(references)]
+        self.slope_columns: dict[VariableReference, int] = {}
+        self.gain_columns: dict[OutputInput, int] = {}
         self.start, self.size, self.end = c_double(), c_double(), c_double()
 
     def set_step(self, start: float, end: float) -> None:
@@ -105,13 +109,17 @@ class Bus:
         self.values = self._store[: first + size]
         return first, self.values[first:]
 
-    def add_derivatives(
-        self, outputs: Iterable[VariableReference], input_: VariableReference
-    ) -> tuple[Vector, dict[OutputInput, int]]:
-        """Add columns for the derivatives of outputs by an input; returns a view of them, and the index of each."""
-        pairs = [(output, input_) for output in outputs]
-        first, column = self.add_columns(len(pairs))
-        return column, {pair: first + k for k, pair in enumerate(pairs)}
+    def add_slopes(self, outputs: Collection[VariableReference]) -> Vector:
+        """Add columns for the derivatives of outputs by time; returns a view of their values."""
+        first, values = self.add_columns(len(outputs))
+        self.slope_columns |= {output: first + k for k, output in enumerate(outputs)}
+        return values
+
+    def add_gains(self, outputs: Collection[VariableReference], input_: VariableReference) -> Vector:
+        """Add columns for the derivatives of outputs by an input; returns a view of their values."""
+        first, values = self.add_columns(len(outputs))
+        self.gain_columns |= {(output, input_): first + k for k, output in enumerate(outputs)}
+        return values
 
     def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
         """Calls that set inputs on the bus to the outputs that feed them, units converted."""

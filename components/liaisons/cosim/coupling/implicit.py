@@ -31,8 +31,6 @@ class Coupled:
     """All strong components of a system; each step is repeated until inputs and outputs agree.
 
     :ivar memory: what a repeated step restores.
-    :ivar slope_columns: output -> column of its derivative by time on the bus.
-    :ivar gain_columns: output and input -> column of ∂(output)/∂(input) on the bus.
     :ivar error_order: order in H of the error of a step: that of the coarsest polynomial.
     """
 
@@ -55,10 +53,8 @@ class Coupled:
             ]
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
         self._matrices = [matrix for component in self._components for matrix in component.newton_records]
-        all_nodes = [node for component in self._components for node in component.nodes]
-        self.slope_columns = {output: k for node in all_nodes for output, k in node.slope_columns.items()}
-        self.gain_columns = {pair: k for node in all_nodes for pair, k in node.gain_columns.items()}
-        self.error_order = min((node.error_order for node in all_nodes), default=6)
+        orders = [node.error_order for component in self._components for node in component.nodes]
+        self.error_order = min(orders, default=6)
         component_of = simulation.group_number | {SIGNALS: len(groups)}
         leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
         for target, (source, _) in feeds.items():

@@ -18,7 +18,7 @@ from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIA
 from liaisons.cosim.coupling.signals import HIGHEST, Signals, polynomial_arrays
 from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import InputInterface, Port, SystemComponent
-from liaisons.cosim.structure.schedule import Depends, OutputInput, VariableReference
+from liaisons.cosim.structure.schedule import Depends
 
 _TIMES = np.arange(1, INTERMEDIATE_INSTANTS + 1) / INTERMEDIATE_INSTANTS
 """Instants at which an FMU asks for inputs inside a step of length 1."""
@@ -86,8 +86,6 @@ class Node:
 
     :param cycle: components that are solved together with it, itself among them; empty outside of cycles.
     :param prescribed: its inputs hold or extrapolate, as the user has said.
-    :ivar slope_columns: output -> column of its derivative by time on the bus.
-    :ivar gain_columns: output and input -> column of ∂(output)/∂(input) on the bus.
     """
 
     def __init__(
@@ -119,9 +117,7 @@ class Node:
         self._put = [instance.setter(self.inputs, self._set_values)] if inputs else []
         self._get = [instance.getter(self.outputs, self._read)] if outputs else []
         self._slope_values, self._rate_values = np.zeros(len(outputs)), np.zeros(len(inputs))
-        self.slope_columns: dict[VariableReference, int] = {}
         read_slopes = self._prepare_output_derivatives()
-        self.gain_columns: dict[OutputInput, int] = {}
         moves_as_set = prescribed or part.fmu.is_sampled  # which reads inputs at communication points
         self._motion = motion = self._input_motion_calls(None if moves_as_set else part.approximation.interface)
         self.error_order = motion.error_order
@@ -162,8 +158,7 @@ class Node:
         """Prepare the calls that set the rates of inputs and read those of outputs."""
         if not self.sloped:
             return []
-        first, self._slope_values = self._bus.add_columns(len(self.outputs))
-        self.slope_columns = {(self.name, output.name): first + k for k, output in enumerate(self.outputs)}
+        self._slope_values = self._bus.add_slopes(self._bus.connected_outputs[self.name])
         read = self._instance.output_derivatives(self.outputs, [1] * len(self.outputs), self._slope_values)
         if not self.inputs:
             return [read]
@@ -242,7 +237,7 @@ class Node:
     def prepare_gains(self, depends: Depends, *, record: bool) -> Gains:
         """Prepare the calls that calculate ∂(outputs)/∂(inputs) at the present instant.
 
-        :param record: the derivatives are on the bus, in :attr:`gain_columns`.
+        :param record: the derivatives are on the bus.
         """
         gains = Gains([], [], [])
         for k, input_ in enumerate(self.inputs if self.part.fmu.provides_directional_derivatives else ()):
@@ -250,9 +245,7 @@ class Node:
             if rows:
                 outputs, column = [self.outputs[i] for i in rows], np.empty(len(rows))
                 if record:
-                    references = ((self.name, output.name) for output in outputs)
-                    column, indices = self._bus.add_derivatives(references, (self.name, input_.name))
-                    self.gain_columns |= indices
+                    column = self._bus.add_gains([(self.name, o.name) for o in outputs], (self.name, input_.name))
                 gains.calls.append(self._instance.directional(outputs, [input_], np.ones(1), column))
                 gains.values.append(column)
                 gains.pairs.extend((i, k) for i in rows)

@@ -17,24 +17,15 @@ from liaisons.cosim.running.contacts import ContactMechanism, contact_variables
 from liaisons.cosim.running.estimate import InputReconstruction, Shape
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.components import Components, Port, SystemComponent
-from liaisons.cosim.structure.schedule import OutputInput, VariableReference
+from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 
-GainColumns = Mapping[OutputInput, int]
-"""Output and input -> column of ∂(output)/∂(input) on the bus."""
 
-
-def prepare_initial_gains(
-    simulation: Simulation, instances: Instances, bus: Bus, solved: GainColumns
-) -> tuple[list[Call], dict[OutputInput, int]]:
-    """Prepare the calls that calculate ∂(acceleration)/∂(input) at the start; returns them with the columns.
-
-    :param solved: derivatives that Newton's method calculates.
-    """
+def prepare_initial_gains(simulation: Simulation, instances: Instances, bus: Bus) -> list[Call]:
+    """Prepare calls that calculate ∂(acceleration)/∂(input) at the start, where Newton's method does not."""
     calls: list[Call] = []
-    gains: dict[OutputInput, int] = {}
-    solved_inputs = {input_ for _, input_ in solved}
+    solved_inputs = {input_ for _, input_ in bus.gain_columns}
     for name, part in simulation.parts.items():
         fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
         if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
@@ -44,11 +35,10 @@ def prepare_initial_gains(
         for input_ in fed:
             rows = [p for p in moving if simulation.depends(p, input_)]
             if rows:
-                column, indices = bus.add_derivatives(rows, input_)
+                column = bus.add_gains(rows, input_)
                 unknowns, known = [variables[row] for _, row in rows], [variables[input_[1]]]
                 calls.append(instances[name].directional(unknowns, known, np.ones(1), column))
-                gains |= indices
-    return calls, gains
+    return calls
 
 
 def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanism]:
@@ -66,18 +56,15 @@ def contact_mechanisms(simulation: Simulation, bus: Bus) -> list[ContactMechanis
 def input_reconstructions(
     simulation: Simulation,
     bus: Bus,
-    slopes: Mapping[VariableReference, int],
-    gains: GainColumns,
     deviations: Mapping[VariableReference, tuple[int, int]],
 ) -> list[InputReconstruction]:
     """Polynomials that connected inputs follow within a step; none for an input without an effect.
 
-    :param slopes: columns of the derivatives of outputs that FMUs give.
     :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
         numbers the function returns.
     """
-    parts, effects = simulation.parts, _effect_columns(simulation.parts, bus, gains)
-    table = _PolynomialTable(simulation, bus, slopes, deviations)
+    parts, effects = simulation.parts, _effect_columns(simulation.parts, bus)
+    table = _PolynomialTable(simulation, bus, deviations)
     reconstructions: list[InputReconstruction] = []
     for target, source in simulation.feeds.items():
         part = parts[target[0]]
@@ -119,7 +106,6 @@ class _PolynomialTable:
 
     simulation: Simulation
     bus: Bus
-    slopes: Mapping[VariableReference, int]
     deviations: Mapping[VariableReference, tuple[int, int]]
 
     @cached_property
@@ -167,8 +153,8 @@ class _PolynomialTable:
     ) -> tuple[Shape, list[int], int]:
         simulation = self.simulation
         if simulation.parts[target[0]].approximation.follows_polynomials:
-            if source in self.slopes:
-                return "hermite", [own, self.slopes[source]], 0
+            if source in self.bus.slope_columns:
+                return "hermite", [own, self.bus.slope_columns[source]], 0
             number = simulation.group_number
             is_solved_with_source = number.get(source[0]) == number[target[0]]
             if not (simulation.iterates and target[0] in simulation.cyclic and is_solved_with_source):
@@ -176,12 +162,10 @@ class _PolynomialTable:
         return "hermite", [own], 0
 
 
-def _effect_columns(
-    parts: Components, bus: Bus, gains: GainColumns
-) -> dict[VariableReference, list[tuple[int, int, int]]]:
+def _effect_columns(parts: Components, bus: Bus) -> dict[VariableReference, list[tuple[int, int, int]]]:
     """Input -> columns of each ∂(acceleration)/∂(input), and of the rate and the value of that acceleration."""
     effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
-    for (output, input_), column in gains.items():
+    for (output, input_), column in bus.gain_columns.items():
         ports = _rate_and_value(parts[output[0]], output[1])
         if ports is not None:
             rate, value = (bus.index.get(port.place, -1) for port in ports)

@@ -142,7 +142,13 @@ class Run:
             self._chooses_steps = simulation.error_tolerance is not None or simulation.adapts
             self._deviations = Deviations(simulation.drives, self._bus, simulation.step_tolerance)
             self._batch = 1  # steps for which functions of time are evaluated at once
-            self._initial_derivatives, self._estimate = self._prepare_estimate()
+            self._initial_gains = prepare_initial_gains(simulation, self._instances, self._bus)
+            self._estimate = Estimate(
+                input_reconstructions(simulation, self._bus, self._deviations.columns),
+                self._bus.index,
+                unit_numbers(parts, simulation.feeds, self._bus.index),
+                contact_mechanisms(simulation, self._bus),
+            )
             self._breaks = Breaks(simulation, self._instances, self._bus)
             self._steps = CommunicationSteps(
                 simulation,
@@ -228,7 +234,7 @@ class Run:
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._at_instant)
-        bus.perform(self._initial_derivatives)
+        bus.perform(self._initial_gains)
         self._loop.add(begin, bus.values, result_time=begin)
         if self._impacts is not None:
             self._impacts.start()
@@ -704,16 +710,6 @@ class Run:
         ]
         initial, later = (Call(coupled.solve_at_instant, initial=initial) for initial in (True, False))
         return CommunicationCalls([initial], [later, *recorded_only], [coupled.advance, *recorded_only])
-
-    def _prepare_estimate(self) -> tuple[list[Call], Estimate]:
-        """Prepare the estimate of coupling errors; returns the calls that it needs at the start, and the estimate."""
-        simulation, bus, coupled = self._simulation, self._bus, self._coupled
-        gains = {} if coupled is None else coupled.gain_columns
-        calls, initial_gains = prepare_initial_gains(simulation, self._instances, bus, gains)
-        slopes = {} if coupled is None else coupled.slope_columns
-        inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial_gains}, self._deviations.columns)
-        units = unit_numbers(simulation.parts, simulation.feeds, bus.index)
-        return calls, Estimate(inputs, bus.index, units, contact_mechanisms(simulation, bus))
 
 
 @contextmanager
