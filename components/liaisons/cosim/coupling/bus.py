@@ -99,10 +99,6 @@ class Bus:
         """Columns of variables."""
         return as_indices([self.index[reference] for reference in references])
 
-    def source(self, input_: VariableReference) -> int | None:
-        """Column of the output that feeds an input; None if none does."""
-        return self.index[self._feeds[input_]] if input_ in self._feeds else None
-
     def add_columns(self, size: int) -> tuple[int, Vector]:
         """Add columns without names; returns the index of the first, and a view of their values."""
         first = len(self.values)

@@ -64,8 +64,11 @@ class Breaks:
     def __init__(self, simulation: Simulation, instances: Instances, bus: Bus) -> None:
         parts, sources = simulation.parts, {name for name, _ in simulation.feeds.values()}
         self.divides = all(part.fmu.variable_step for part in parts.values())
-        announcing = {n: event for n, part in parts.items() if n in sources and (event := part.fmu.next_event_time)}
-        events = announcing if self.divides else {}
+        events = {
+            name: event
+            for name, part in parts.items()
+            if self.divides and name in sources and (event := part.fmu.next_event_time)
+        }
         self.are_samples = not simulation.drives and all(parts[name].fmu.is_sampled for name in events)
         self._nearest = max((_APART * parts[name].sampling_period for name in events), default=0.0)
         self._bus = bus
@@ -132,9 +135,9 @@ class Deviations:
         self.columns = {
             input_: (first + 2 * k, len(drive.inputs)) for k, drive in enumerate(drives) for input_ in drive.inputs
         }
-        n = len(drives)
-        self._sizes, self._breaks, self._overrun, self._end = np.zeros(n), np.zeros(n), np.zeros(n), np.full(1, -np.inf)
-        self.memory = Memory([self._sizes, self._breaks, self._overrun, self._end])
+        self._sizes, self._breaks, self._overrun = numbers = np.zeros((3, len(drives)))
+        self._end = np.full(1, -np.inf)
+        self.memory = Memory([numbers, self._end])
 
     def __bool__(self) -> bool:
         return bool(self._drives)

@@ -68,8 +68,8 @@ def contact_variables(part: SystemComponent) -> list[list[VariableReference]]:
 def friction_directions(part: SystemComponent) -> list[VariableReference]:
     """Variable of each dry friction of an FMU: sign of its velocity, 0 while it sticks."""
     variables = part.fmu.variables
-    names = ((name, *name.rpartition("_sticks")) for name in variables)
-    pairs = [f"{base}_direction{element}" for _, base, ending, element in names if ending]
+    parts = (name.rpartition("_sticks") for name in variables)
+    pairs = [f"{base}_direction{element}" for base, ending, element in parts if ending]
     return [(part.name, name) for name in pairs if name in variables]
 
 

@@ -201,12 +201,10 @@ class Estimate:
             accumulated_errors(watched.mechanism, rows, times, off, added, crossing=crossing), prepend=0.0
         )
         latest = int(np.argmax(increase))
-        if watched.items and increase[latest] > (self.worst.error if self.worst else 0.0):
+        if watched.items:
             item = max((self._followed[k] for k in watched.items), key=lambda one: np.ptp(rows[:, one.column]))
-            signal, size = self._names[int(watched.mechanism.contacts[0, 0])], times[latest] - times[latest - 1]
-            self.worst = Worst(
-                float(increase[latest]), float(times[latest]), signal, item.name, size, item.step_size_power
-            )
+            distance, size = watched.mechanism.contacts[0, 0], steps[latest]
+            self._update_worst(increase[latest], times[latest], distance, item, size)
         return increase
 
     def estimate_last(self, rows: Vector, times: Vector, count: int) -> Vector:
@@ -270,8 +268,10 @@ class Estimate:
             )
             self._contacts[1, k] = totals[watched.targets].max(axis=0, initial=0.0)
         latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
-        if errors[latest] > (self.worst.error if self.worst else 0.0):
-            self._update_worst(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
+        target = int(np.argmax(totals[:, latest]))
+        start, end = (*self._starts, len(added))[target : target + 2]
+        item = self._followed[self._of[start + int(np.argmax(np.abs(added[start:end, latest])))]]
+        self._update_worst(errors[latest], times[latest + 1], self._targets[target], item, steps[latest])
         return errors[first - 1 :]
 
     def _distance_per_input(self, watched: _Watched, k: int, signals: Vector) -> float:
@@ -282,12 +282,11 @@ class Estimate:
         sizes = np.abs(signals[pair]).max(axis=1)
         return float(sizes[1] / sizes[0]) if sizes[0] > 0 else 0.0
 
-    def _update_worst(self, added: Vector, totals: Vector, time: float, size: float) -> None:
-        target = int(np.argmax(totals))
-        start, end = (*self._starts, len(added))[target : target + 2]
-        item = self._followed[self._of[start + int(np.argmax(np.abs(added[start:end])))]]
-        signal = self._names[int(self._targets[target])]
-        self.worst = Worst(float(totals[target]), time, signal, item.name, size, item.step_size_power)
+    def _update_worst(self, error: float, time: float, column: int, item: InputReconstruction, size: float) -> None:
+        """Replace the worst error by a larger one, of the signal in a column of the bus."""
+        if error > (self.worst.error if self.worst else 0.0):
+            signal = self._names[int(column)]
+            self.worst = Worst(float(error), float(time), signal, item.name, float(size), item.step_size_power)
 
 
 def _error_targets(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:

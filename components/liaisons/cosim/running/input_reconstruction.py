@@ -140,13 +140,12 @@ class _PolynomialTable:
         return self._polynomial_without_port(target, source, own)
 
     def _explicit_polynomial(self, target: VariableReference, own: int) -> tuple[Shape, list[int], int]:
-        part = self.simulation.parts[target[0]]
+        part, feeds = self.simulation.parts[target[0]], self.simulation.feeds
         method, (triple, order) = part.approximation.method, Port(part, target[1]).curve()
         if method is None and target not in self.late_inputs:
             return "newest", [own], 0
-        sources = [self.bus.source(port.place) for port in triple or ()] if method == 1 else []
-        port = [source for source in sources if source is not None]
-        return ("taylor", port, order) if port and len(port) == len(sources) else ("taylor", [own], 0)
+        port = [self.bus.index[feeds[end.place]] for end in triple or () if end.place in feeds]
+        return ("taylor", port, order) if method == 1 and len(port) == 3 else ("taylor", [own], 0)
 
     def _polynomial_without_port(
         self, target: VariableReference, source: VariableReference, own: int
