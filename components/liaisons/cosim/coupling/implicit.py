@@ -52,7 +52,8 @@ class Coupled:
                 Node(parts[name], instances[name], bus, signals, cycle, prescribed=name in prescribed) for name in names
             ]
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
-        self._matrices = [matrix for component in self._components for matrix in component.newton_records]
+        newtons = [newton for component in self._components for newton in component.newtons]
+        self._matrices = [record for newton in newtons for record in (newton.record, newton.elimination.record)]
         orders = [node.error_order for component in self._components for node in component.nodes]
         self.error_order = min(orders, default=6)
         component_of = simulation.group_number | {SIGNALS: len(groups)}

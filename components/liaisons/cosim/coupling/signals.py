@@ -70,10 +70,6 @@ class Curve:
     order: int
     rate: int
 
-    def straight_line(self) -> Curve:
-        """The curve through the values of the input at both ends alone."""
-        return Curve((self.data[self.order],), 0, self.rate)
-
 
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
@@ -95,7 +91,7 @@ def polynomial_arrays(curves: Sequence[Curve], zero: int, highest: int) -> tuple
     """
     derivatives = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
     motions = [(*curve.data[curve.order :], *[zero] * HIGHEST) for curve in curves]
-    followed = curves if highest > 1 else [curve.straight_line() for curve in curves]
+    followed = curves if highest > 1 else [Curve((c.data[c.order],), 0, c.rate) for c in curves]
     ends = (0, zero + 1)
     signals: dict[tuple[int, int], int] = {}
     terms = tuple(

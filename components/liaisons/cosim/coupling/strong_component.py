@@ -9,7 +9,6 @@ from typing import NoReturn, final
 
 import numpy as np
 
-from liaisons.base.structures import Record
 from liaisons.cosim.arrays import Indices, Vector, as_indices
 from liaisons.cosim.compiled.calls import RAISED, Call
 from liaisons.cosim.coupling.bus import Bus
@@ -118,6 +117,7 @@ class StrongComponent:
     """Nodes that are solved together: by Newton's method in implicit coupling, else by Gauss-Seidel iteration.
 
     :param cyclic: the nodes feed each other, or one feeds itself.
+    :ivar newtons: matrices of Newton's method, whose factors serve for several steps.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class StrongComponent:
         self._kinds = signals.kinds[self._unknowns % signals.count]
         self._errors = np.empty(len(self._unknowns))
         self._implicit = simulation.coupling == "implicit"
-        self._newtons: list[Newton] = []
+        self.newtons: list[Newton] = []
         depends, initially = simulation.depends, partial(simulation.depends, initially=True)
         self._equations: dict[Phase, _Equations] = {
             "step": self._prepare_equations("step", depends),
@@ -147,7 +147,7 @@ class StrongComponent:
         cyclic, newton = self._cyclic and phase != "crossing", None
         if cyclic and self._implicit:
             newton = Newton(self.nodes, self._signals, self._unknowns, depends, within_steps=phase == "step")
-            self._newtons.append(newton)
+            self.newtons.append(newton)
         calls, nodes = zip(*(node.program(phase) for node in self.nodes), strict=True)
         record = StrongComponentRecord(cyclic=cyclic, tolerance=self._tolerance, count=len(nodes))
         record.n, record.valued = len(self._unknowns), np.searchsorted(self._unknowns, self._signals.count)
@@ -164,13 +164,8 @@ class StrongComponent:
 
     def forget_derivatives(self) -> None:
         """Mark Newton's matrices as out of date; the next step calculates them again."""
-        for newton in self._newtons:
+        for newton in self.newtons:
             newton.record.ready = False
-
-    @property
-    def newton_records(self) -> list[Record]:
-        """Matrices of Newton's method and their factors, which serve for several steps."""
-        return [record for newton in self._newtons for record in (newton.record, newton.elimination.record)]
 
     def read_start_values(self) -> None:
         """Read the outputs of a cycle at the start values of its inputs, the first guess of the iteration."""
