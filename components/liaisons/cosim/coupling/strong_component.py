@@ -124,6 +124,7 @@ class StrongComponent:
         self, nodes: Sequence[Node], signals: Signals, bus: Bus, simulation: Simulation, *, cyclic: bool
     ) -> None:
         self.nodes = nodes
+        self._names = ", ".join(node.name for node in nodes)
         self._signals = signals
         self._bus = bus
         self._cyclic = cyclic
@@ -201,19 +202,17 @@ class StrongComponent:
         try:
             self._bus.check_status(choose_pivots, RAISED)
         except RuntimeError:
-            names = ", ".join(node.name for node in self.nodes)
             raise SimulationError(
-                f"{names}: what they hand each other at t = {self._bus.end.value:.10g} s depends on itself without a "
-                "single solution, as with a body that carries itself or two that prescribe each other: change the "
-                "connections"
+                f"{self._names}: what they hand each other at t = {self._bus.end.value:.10g} s depends on itself "
+                "without a single solution, as with a body that carries itself or two that prescribe each other: "
+                "change the connections"
             ) from None
 
     def _raise_divergence(self) -> NoReturn:
         worst = int(self._unknowns[int(np.argmax(self._errors))]) % self._signals.count
         signal = ".".join(self._signals.references[worst])
-        names = ", ".join(node.name for node in self.nodes)
         cure = "choose a smaller step_size" + ("" if self._implicit else ", or coupling='implicit'")
         raise RefusedError(
-            f"{names}: what they hand each other does not converge at t = {self._bus.end.value:.10g} s, {signal} least "
-            f"of all, after {_MOST_ITERATIONS} iterations: {cure}"
+            f"{self._names}: what they hand each other does not converge at t = {self._bus.end.value:.10g} s, {signal} "
+            f"least of all, after {_MOST_ITERATIONS} iterations: {cure}"
         )

@@ -476,9 +476,7 @@ class Run:
         :raises SimulationError: for an FMU that provides no directional derivatives.
         """
         self._require_open()
-        values = {
-            name: float(self._bus.values[k]) for name, k in zip(self._simulation.recorded, self._columns, strict=True)
-        }
+        values = dict(zip(self._simulation.recorded, self._bus.values[self._columns].tolist(), strict=True))
         return linearization(self._simulation, self._instances, self.time, values)
 
     def _require_states(self) -> None:
